@@ -1,0 +1,70 @@
+"""What the window cuts off: the non-linear term of the far field, known up to the force squared.
+
+Far from the body u' is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the momentum
+flux outside the window is quadratic in the force and its response inside the window is
+``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, made on a coarse grid.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.interpolate import CubicSpline
+
+from surrogate.flow.immersed import bspline
+from surrogate.flow.lattice import Lattice
+from surrogate.flow.oseen import oseen_kernel
+
+
+def far_response(
+    lattice: Lattice, coarse: Lattice, reynolds: Float[Array, ""], height: float | None, lift: bool
+) -> Float[Array, "terms 2 nx ny"]:
+    """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces."""
+    kernel = oseen_kernel(coarse, reynolds, height)
+    u_x, u_y = (kernel(_unit_force(coarse, axis)) for axis in (0, 1))
+    inner, outer = _resampled_cutoff(lattice, coarse), coarse.cutoff(6 * coarse.step[0])
+    outer = np.maximum(outer, inner)
+
+    def outside(a, b):
+        """Bilinear form of -div((W^2 - w^2) u u)."""
+        total = coarse.convect(outer * (a + b)) - coarse.convect(inner * (a + b))
+        rest = coarse.convect(outer * (a - b)) - coarse.convect(inner * (a - b))
+        return (total - rest) / 4
+
+    sources = [outside(u_x, u_x)]
+    if lift:
+        sources += [2 * outside(u_x, u_y), outside(u_y, u_y)]
+    refine = _refinement(lattice, coarse)
+    return jnp.stack([refine(kernel(source)) for source in sources])
+
+
+def far_velocity(
+    response: Float[Array, "terms 2 nx ny"], force: Float[Array, "2"]
+) -> Float[Array, "2 nx ny"]:
+    """Velocity in the window due to the momentum flux outside it, for a total force."""
+    products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])
+    return jnp.tensordot(products[: response.shape[0]], response, axes=1)
+
+
+def _unit_force(coarse, axis):
+    x, y = coarse.faces()[axis]
+    wx, wy = bspline(x / coarse.step[0]), bspline(y / coarse.step[1])
+    density = jnp.outer(wx, wy) / np.prod(coarse.step)
+    return jnp.zeros((2, *coarse.shape)).at[axis].set(density)
+
+
+def _resampled_cutoff(lattice, coarse):
+    """The window's w on the coarse faces: the same function of position, zero outside."""
+    window = np.zeros((2, *coarse.shape))
+    for c, (x, y) in enumerate(coarse.faces()):
+        window[c] = np.outer(lattice.edge(x, 0), lattice.edge(y, 1))
+    return window
+
+
+def _refinement(lattice, coarse):
+    """Interpolation from coarse to fine faces by cubic splines, as small dense matrices."""
+    matrices = []
+    for fine, rough in zip(lattice.faces(), coarse.faces(), strict=True):
+        matrices.append([CubicSpline(r, np.eye(len(r)))(f) for f, r in zip(fine, rough, strict=True)])
+    return lambda field: jnp.stack(
+        [mx @ component @ my.T for (mx, my), component in zip(matrices, field, strict=True)]
+    )

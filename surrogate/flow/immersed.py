@@ -1,0 +1,108 @@
+"""The body in the grid: traction modes spread by cubic B-splines, slip tested by the same modes."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.flow.lattice import Lattice
+
+
+@dataclasses.dataclass(frozen=True)
+class Modes:
+    """Fourier modes of the traction in the contour parameter t.
+
+    Symmetric bodies: cosines for x (harmonics 0...K) and sines for y (1...K). Others: all of
+    both. Mode 0 is the total x force; ``lift_index`` is the total y force.
+    """
+
+    harmonics: int
+    symmetric: bool
+
+    @property
+    def count(self) -> int:
+        return (2 if self.symmetric else 4) * self.harmonics + (1 if self.symmetric else 2)
+
+    @property
+    def lift_index(self) -> int | None:
+        return None if self.symmetric else 2 * self.harmonics + 1
+
+    def values(self, nodes: int) -> Float[np.ndarray, "modes 2 nodes"]:
+        """Traction vector of every mode at ``nodes`` equidistant t: force per unit t."""
+        t = 2 * np.pi * np.arange(nodes) / nodes
+        j = np.arange(1, self.harmonics + 1)[:, None]
+        constant, cosine, sine = np.ones((1, nodes)), np.cos(j * t), np.sin(j * t)
+        x = [constant, cosine] if self.symmetric else [constant, cosine, sine]
+        y = [sine] if self.symmetric else [constant, cosine, sine]
+        x, y = np.concatenate(x), np.concatenate(y)
+        out = np.zeros((self.count, 2, nodes))
+        out[: len(x), 0], out[len(x) :, 1] = x, y
+        return out / (2 * np.pi)
+
+
+class Spreading(eqx.Module):
+    """Force densities B of all modes on a box of the window around the body.
+
+    ``spread`` is the map from mode amplitudes to a force density on the grid, ``slip`` its
+    transpose (times the cell area): the mode-weighted mean of a velocity on the contour.
+    """
+
+    density: Float[Array, "modes 2 bx by"]
+    corner: tuple[int, int] = eqx.field(static=True)
+    shape: tuple[int, int] = eqx.field(static=True)
+    area: float = eqx.field(static=True)
+
+    def spread(self, amplitude: Float[Array, "modes"]) -> Float[Array, "2 nx ny"]:
+        local = jnp.tensordot(amplitude, self.density, axes=1)
+        (i, j), (bx, by) = self.corner, self.density.shape[2:]
+        return jnp.zeros((2, *self.shape)).at[:, i : i + bx, j : j + by].set(local)
+
+    def slip(self, velocity: Float[Array, "2 nx ny"]) -> Float[Array, "modes"]:
+        (i, j), (bx, by) = self.corner, self.density.shape[2:]
+        box = velocity[:, i : i + bx, j : j + by]
+        return self.area * jnp.tensordot(self.density, box, axes=3)
+
+    def slip_of_stream(self) -> Float[Array, "modes"]:
+        """Slip of the undisturbed stream (1, 0)."""
+        return self.area * jnp.sum(self.density[:, 0], axis=(1, 2))
+
+
+def outward(markers: Float[Array, "nodes 2"]) -> Float[Array, "nodes 2"]:
+    """Outward normal times ds/dt of a clockwise contour given at equidistant t."""
+    nodes = markers.shape[0]
+    wave = np.fft.fftfreq(nodes, 1 / nodes)
+    wave[nodes // 2] = 0.0
+    tangent = jnp.fft.ifft(1j * wave[:, None] * jnp.fft.fft(markers, axis=0), axis=0).real
+    return jnp.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+
+
+def spread_modes(
+    lattice: Lattice,
+    modes: Modes,
+    box: tuple[int, int],
+    markers: Float[Array, "nodes 2"],
+    retraction: float = 0.3,
+) -> Spreading:
+    """Spread all modes from the contour, markers pulled ``retraction`` cells inward."""
+    normal = outward(markers)
+    unit = normal / jnp.linalg.norm(normal, axis=1, keepdims=True)
+    seats = markers - retraction * np.sqrt(np.prod(lattice.step)) * unit
+    corner = (lattice.inlet - box[0] // 2, lattice.shape[1] // 2 - box[1] // 2)
+    values = modes.values(markers.shape[0])
+    components = []
+    for c, (x, y) in enumerate(lattice.faces()):
+        wx = bspline((seats[:, :1] - x[corner[0] : corner[0] + box[0]]) / lattice.step[0])
+        wy = bspline((seats[:, 1:] - y[corner[1] : corner[1] + box[1]]) / lattice.step[1])
+        components.append(jnp.einsum("mk,ki,kj->mij", values[:, c], wx, wy, optimize="optimal"))
+    area = float(np.prod(lattice.step))
+    density = jnp.stack(components, axis=1) * (2 * np.pi / markers.shape[0] / area)
+    return Spreading(density, corner, lattice.shape, area)
+
+
+def bspline(r: Float[Array, "..."]) -> Float[Array, "..."]:
+    """Cubic B-spline, support |r| < 2."""
+    a = jnp.abs(r)
+    near, far = jnp.maximum(1 - a, 0.0), jnp.maximum(2 - a, 0.0)
+    return (far**3 - 4 * near**3) / 6

@@ -1,0 +1,64 @@
+"""The window's staggered grid, its smooth cut-off, and convection on it (jax-cfd lives here)."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jax_cfd.base import advection, boundaries, grids
+from jaxtyping import Array, Float
+
+
+@dataclasses.dataclass(frozen=True)
+class Lattice:
+    """A window of ``shape`` cells of size ``step`` (in D); the body's centre is the origin.
+
+    ``inlet`` is the number of cells between the window's left edge and the body's centre.
+    """
+
+    shape: tuple[int, int]
+    step: tuple[float, float]
+    inlet: int
+
+    @property
+    def grid(self) -> grids.Grid:
+        left, low = -self.inlet * self.step[0], -self.shape[1] * self.step[1] / 2
+        right, top = left + self.shape[0] * self.step[0], -low
+        return grids.Grid(self.shape, domain=((left, right), (low, top)))
+
+    def rows(self, height: float) -> int:
+        """Rows of cells in a tunnel of this height."""
+        return round(height / self.step[1])
+
+    def faces(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+        """Coordinates (x, y) of the faces that carry u, and of those that carry v."""
+        origin = [low for low, _ in self.grid.domain]
+        return tuple(
+            tuple(
+                start + (np.arange(cells) + shift) * step
+                for start, cells, shift, step in zip(
+                    origin, self.shape, offset, self.step, strict=True
+                )
+            )
+            for offset in self.grid.cell_faces
+        )
+
+    def cutoff(self, band: float = 1.0) -> np.ndarray:
+        """Window w on the faces (2, nx, ny): 1 inside, falling to 0 over ``band`` D at the edges."""
+        return np.stack([np.outer(self.edge(x, 0, band), self.edge(y, 1, band)) for x, y in self.faces()])
+
+    def edge(self, coordinate: np.ndarray, axis: int, band: float = 1.0) -> np.ndarray:
+        """The window's profile along one axis."""
+        low, high = self.grid.domain[axis]
+        margin = self.step[axis]
+        distance = np.minimum(coordinate - low - margin, high - margin - coordinate)
+        s = np.clip(distance / band, 0, 1)
+        return s**3 * (10 - 15 * s + 6 * s**2)
+
+    def convect(self, velocity: Float[Array, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
+        """-div(u u) of a face velocity that vanishes at the window's edges (jax-cfd)."""
+        bc = boundaries.periodic_boundary_conditions(2)
+        variables = tuple(
+            grids.GridVariable(grids.GridArray(component, offset, self.grid), bc)
+            for component, offset in zip(velocity, self.grid.cell_faces, strict=True)
+        )
+        return jnp.stack([term.data for term in advection.convect_linear(variables)])

@@ -1,0 +1,146 @@
+"""The two steady problems: forced flow (traction given) and body flow (no slip asked).
+
+Both solve u' = G (B a + convect(w u')) + far(a), equation (1) of the model: G the Oseen Green's
+function, B the spreading of traction modes a, w the window, far the momentum flux outside it.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from surrogate.flow.domain import Domain
+from surrogate.flow.far import far_response, far_velocity
+from surrogate.flow.immersed import Spreading, spread_modes
+from surrogate.flow.newton import NewtonInfo, NewtonSettings, root
+from surrogate.flow.oseen import Kernel, oseen_kernel
+
+DEFAULT = NewtonSettings()
+
+
+class Case(eqx.Module):
+    """One body in one stream, ready to be solved.
+
+    ``response`` holds G B (the Oseen velocity of every mode): it preconditions, and its cost is
+    one application of G per mode.
+    """
+
+    kernel: Kernel
+    far: Float[Array, "terms 2 nx ny"]
+    body: Spreading
+    response: Float[Array, "modes 2 nx ny"]
+
+
+class FlowState(NamedTuple):
+    """Perturbation velocity on the window's faces and traction modes (force on the fluid)."""
+
+    velocity: Float[Array, "2 nx ny"]
+    amplitude: Float[Array, "modes"]
+
+
+def prepare(
+    domain: Domain, markers: Float[Array, "nodes 2"], reynolds: Float[Array, ""]
+) -> Case:
+    """Build kernel, far field and body; costs one application of G per mode, and two coarse."""
+    kernel = oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored)
+    lift = not domain.modes.symmetric
+    far = far_response(domain.lattice, domain.coarse, reynolds, domain.height, lift)
+    body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
+    densities = jax.vmap(body.spread)(jnp.eye(domain.modes.count))
+    response = jax.lax.stop_gradient(jax.vmap(kernel)(densities))
+    return Case(kernel, far, body, response)
+
+
+def preparation_cost(domain: Domain) -> int:
+    """Applications of G in ``prepare`` (the coarse ones of the far field counted as one each)."""
+    return domain.modes.count + (2 if domain.modes.symmetric else 5)
+
+
+def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, "2 nx ny"]:
+    """u' - G (B a + convect(w u')) - far(a)."""
+    velocity, amplitude = state
+    window = domain.lattice.cutoff()
+    source = case.body.spread(amplitude) + domain.lattice.convect(window * velocity)
+    far = far_velocity(case.far, total_force(domain, amplitude))
+    return velocity - case.kernel(source) - far
+
+
+def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, "modes"]:
+    """Mode-weighted velocity on the contour, plus a slight compliance for the silent modes."""
+    velocity, amplitude = state
+    slip = case.body.slip(velocity) + case.body.slip_of_stream()
+    return slip + domain.slip_compliance * amplitude
+
+
+def total_force(domain: Domain, amplitude: Float[Array, "modes"]) -> Float[Array, "2"]:
+    """Force of the body on the fluid: the zeroth modes."""
+    lift = 0.0 if domain.modes.symmetric else amplitude[domain.modes.lift_index]
+    return jnp.stack([amplitude[0], lift])
+
+
+def oseen_flow(domain: Domain, case: Case) -> FlowState:
+    """Body flow without convection of the perturbation: exact as Re -> 0, a start otherwise."""
+    amplitude = _complete(domain, case)(-case.body.slip_of_stream())
+    return FlowState(jnp.tensordot(amplitude, case.response, axes=1), amplitude)
+
+
+def body_flow(
+    domain: Domain,
+    case: Case,
+    guess: FlowState | None = None,
+    settings: NewtonSettings = DEFAULT,
+) -> tuple[FlowState, NewtonInfo]:
+    """Flow and traction of a body at rest in the stream (P^-1), differentiable in ``case``."""
+
+    def residual(state):
+        return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
+
+    return root(residual, guess or oseen_flow(domain, case), eliminate(domain, case), _norm(domain), settings)
+
+
+def forced_flow(
+    domain: Domain,
+    case: Case,
+    amplitude: Float[Array, "modes"],
+    guess: Float[Array, "2 nx ny"] | None = None,
+    settings: NewtonSettings = DEFAULT,
+) -> tuple[Float[Array, "2 nx ny"], NewtonInfo]:
+    """Flow driven by a given traction (P), differentiable in ``case`` and ``amplitude``."""
+
+    def residual(velocity):
+        return flow_residual(domain, case, FlowState(velocity, amplitude))
+
+    if guess is None:
+        guess = jnp.tensordot(amplitude, case.response, axes=1)
+    size = jnp.sqrt(case.body.area)
+    return root(residual, guess, lambda v: v, lambda v: size * jnp.linalg.norm(v), settings)
+
+
+def eliminate(domain: Domain, case: Case):
+    """Exact inverse of the linear (Oseen) part of the coupled system, by the response G B."""
+    case = jax.lax.stop_gradient(case)
+    complete = _complete(domain, case)
+
+    def apply(y: FlowState) -> FlowState:
+        amplitude = complete(y.amplitude - case.body.slip(y.velocity))
+        return FlowState(y.velocity + jnp.tensordot(amplitude, case.response, axes=1), amplitude)
+
+    return apply
+
+
+def _complete(domain, case):
+    """Solve (S G B + slip compliance) a = y."""
+    compliance = jax.vmap(case.body.slip)(case.response).T
+    inverse = jnp.linalg.inv(compliance + domain.slip_compliance * jnp.eye(domain.modes.count))
+    return lambda y: inverse @ y
+
+
+def _norm(domain):
+    area = domain.lattice.step[0] * domain.lattice.step[1]
+
+    def norm(state):
+        return jnp.sqrt(area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(state.amplitude)
+
+    return norm
