@@ -1,6 +1,14 @@
-"""What is modelled: stream, Reynolds range, fidelity. Nothing else is built."""
+"""What is modelled: stream, Reynolds range, bodies, fidelity. Nothing else is built."""
 
 import dataclasses
+import math
+
+import numpy as np
+
+from surrogate.body import Family
+from surrogate.errors import InvalidInput
+
+ONSET_OF_SHEDDING = 46.7  # cylinder, unbounded stream
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +38,98 @@ class Fidelity:
     harmonics: int = 7
 
 
-DRAFT = Fidelity("draft", 8, 4, 8, 8)
-STANDARD = Fidelity("standard", 12, 4, 12, 8)
-FINE = Fidelity("fine", 16, 8, 16, 12)
+FIDELITIES = {
+    level.name: level
+    for level in (
+        Fidelity("draft", 8, 4, 8, 8),
+        Fidelity("standard", 12, 4, 12, 8),
+        Fidelity("fine", 16, 8, 16, 12),
+    )
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A family of bodies in a stream over a range of Reynolds numbers."""
+
+    stream: Stream = Unbounded()
+    reynolds: tuple[float, float] = (1.0, 40.0)
+    family: Family = Family()
+    fidelity: Fidelity = FIDELITIES["standard"]
+
+    def explain(self) -> str:
+        """What was chosen and why, what is left out, and what one solve costs."""
+        f = self.fidelity
+        cells = round((f.upstream + f.downstream) * f.cells) * round(f.height * f.cells)
+        where = (
+            "an unbounded stream"
+            if self.stream == Unbounded()
+            else (f"a slip-walled tunnel of height {self.stream.height:g} D")
+        )
+        return "\n".join(
+            [
+                f"Steady laminar flow in {where}, Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
+                f"Bodies: symmetric family, area pi/4, {_bounds(self.family)}.",
+                f"Grid ({f.name}): {f.cells} cells per D on a window {f.upstream + f.downstream:g} x "
+                f"{f.height:g} D ({cells} cells), where the flow is non-linear; outside it the "
+                "Oseen Green's function and the far field's momentum flux are exact to F^2.",
+                f"Traction: {2 * f.harmonics + 1} modes.",
+                "One body flow costs about 30 to 70 applications of G, its gradient about 25 more.",
+                "Left out: the third dimension, unsteadiness (bluff bodies shed vortices beyond "
+                f"Re {ONSET_OF_SHEDDING:g}), compressibility, roughness.",
+            ]
+        )
+
+
+def check_stream(stream: Stream, fidelity: Fidelity, reach: np.ndarray) -> None:
+    """Raise InvalidInput unless a body of this reach (length, height) fits window and stream."""
+    half = reach[0] / 2 + 1.5
+    if half > fidelity.upstream or reach[1] / 2 + 1.25 > fidelity.height / 2:
+        raise InvalidInput(
+            f"body: {reach[0]:g} x {reach[1]:g} D is too large for the {fidelity.name} window; "
+            "fine reaches further, and bodies are best scaled to area pi/4"
+        )
+    if isinstance(stream, Tunnel) and stream.height < reach[1] + 1:
+        raise InvalidInput(
+            f"tunnel:{stream.height:g} leaves less than half a diameter beside a body {reach[1]:g} "
+            f"D high; a height above {reach[1] + 1:g} would do"
+        )
+
+
+def parse_stream(text: str, fidelity: Fidelity) -> Stream:
+    """'unbounded' or 'tunnel:H'; H is held to a whole number of cells."""
+    if text == "unbounded":
+        return Unbounded()
+    kind, _, value = text.partition(":")
+    try:
+        height = float(value)
+    except ValueError:
+        height = math.nan
+    if kind != "tunnel" or not 1 < height <= 1000:
+        raise InvalidInput(f"stream {text!r}: 'unbounded' or 'tunnel:H' with H from 1 to 1000 D")
+    if abs(height * 2 - round(height * 2)) > 1e-9:
+        raise InvalidInput(f"stream {text!r}: H must be a multiple of 0.5 D")
+    return Tunnel(height)
+
+
+def check_reynolds(reynolds: float, allow_unsteady: bool = False) -> None:
+    """Raise InvalidInput unless a steady laminar flow is a fair answer at this Re."""
+    if not (math.isfinite(reynolds) and reynolds > 0):
+        raise InvalidInput(f"Reynolds number {reynolds:g}: must be a finite number above 0")
+    if reynolds < 1e-3:
+        raise InvalidInput(f"Reynolds number {reynolds:g}: the solver is tested from 0.001")
+    if reynolds > 300:
+        raise InvalidInput(f"Reynolds number {reynolds:g}: the steady solver is tested up to 300")
+    if reynolds > ONSET_OF_SHEDDING and not allow_unsteady:
+        raise InvalidInput(
+            f"Reynolds number {reynolds:g}: bluff bodies shed vortices beyond {ONSET_OF_SHEDDING:g}, "
+            "so the steady drag is not what nature does; --allow-unsteady asks for it all the same"
+        )
+
+
+def _bounds(family):
+    return ", ".join(
+        f"{field.name} {low:g} to {high:g}"
+        for field in dataclasses.fields(family)
+        for low, high in [getattr(family, field.name)]
+    )

@@ -24,6 +24,10 @@ class Domain:
     slip_compliance: float = 1e-5
 
     @property
+    def cell_area(self) -> float:
+        return self.lattice.step[0] * self.lattice.step[1]
+
+    @property
     def mirrored(self) -> bool:
         return self.height is not None and not self.modes.symmetric
 
@@ -32,18 +36,27 @@ def make_domain(
     stream: Stream, fidelity: Fidelity, extent: tuple[float, float], symmetric: bool
 ) -> Domain:
     """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D."""
-    n = fidelity.cells
-    upstream, downstream, width = fidelity.upstream, fidelity.downstream, fidelity.height
+    n, upstream, downstream = fidelity.cells, fidelity.upstream, fidelity.downstream
     match stream:
         case Unbounded():
-            height, far_rows = None, COARSE_SIZE * COARSE_CELLS
+            height, far_height = None, COARSE_SIZE
         case Tunnel(height):
-            width = min(width, height)
-            far_rows = min(COARSE_SIZE, int(height)) * COARSE_CELLS
-    lattice = Lattice((round((upstream + downstream) * n), round(width * n)), (1 / n, 1 / n), round(upstream * n))
-    columns = COARSE_SIZE * COARSE_CELLS
-    step = 1 / COARSE_CELLS
-    coarse = Lattice((columns, far_rows), (step, step), columns // 3)
+            far_height = min(COARSE_SIZE, height)
+    width = min(fidelity.height, far_height)
+    # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
+    repeats = symmetric and height is not None
+    lattice = Lattice(
+        (round((upstream + downstream) * n), round(width * n)),
+        (1 / n, 1 / n),
+        round(upstream * n),
+        periodic=repeats and width == height,
+    )
+    coarse = Lattice(
+        (COARSE_SIZE * COARSE_CELLS, round(far_height * COARSE_CELLS)),
+        (1 / COARSE_CELLS, 1 / COARSE_CELLS),
+        COARSE_SIZE * COARSE_CELLS // 3,
+        periodic=repeats and far_height == height,
+    )
     box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
     nodes = 2 * math.ceil(max(extent) * math.pi * n / 0.8)
     return Domain(lattice, coarse, Modes(fidelity.harmonics, symmetric), box, nodes, height)

@@ -19,7 +19,7 @@ def far_response(
     lattice: Lattice, coarse: Lattice, reynolds: Float[Array, ""], height: float | None, lift: bool
 ) -> Float[Array, "terms 2 nx ny"]:
     """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces."""
-    kernel = oseen_kernel(coarse, reynolds, height)
+    kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
     u_x, u_y = (kernel(_unit_force(coarse, axis)) for axis in (0, 1))
     inner, outer = _resampled_cutoff(lattice, coarse), coarse.cutoff(6 * coarse.step[0])
     outer = np.maximum(outer, inner)
@@ -64,7 +64,9 @@ def _refinement(lattice, coarse):
     """Interpolation from coarse to fine faces by cubic splines, as small dense matrices."""
     matrices = []
     for fine, rough in zip(lattice.faces(), coarse.faces(), strict=True):
-        matrices.append([CubicSpline(r, np.eye(len(r)))(f) for f, r in zip(fine, rough, strict=True)])
+        matrices.append(
+            [CubicSpline(r, np.eye(len(r)))(f) for f, r in zip(fine, rough, strict=True)]
+        )
     return lambda field: jnp.stack(
         [mx @ component @ my.T for (mx, my), component in zip(matrices, field, strict=True)]
     )

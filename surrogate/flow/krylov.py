@@ -79,8 +79,11 @@ def _rotate(column, rotations, count):
     def step(j, column):
         cosine, sine = rotations[j]
         upper, lower = column[j], column[j + 1]
-        return column.at[j].set(cosine * upper + sine * lower).at[j + 1].set(
-            cosine * lower - sine * upper
+        return (
+            column.at[j]
+            .set(cosine * upper + sine * lower)
+            .at[j + 1]
+            .set(cosine * lower - sine * upper)
         )
 
     return jax.lax.fori_loop(0, count, step, column)

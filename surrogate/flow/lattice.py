@@ -13,11 +13,13 @@ class Lattice:
     """A window of ``shape`` cells of size ``step`` (in D); the body's centre is the origin.
 
     ``inlet`` is the number of cells between the window's left edge and the body's centre.
+    ``periodic``: the window spans a tunnel's whole period, so nothing is cut off across it.
     """
 
     shape: tuple[int, int]
     step: tuple[float, float]
     inlet: int
+    periodic: bool = False
 
     @property
     def grid(self) -> grids.Grid:
@@ -44,10 +46,14 @@ class Lattice:
 
     def cutoff(self, band: float = 1.0) -> np.ndarray:
         """Window w on the faces (2, nx, ny): 1 inside, falling to 0 over ``band`` D at the edges."""
-        return np.stack([np.outer(self.edge(x, 0, band), self.edge(y, 1, band)) for x, y in self.faces()])
+        return np.stack(
+            [np.outer(self.edge(x, 0, band), self.edge(y, 1, band)) for x, y in self.faces()]
+        )
 
     def edge(self, coordinate: np.ndarray, axis: int, band: float = 1.0) -> np.ndarray:
         """The window's profile along one axis."""
+        if axis == 1 and self.periodic:
+            return np.ones_like(coordinate)
         low, high = self.grid.domain[axis]
         margin = self.step[axis]
         distance = np.minimum(coordinate - low - margin, high - margin - coordinate)

@@ -4,6 +4,7 @@ Both solve u' = G (B a + convect(w u')) + far(a), equation (1) of the model: G t
 function, B the spreading of traction modes a, w the window, far the momentum flux outside it.
 """
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -40,9 +41,7 @@ class FlowState(NamedTuple):
     amplitude: Float[Array, "modes"]
 
 
-def prepare(
-    domain: Domain, markers: Float[Array, "nodes 2"], reynolds: Float[Array, ""]
-) -> Case:
+def prepare(domain: Domain, markers: Float[Array, "nodes 2"], reynolds: Float[Array, ""]) -> Case:
     """Build kernel, far field and body; costs one application of G per mode, and two coarse."""
     kernel = oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored)
     lift = not domain.modes.symmetric
@@ -97,7 +96,13 @@ def body_flow(
     def residual(state):
         return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
 
-    return root(residual, guess or oseen_flow(domain, case), eliminate(domain, case), _norm(domain), settings)
+    return root(
+        residual,
+        guess or oseen_flow(domain, case),
+        eliminate(domain, case),
+        _norm(domain),
+        settings,
+    )
 
 
 def forced_flow(
@@ -114,7 +119,7 @@ def forced_flow(
 
     if guess is None:
         guess = jnp.tensordot(amplitude, case.response, axes=1)
-    size = jnp.sqrt(case.body.area)
+    size = math.sqrt(domain.cell_area)
     return root(residual, guess, lambda v: v, lambda v: size * jnp.linalg.norm(v), settings)
 
 
@@ -138,9 +143,9 @@ def _complete(domain, case):
 
 
 def _norm(domain):
-    area = domain.lattice.step[0] * domain.lattice.step[1]
-
     def norm(state):
-        return jnp.sqrt(area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(state.amplitude)
+        return jnp.sqrt(domain.cell_area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
+            state.amplitude
+        )
 
     return norm

@@ -1,0 +1,173 @@
+"""Drag of one body in one stream, as a user asks for it; the compiled entry points of the flow."""
+
+import dataclasses
+import functools
+import math
+import time
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.body import PARAMETERS, check_family, family_markers, rotate
+from surrogate.contour import mean_thickness
+from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow import steady
+from surrogate.flow.domain import Domain, make_domain
+from surrogate.flow.forces import Coefficients, coefficients, drag_coefficient
+from surrogate.flow.newton import NewtonInfo
+from surrogate.scene import Fidelity, Stream, check_stream
+
+THINNEST = 2.5  # cells across the mean thickness
+
+
+class Solution(NamedTuple):
+    """A solved body flow: state, force coefficients, and how the solve went."""
+
+    state: steady.FlowState
+    coefficients: Coefficients
+    info: NewtonInfo
+
+
+@functools.partial(jax.jit, static_argnames="domain")
+def solve(
+    domain: Domain,
+    markers: Float[Array, "nodes 2"],
+    reynolds: Float[Array, ""],
+    guess: steady.FlowState | None = None,
+) -> Solution:
+    """Body flow of a contour; ``info.converged`` says whether the numbers mean anything."""
+    case = steady.prepare(domain, markers, reynolds)
+    state, info = steady.body_flow(domain, case, guess)
+    forces = coefficients(domain, markers, *state, reynolds)
+    return Solution(state, forces, info)
+
+
+@functools.partial(jax.jit, static_argnames="domain")
+def family_drag_and_gradient(
+    domain: Domain, parameters: Float[Array, "parameters"], reynolds: Float[Array, ""]
+) -> tuple[Float[Array, ""], tuple[Float[Array, "parameters"], Float[Array, ""]], NewtonInfo]:
+    """Cd of a family body, its gradient in (parameters, Re) by one adjoint solve, and status."""
+
+    def drag(parameters, reynolds):
+        markers = family_markers(parameters, domain.nodes)
+        case = steady.prepare(domain, markers, reynolds)
+        state, info = steady.body_flow(domain, case)
+        return drag_coefficient(state.amplitude), info
+
+    (cd, info), gradient = jax.value_and_grad(drag, argnums=(0, 1), has_aux=True)(
+        parameters, reynolds
+    )
+    return cd, gradient, info
+
+
+def solve_with_continuation(
+    domain: Domain, markers: Float[Array, "nodes 2"], reynolds: float, halvings: int = 3
+) -> Solution:
+    """``solve``; where Newton from the Oseen flow fails, approach Re from below.
+
+    Raises:
+      NotConverged: the flow was not found; no number is returned.
+    """
+    solution = solve(domain, markers, jnp.asarray(reynolds, float))
+    for depth in range(1, halvings + 1):
+        if bool(solution.info.converged):
+            return solution
+        guess, steps = None, 2**depth
+        for k in range(1, steps + 1):
+            solution = solve(domain, markers, jnp.asarray(reynolds * k / steps), guess)
+            if not bool(solution.info.converged):
+                break
+            guess = solution.state
+    if bool(solution.info.converged):
+        return solution
+    raise NotConverged(
+        f"body flow at Re {reynolds:g} did not converge: residual {float(solution.info.residual):.1e} "
+        f"after {int(solution.info.steps)} Newton steps; more cells or a lower Re would help"
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class DragReport:
+    """One line of ``solve_drag``: coefficients, cost, and the gradient where it was asked."""
+
+    reynolds: float
+    cd: float
+    cd_pressure: float
+    cd_friction: float
+    cl: float
+    converged: bool
+    iterations: int
+    green_applications: int
+    wall_s: float
+    gradient: dict[str, float] | None = None
+
+
+def body_domain(
+    stream: Stream, fidelity: Fidelity, markers: Float[np.ndarray, "nodes 2"], symmetric: bool
+) -> Domain:
+    """Domain for one body, its box rounded up so that similar bodies share compiled code.
+
+    Raises:
+      InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
+    """
+    thickness = mean_thickness(markers) * fidelity.cells
+    if thickness < THINNEST:
+        needed = math.ceil(fidelity.cells * THINNEST / thickness)
+        raise InvalidInput(
+            f"body: its mean thickness is {thickness:.1f} cells and at least {THINNEST:g} are "
+            f"needed; --cells {needed} would resolve it"
+        )
+    reach = np.ceil(np.abs(markers).max(axis=0) * 8) / 4
+    check_stream(stream, fidelity, reach)
+    return make_domain(stream, fidelity, (float(reach[0]), float(reach[1])), symmetric)
+
+
+def report(
+    domain: Domain,
+    markers: Float[np.ndarray, "nodes 2"],
+    reynolds: float,
+    parameters: np.ndarray | None = None,
+) -> DragReport:
+    """Solve and report; ``parameters`` (family bodies) asks for the gradient as well.
+
+    Raises:
+      NotConverged: as ``solve_with_continuation``.
+    """
+    start = time.perf_counter()
+    solution = solve_with_continuation(domain, jnp.asarray(markers), reynolds)
+    gradient = None
+    if parameters is not None:
+        _, (shape, slope), info = family_drag_and_gradient(
+            domain, jnp.asarray(parameters), jnp.asarray(reynolds, float)
+        )
+        if not (bool(info.converged) and np.all(np.isfinite(shape))):
+            raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
+        gradient = dict(zip(PARAMETERS, map(float, shape), strict=True)) | {
+            "reynolds": float(slope)
+        }
+    c = solution.coefficients
+    return DragReport(
+        reynolds=reynolds,
+        cd=float(c.drag),
+        cd_pressure=float(c.drag_pressure),
+        cd_friction=float(c.drag_friction),
+        cl=float(c.lift),
+        converged=True,
+        iterations=int(solution.info.steps),
+        green_applications=int(solution.info.products) + steady.preparation_cost(domain),
+        wall_s=time.perf_counter() - start,
+        gradient=gradient,
+    )
+
+
+def family_body(parameters: np.ndarray, nodes: int, incidence: float = 0.0) -> np.ndarray:
+    """Markers of a family body.
+
+    Raises:
+      InvalidInput: the parameters describe no body.
+    """
+    check_family(parameters)
+    return np.asarray(rotate(family_markers(jnp.asarray(parameters), nodes), incidence))
