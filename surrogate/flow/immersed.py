@@ -47,9 +47,11 @@ class Spreading(eqx.Module):
 
     ``spread`` is the map from mode amplitudes to a force density on the grid, ``slip`` its
     transpose (times the cell area): the mode-weighted mean of a velocity on the contour.
+    ``silent`` is the unit vector of uniform pressure, the traction that moves nothing.
     """
 
     density: Float[Array, "modes 2 bx by"]
+    silent: Float[Array, "modes"]
     corner: tuple[int, int] = eqx.field(static=True)
     shape: tuple[int, int] = eqx.field(static=True)
     area: float = eqx.field(static=True)
@@ -98,7 +100,8 @@ def spread_modes(
         components.append(jnp.einsum("mk,ki,kj->mij", values[:, c], wx, wy, optimize="optimal"))
     area = float(np.prod(lattice.step))
     density = jnp.stack(components, axis=1) * (2 * np.pi / markers.shape[0] / area)
-    return Spreading(density, corner, lattice.shape, area)
+    silent = jnp.einsum("mck,kc->m", values, normal)
+    return Spreading(density, silent / jnp.linalg.norm(silent), corner, lattice.shape, area)
 
 
 def bspline(r: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -19,6 +19,7 @@ from surrogate.flow.newton import NewtonInfo, NewtonSettings, root
 from surrogate.flow.oseen import Kernel, oseen_kernel
 
 DEFAULT = NewtonSettings()
+PIN = 0.1  # velocity per unit of uniform pressure
 
 
 class Case(eqx.Module):
@@ -67,10 +68,19 @@ def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, 
 
 
 def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, "modes"]:
-    """Mode-weighted velocity on the contour, plus a slight compliance for the silent modes."""
+    """Mode-weighted velocity on the contour, plus the compliance that pins the silent mode."""
     velocity, amplitude = state
     slip = case.body.slip(velocity) + case.body.slip_of_stream()
-    return slip + domain.slip_compliance * amplitude
+    return slip + pinning(domain, case) @ amplitude
+
+
+def pinning(domain: Domain, case: Case) -> Float[Array, "modes modes"]:
+    """Compliance added to S G B: slight for every mode, firm for uniform pressure.
+
+    Without it the silent mode, which moves nothing, would take any value.
+    """
+    silent = case.body.silent
+    return domain.slip_compliance * jnp.eye(silent.size) + PIN * jnp.outer(silent, silent)
 
 
 def total_force(domain: Domain, amplitude: Float[Array, "modes"]) -> Float[Array, "2"]:
@@ -138,7 +148,7 @@ def eliminate(domain: Domain, case: Case):
 def _complete(domain, case):
     """Solve (S G B + slip compliance) a = y."""
     compliance = jax.vmap(case.body.slip)(case.response).T
-    inverse = jnp.linalg.inv(compliance + domain.slip_compliance * jnp.eye(domain.modes.count))
+    inverse = jnp.linalg.inv(compliance + pinning(domain, case))
     return lambda y: inverse @ y
 
 

@@ -1,0 +1,108 @@
+"""The flow linearised at a state: the solves that training steps are made of, with their cost.
+
+Each returns the number of applications of G it spent, so that methods can be compared by work.
+``A`` is the coupled Jacobian of body flow, ``J_u = I - G C'(u)`` its flow block.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from surrogate.flow.domain import Domain
+from surrogate.flow.krylov import gmres
+from surrogate.flow.steady import (
+    Case,
+    FlowState,
+    eliminate,
+    flow_residual,
+    pinning,
+    slip_residual,
+)
+
+
+class Effort(NamedTuple):
+    """Krylov limits of one linearised solve."""
+
+    tolerance: float = 1e-2
+    max_vectors: int = 40
+
+
+class Cost(NamedTuple):
+    """Applications of G, and whether every solve reached its tolerance."""
+
+    products: Int[Array, ""]
+    converged: Bool[Array, ""]
+
+
+def coupled_step(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[FlowState, Cost]:
+    """One Newton step of body flow: x - A^+ F(x), the inverse simulator's step."""
+
+    def residual(x):
+        return FlowState(flow_residual(domain, case, x), slip_residual(domain, case, x))
+
+    value, jacobian = jax.linearize(residual, state)
+    precondition = eliminate(domain, case)
+    result = gmres(lambda v: precondition(jacobian(v)), precondition(value), *effort)
+    return jax.tree.map(jnp.subtract, state, result.x), Cost(result.steps + 1, result.converged)
+
+
+def drag_weights(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[Float[Array, "modes"], Cost]:
+    """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
+
+    def residual(x):
+        return FlowState(flow_residual(domain, case, x), slip_residual(domain, case, x))
+
+    jacobian = jax.linearize(residual, state)[1]
+    adjoint = jax.linear_transpose(jacobian, state)
+    precondition = jax.linear_transpose(eliminate(domain, case), state)
+    goal = FlowState(jnp.zeros_like(state.velocity), jnp.zeros_like(state.amplitude).at[0].set(2.0))
+    result = gmres(lambda z: precondition(adjoint(z)[0])[0], precondition(goal)[0], *effort)
+    return result.x.amplitude, Cost(result.steps, result.converged)
+
+
+def slip_adjoint(
+    domain: Domain, case: Case, state: FlowState, weights: Float[Array, "modes"], effort: Effort
+) -> tuple[Float[Array, "modes"], Cost]:
+    """(dy/da)^T weights for the slip y of a forced flow: one adjoint solve."""
+
+    def respond(amplitude):
+        return flow_residual(domain, case, FlowState(state.velocity, amplitude))
+
+    flow = _flow_block(domain, case, state)
+    adjoint = jax.linear_transpose(flow, state.velocity)
+    pulled = jax.vjp(case.body.slip, state.velocity)[1](weights)[0]
+    result = gmres(lambda z: adjoint(z)[0], pulled, *effort)
+    gradient = -jax.vjp(respond, state.amplitude)[1](result.x)[0]
+    return gradient + pinning(domain, case).T @ weights, Cost(result.steps + 1, result.converged)
+
+
+def compliance(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[Float[Array, "modes modes"], Cost]:
+    """dy/da of a forced flow, one tangent solve per mode."""
+
+    def respond(amplitude):
+        return flow_residual(domain, case, FlowState(state.velocity, amplitude))
+
+    flow = _flow_block(domain, case, state)
+
+    def column(mode):
+        response = -jax.jvp(respond, (state.amplitude,), (mode,))[1]
+        result = gmres(flow, response, *effort)
+        return case.body.slip(result.x), result.steps + 1, result.converged
+
+    columns, steps, converged = jax.lax.map(column, jnp.eye(state.amplitude.size))
+    return columns.T + pinning(domain, case), Cost(jnp.sum(steps), jnp.all(converged))
+
+
+def _flow_block(domain, case, state):
+    def residual(velocity):
+        return flow_residual(domain, case, FlowState(velocity, state.amplitude))
+
+    return jax.linearize(residual, state.velocity)[1]
