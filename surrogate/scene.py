@@ -41,9 +41,9 @@ class Fidelity:
 FIDELITIES = {
     level.name: level
     for level in (
-        Fidelity("draft", 8, 4, 8, 8),
-        Fidelity("standard", 12, 4, 12, 8),
-        Fidelity("fine", 16, 8, 16, 12),
+        Fidelity("draft", 10, 4, 8, 8),
+        Fidelity("standard", 16, 6, 12, 8),
+        Fidelity("fine", 24, 8, 16, 12),
     )
 }
 

@@ -42,7 +42,9 @@ def make_domain(
             height, far_height = None, COARSE_SIZE
         case Tunnel(height):
             far_height = min(COARSE_SIZE, height)
-    width = min(fidelity.height, far_height)
+    # a tunnel's confined wake is gridded from wall to wall where that is affordable
+    spans = height is not None and height <= 2 * fidelity.height
+    width = height if spans else fidelity.height
     # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
     repeats = symmetric and height is not None
     lattice = Lattice(

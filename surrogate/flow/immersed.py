@@ -9,6 +9,11 @@ from jaxtyping import Array, Float
 
 from surrogate.flow.lattice import Lattice
 
+# A sheet of tangential force smeared by the spline B drives u = shear * (B ramp), whose B-mean at
+# the sheet is shear * E|r1 + r2| / 2, r1 and r2 drawn from B. Pulling the sheet in by that many
+# cells makes a uniform shear flow vanish exactly on the true wall.
+RETRACTION = 0.3275
+
 
 @dataclasses.dataclass(frozen=True)
 class Modes:
@@ -85,7 +90,7 @@ def spread_modes(
     modes: Modes,
     box: tuple[int, int],
     markers: Float[Array, "nodes 2"],
-    retraction: float = 0.3,
+    retraction: float = RETRACTION,
 ) -> Spreading:
     """Spread all modes from the contour, markers pulled ``retraction`` cells inward."""
     normal = outward(markers)

@@ -19,9 +19,9 @@ from surrogate.training.method import Method, Progress, keep, per_sample, predic
 def half_inverse_gradients(
     batch: int = 24,
     eta: float = 1.0,
-    decay: float = 20.0,
+    decay: float = 60.0,
     tau: float = 1e-3,
-    goal: float = 1.0,
+    goal: float = 3.0,
     settings: NewtonSettings = NewtonSettings(1e-4, 10, 40),
     effort: Effort = Effort(1e-2, 30),
 ) -> Method:

@@ -1,0 +1,78 @@
+"""Drag of a family body by a trained surrogate; --certify checks it against the flow.
+
+python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
+python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --certify
+"""
+
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from common import Parser, add_family_arguments, emit, family_parameters, reynolds_numbers, run
+
+from surrogate.body import PARAMETERS, check_family
+from surrogate.certificate import certify
+from surrogate.errors import InvalidInput
+from surrogate.store import Surrogate, load_surrogate
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Parse, predict, report."""
+    arguments = _parser().parse_args(argv)
+    if arguments.aspect is None:
+        raise InvalidInput("body: --aspect is needed")
+    reynolds = reynolds_numbers(arguments.reynolds)
+    parameters = np.array(family_parameters(arguments))
+    check_family(parameters)
+    surrogate = load_surrogate(arguments.surrogate)
+    results = [_predict(surrogate, parameters, value, arguments.certify) for value in reynolds]
+    result = {
+        "results": results,
+        "surrogate": arguments.surrogate,
+        "method": surrogate.record["method"],
+        "drag_error_mean": surrogate.record["drag_error_mean"],
+        "parameters": dict(zip(PARAMETERS, parameters.tolist(), strict=True)),
+    }
+    return emit(result, arguments.json, "\n".join(map(_line, results)))
+
+
+def _predict(surrogate: Surrogate, parameters, reynolds: float, check: bool) -> dict[str, Any]:
+    body, re = jnp.asarray(parameters), jnp.asarray(reynolds, float)
+    cd, gradient = jax.value_and_grad(surrogate.drag)(body, re)
+    known = surrogate.knows(parameters, reynolds)
+    result = {
+        "reynolds": reynolds,
+        "cd": float(cd),
+        "gradient": dict(zip(PARAMETERS, gradient.tolist(), strict=True)),
+        "in_trained_range": known,
+    }
+    if check:
+        result |= certify(surrogate, parameters, reynolds)._asdict()
+    return result
+
+
+def _line(r: dict[str, Any]) -> str:
+    line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
+    if "cd_corrected" in r:
+        line += (
+            f"  corrected {r['cd_corrected']:.4f}  estimated error "
+            f"{100 * r['estimated_error']:.2f} %  slip {r['slip']:.4f}"
+        )
+    return line + ("" if r["in_trained_range"] else "  (outside the trained range)")
+
+
+def _parser():
+    parser = Parser(description=__doc__.splitlines()[0])
+    parser.add_argument("--surrogate", required=True, help="a surrogate's folder, or pretrained")
+    add_family_arguments(parser)
+    parser.add_argument("--reynolds", required=True, help="one or several: 1,10,40")
+    parser.add_argument("--certify", action="store_true", help="one coupled Newton step")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

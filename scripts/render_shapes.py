@@ -1,0 +1,66 @@
+"""Pictures of optimised shapes: before and after, side by side (.png), or the evolution (.gif).
+
+python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
+python scripts/render_shapes.py --runs out/re40 --out out/re40.gif
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from common import Parser, emit, progress_bar, run
+
+from shapeopt.render import render_evolution, render_flows
+from shapeopt.runs import load_run
+from shapeopt.sheets import before_and_after
+from surrogate.errors import InvalidInput
+from surrogate.store import load_surrogate
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Parse, solve the flows to be shown, render."""
+    arguments = _parser().parse_args(argv)
+    out = Path(arguments.out)
+    if out.suffix not in (".png", ".gif"):
+        raise InvalidInput(f"--out {out}: must end in .png or .gif")
+    records = [load_run(folder) for folder in arguments.runs]
+    with progress_bar("rendering") as progress:
+        if out.suffix == ".gif":
+            _evolution(records, out)
+        else:
+            rows = []
+            for k, record in enumerate(records):
+                rows.append(before_and_after(record))
+                progress((k + 1) / (len(records) + 1), f"Re {record['reynolds']:g}")
+            render_flows(rows, out)
+        progress(1.0, str(out))
+    return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
+
+
+def _evolution(records, out):
+    if len(records) != 1:
+        raise InvalidInput("--out .gif: shows the evolution of one run; give one --runs folder")
+    record = records[0]
+    path = np.array(record["path"])
+    captions = [f"Re {record['reynolds']:g}, step {k}" for k in range(len(path))]
+    if record["surrogate"] != "none":
+        surrogate = load_surrogate(record["surrogate"])
+        drags = jax.vmap(lambda p: surrogate.drag(p, record["reynolds"]))(jnp.asarray(path))
+        captions = [f"{c}, Cd {d:.4f} (surrogate)" for c, d in zip(captions, drags, strict=True)]
+    render_evolution(path, captions, out)
+
+
+def _parser():
+    parser = Parser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", required=True, nargs="+", help="folders of optimize_shape.py")
+    parser.add_argument("--out", required=True, help="picture, .png or .gif")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

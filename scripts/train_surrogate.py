@@ -1,0 +1,96 @@
+"""Train a drag surrogate: dp, sip, hig or supervised. Interrupted, the same command resumes.
+
+python scripts/train_surrogate.py --method sip --preset quick --out out/sip
+python scripts/train_surrogate.py --method hig --preset full --seed 1 --out out/hig --json
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from common import Parser, command_line, emit, progress_bar, run, say
+
+from surrogate.errors import InvalidInput
+from surrogate.store import Surrogate, check_target, save_surrogate
+from surrogate.training.loop import Bench, Trained, make_bench, train
+from surrogate.training.presets import METHODS, Plan, preset
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Parse, train, save."""
+    arguments = _parser().parse_args(argv)
+    plan = preset(arguments.method, arguments.preset, arguments.seed, arguments.budget_seconds)
+    out = Path(arguments.out)
+    check_target(out)
+    say(plan.scene.explain())
+    with progress_bar("preparing flows") as progress:
+        bench = make_bench(plan)
+        progress(1.0, f"{plan.samples} bodies, {plan.held_out} held out, {bench.setup_s:.0f} s")
+    trained = train_with_bar(plan, bench, out.with_name(out.name + ".checkpoint.npz"))
+    result = save(plan, trained, out, command_line())
+    text = (
+        f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
+        f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
+        f"{result['green_applications']} applications of G, {result['train_s']:.1f} s -> {out}"
+    )
+    return emit(result, arguments.json, text)
+
+
+def train_with_bar(plan: Plan, bench: Bench, checkpoint: Path | None = None) -> Trained:
+    """Train with progress on stderr."""
+    with progress_bar(f"training {plan.method}") as progress:
+
+        def report(point, done):
+            progress(
+                done,
+                f"step {point.iteration}: error mean {100 * point.error_mean:.2f} % "
+                f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
+            )
+
+        trained = train(plan, bench, checkpoint, report)
+    if trained.stopped:
+        say(f"{plan.method}: {trained.stopped}; the last good weights are kept")
+    return trained
+
+
+def save(plan: Plan, trained: Trained, out: Path, command: str) -> dict[str, Any]:
+    """Save the surrogate with its record; returns what the command reports."""
+    last = trained.history[-1]
+    result = {
+        "method": plan.method,
+        "drag_error_mean": last.error_mean,
+        "drag_error_max": last.error_max,
+        "green_applications": last.green_applications,
+        "train_s": last.seconds,
+        "weights": int(trained.network.weights.size),
+        "out": str(out),
+    }
+    record = {
+        **result,
+        "command": command,
+        "seed": plan.seed,
+        "samples": plan.samples,
+        "held_out": plan.held_out,
+        "iterations": last.iteration,
+        "failed_samples": last.failed,
+        "stopped": trained.stopped,
+        "history": [list(point[:5]) for point in trained.history],
+    }
+    save_surrogate(out, Surrogate(trained.network, plan.scene, record))
+    return result
+
+
+def _parser():
+    parser = Parser(description=__doc__.splitlines()[0])
+    parser.add_argument("--method", required=True, help=", ".join(METHODS))
+    parser.add_argument("--preset", default="quick", choices=["quick", "full"])
+    parser.add_argument("--budget-seconds", type=float, help="train for this long instead")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", required=True, help="folder of the surrogate")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

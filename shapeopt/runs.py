@@ -1,0 +1,52 @@
+"""A shape optimisation's folder: what was asked, what was found, the contour, the path."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from surrogate.body import PARAMETERS, family_markers
+from surrogate.errors import InvalidInput
+from surrogate.files import whole_folder
+
+CONTOUR_POINTS = 400
+
+
+def check_run_target(folder: str | Path) -> None:
+    """Raise InvalidInput where a run may not be written: never overwrite foreign files."""
+    folder = Path(folder)
+    if folder.is_file():
+        raise InvalidInput(f"{folder}: is a file; --out must name a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "run.json").is_file():
+        raise InvalidInput(f"{folder}: is not empty and not a run; choose another --out")
+
+
+def save_run(folder: str | Path, record: dict[str, Any], parameters: np.ndarray) -> None:
+    """Write run.json and contour.csv, whole or not at all."""
+    folder = Path(folder)
+    check_run_target(folder)
+    with whole_folder(folder) as part:
+        (part / "run.json").write_text(json.dumps(record, indent=1) + "\n")
+        contour = np.asarray(family_markers(parameters, CONTOUR_POINTS))
+        np.savetxt(part / "contour.csv", contour, "%.9f", ",", header="x,y", comments="")
+
+
+def load_run(folder: str | Path) -> dict[str, Any]:
+    """The record of a run.
+
+    Raises:
+      InvalidInput: the folder is missing, or holds no readable run.
+    """
+    folder = Path(folder)
+    try:
+        record = json.loads((folder / "run.json").read_text())
+        [record["parameters"][name] for name in PARAMETERS]
+        record["reynolds"], record["scene"], record["path"]
+        return record
+    except OSError:
+        raise InvalidInput(
+            f"run {folder}: no run.json there; optimize_shape.py makes one"
+        ) from None
+    except (ValueError, KeyError, TypeError):
+        raise InvalidInput(f"run {folder}: run.json is damaged or of another program") from None

@@ -1,0 +1,137 @@
+"""A surrogate is one folder: weights, scene, method, seed, versions, error, command."""
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.body import Family
+from surrogate.errors import InvalidInput
+from surrogate.files import whole_folder
+from surrogate.network import DragNetwork
+from surrogate.scene import Fidelity, Scene, Tunnel, Unbounded
+
+FORMAT = 1
+PRETRAINED = Path(__file__).parent / "pretrained" / "default"
+
+
+@dataclasses.dataclass(frozen=True)
+class Surrogate:
+    """A trained network with the scene it knows and the record of how it came about."""
+
+    network: DragNetwork
+    scene: Scene
+    record: dict[str, Any]
+
+    def drag(
+        self, parameters: Float[Array, "parameters"], reynolds: Float[Array, ""]
+    ) -> Float[Array, ""]:
+        """Cd; differentiable, and to be vmapped over bodies and Reynolds numbers."""
+        return self.network.drag(parameters, jnp.asarray(reynolds, float))
+
+    def knows(self, parameters: np.ndarray, reynolds: float) -> bool:
+        """Whether body and Reynolds number lie within the trained ranges."""
+        low, high = self.scene.reynolds
+        inside = low * (1 - 1e-9) <= reynolds <= high * (1 + 1e-9)
+        return inside and self.scene.family.contains(np.asarray(parameters))
+
+
+def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
+    """Write the folder whole or not at all, replacing an older surrogate there.
+
+    Raises:
+      InvalidInput: the path holds something that is not a surrogate, or is not writable.
+    """
+    folder = Path(folder)
+    check_target(folder)
+    with whole_folder(folder) as part:
+        leaves = jax.tree.leaves(surrogate.network)
+        weights = part / "weights.npz"
+        np.savez(weights, **{f"leaf{k}": np.asarray(leaf) for k, leaf in enumerate(leaves)})
+        record = {
+            "format": FORMAT,
+            "scene": scene_record(surrogate.scene),
+            "sizes": [int(layer.weight.shape[0]) for layer in surrogate.network.layers],
+            "weights_sha256": _digest(weights),
+            "versions": {
+                name: importlib.metadata.version(name) for name in ("jax", "jaxlib", "numpy")
+            },
+            **surrogate.record,
+        }
+        (part / "surrogate.json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+def check_target(folder: str | Path) -> None:
+    """Raise InvalidInput where a surrogate may not be written: never overwrite foreign files."""
+    folder = Path(folder)
+    if folder.is_file():
+        raise InvalidInput(f"{folder}: is a file; --out must name a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "surrogate.json").is_file():
+        raise InvalidInput(f"{folder}: is not empty and not a surrogate; choose another --out")
+
+
+def load_surrogate(name: str | Path) -> Surrogate:
+    """Load a folder, or the one that ships with the package: ``"pretrained"``.
+
+    Raises:
+      InvalidInput: it is missing, damaged, or not a surrogate.
+    """
+    folder = PRETRAINED if str(name) == "pretrained" else Path(name)
+    if not folder.is_dir():
+        raise InvalidInput(f"surrogate {folder}: no such folder; train_surrogate.py makes one")
+    weights = folder / "weights.npz"
+    try:
+        record = json.loads((folder / "surrogate.json").read_text())
+        if record["format"] != FORMAT:
+            raise InvalidInput(
+                f"surrogate {folder}: format {record['format']}, this version reads {FORMAT}"
+            )
+        if _digest(weights) != record["weights_sha256"]:
+            raise InvalidInput(f"surrogate {folder}: damaged, weights.npz is not what was saved")
+        scene = read_scene(record["scene"])
+        with np.load(weights, allow_pickle=False) as saved:
+            leaves = [jnp.asarray(saved[f"leaf{k}"]) for k in range(len(saved.files))]
+        structure = jax.tree.structure(_blank(record["sizes"], scene))
+        return Surrogate(jax.tree.unflatten(structure, leaves), scene, record)
+    except (OSError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as problem:
+        if isinstance(problem, InvalidInput):
+            raise
+        raise InvalidInput(f"surrogate {folder}: damaged or not a surrogate") from None
+
+
+def scene_record(scene: Scene) -> dict[str, Any]:
+    """A scene as plain JSON."""
+    stream = "unbounded" if scene.stream == Unbounded() else f"tunnel:{scene.stream.height:g}"
+    return {**dataclasses.asdict(scene), "stream": stream}
+
+
+def read_scene(record: dict[str, Any]) -> Scene:
+    """The scene of a record."""
+    kind, _, height = record["stream"].partition(":")
+    return Scene(
+        stream=Unbounded() if kind == "unbounded" else Tunnel(float(height)),
+        reynolds=tuple(record["reynolds"]),
+        family=Family(**{name: tuple(bounds) for name, bounds in record["family"].items()}),
+        fidelity=Fidelity(**record["fidelity"]),
+    )
+
+
+def _blank(sizes, scene):
+    """A network of the right structure, for its tree alone."""
+    fans = [len(scene.family.bounds) + 1, *sizes]
+    key = jax.random.key(0)
+    layers = tuple(eqx.nn.Linear(a, b, key=key) for a, b in zip(fans[:-1], fans[1:], strict=True))
+    return DragNetwork(layers, *(jnp.zeros(0) for _ in range(5)))
+
+
+def _digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,227 @@
+"""One loop for every method: same samples, same weights, same held-out bodies, same clock."""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from surrogate.errors import NotConverged
+from surrogate.flow.steady import preparation_cost
+from surrogate.network import DragNetwork, make_network
+from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
+from surrogate.training.physics import (
+    Labels,
+    Physics,
+    Samples,
+    draw_samples,
+    prepare_physics,
+    require_converged,
+    scene_domain,
+    solve_labels,
+)
+from surrogate.training.presets import Plan
+
+
+class Point(NamedTuple):
+    """One row of a training's history; errors are relative, over the held-out bodies."""
+
+    iteration: int
+    seconds: float
+    green_applications: int
+    error_mean: float
+    error_max: float
+    loss: float
+    failed: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Trained:
+    """A finished training; ``stopped`` says why it ended early, if it did."""
+
+    network: DragNetwork
+    history: tuple[Point, ...]
+    stopped: str | None
+
+
+class Run(NamedTuple):
+    """What a checkpoint holds."""
+
+    network: DragNetwork
+    state: PyTree
+    iteration: Int[Array, ""]
+    seconds: Float[Array, ""]
+    products: Int[Array, ""]
+    failed: Int[Array, ""]
+    history: Float[Array, "points 7"]
+
+
+class Bench(NamedTuple):
+    """What all methods share: physics of the samples, held-out bodies, initial network."""
+
+    physics: Physics
+    held_out: Samples
+    labels: Labels
+    network: DragNetwork
+    setup_s: float
+
+
+def make_bench(plan: Plan) -> Bench:
+    """Draw and prepare samples, solve the held-out bodies, build the initial network.
+
+    Depends on the plan's scene, seed and counts only, not on its method.
+
+    Raises:
+      NotConverged: a held-out body flow was not found.
+    """
+    start = time.perf_counter()
+    domain = scene_domain(plan.scene)
+    sample_key, held_key, network_key = jax.random.split(jax.random.key(plan.seed), 3)
+    samples = draw_samples(plan.scene, sample_key, plan.samples)
+    held_out = draw_samples(plan.scene, held_key, plan.held_out)
+    labels = require_converged(solve_labels(domain, held_out))
+    physics = prepare_physics(domain, samples)
+    reynolds, oseen = np.asarray(samples.reynolds), np.asarray(physics.oseen.amplitude)
+    network = make_network(plan.scene, network_key, reynolds, oseen)
+    return Bench(physics, held_out, labels, network, time.perf_counter() - start)
+
+
+def train(
+    plan: Plan,
+    bench: Bench,
+    checkpoint: Path | None = None,
+    report: Callable[[Point, float], None] = lambda point, done: None,
+    checkpoint_every_s: float = 20.0,
+) -> Trained:
+    """Train the bench's network by the plan's method; resumes from ``checkpoint`` if it is there.
+
+    The clock runs from the first update (compilation excluded, listed applications of G included
+    from the preparation on). ``report(point, done)`` is called at every point of the history.
+
+    Raises:
+      InvalidInput: the checkpoint is damaged or foreign.
+      NotConverged: the network blew up before it had one good point.
+    """
+    method = plan.make_method()
+    batches = _batches(plan, method.batch)
+    prepared = bench.physics.count * preparation_cost(bench.physics.domain)
+    fresh = Run(
+        bench.network,
+        method.init(bench.network, bench.physics),
+        *map(jnp.asarray, (0, 0.0, prepared, 0)),
+        jnp.zeros((_points(plan) + 1, len(Point._fields))),
+    )
+    run = (checkpoint and load_checkpoint(checkpoint, plan, fresh)) or fresh
+    update = jax.jit(method.update).lower(run.network, run.state, bench.physics, batches(0), 0.0)
+    update = update.compile()
+    clock, saved, stopped, good = _Clock(float(run.seconds)), time.perf_counter(), None, run
+    while int(run.iteration) < plan.iterations:
+        done = _done(plan, int(run.iteration), clock.seconds())
+        if done >= 1:
+            break
+        network, state, spent = update(
+            run.network, run.state, bench.physics, batches(int(run.iteration)), jnp.asarray(done)
+        )
+        run = run._replace(
+            network=network,
+            state=state,
+            iteration=run.iteration + 1,
+            products=run.products + spent.products,
+            failed=run.failed + spent.failed,
+        )
+        if not np.all(np.isfinite(network.weights)):
+            stopped, run = f"blew up in iteration {int(run.iteration)}", good
+            break
+        if int(run.iteration) % plan.report_every == 0 or int(run.iteration) == plan.iterations:
+            run = run._replace(seconds=jnp.asarray(clock.seconds()))
+            clock.pause()
+            run, point = _record(run, bench, float(spent.loss))
+            good = run
+            report(point, _done(plan, point.iteration, point.seconds))
+            if checkpoint and time.perf_counter() - saved > checkpoint_every_s:
+                save_checkpoint(checkpoint, plan, run)
+                saved = time.perf_counter()
+            clock.resume()
+    if stopped is None and int(run.iteration) % plan.report_every:
+        run, _ = _record(run._replace(seconds=jnp.asarray(clock.seconds())), bench, np.nan)
+    history = _history(run)
+    if not history:
+        raise NotConverged(f"training by {plan.method} {stopped} before its first report")
+    if checkpoint:
+        checkpoint.unlink(missing_ok=True)
+    return Trained(run.network, history, stopped)
+
+
+@jax.jit
+def drag_errors(
+    network: DragNetwork, samples: Samples, drag: Float[Array, "samples"]
+) -> Float[Array, "samples"]:
+    """Relative drag error of each sample."""
+    predicted = jax.vmap(network.drag)(*samples)
+    return jnp.abs(predicted / drag - 1)
+
+
+class _Clock:
+    """Seconds of training, going on where an earlier run stopped."""
+
+    def __init__(self, already: float):
+        self._already, self._start = already, time.perf_counter()
+
+    def seconds(self) -> float:
+        return self._already + time.perf_counter() - self._start
+
+    def pause(self) -> None:
+        self._already = self.seconds()
+
+    def resume(self) -> None:
+        self._start = time.perf_counter()
+
+
+def _batches(plan, size):
+    """Epochs of shuffled batches, each a function of seed and iteration alone."""
+    key = jax.random.fold_in(jax.random.key(plan.seed), 1)
+    per_epoch = plan.samples // size
+
+    def batch(iteration):
+        epoch, place = divmod(iteration, per_epoch)
+        order = jax.random.permutation(jax.random.fold_in(key, epoch), plan.samples)
+        return order[place * size : (place + 1) * size]
+
+    return batch
+
+
+def _done(plan, iteration, seconds):
+    return seconds / plan.budget_s if plan.budget_s else iteration / plan.iterations
+
+
+def _points(plan):
+    return min(plan.iterations // plan.report_every + 1, 2000)
+
+
+def _record(run, bench, loss):
+    errors = drag_errors(run.network, bench.held_out, -2 * bench.labels.amplitude[:, 0])
+    point = Point(
+        int(run.iteration),
+        float(run.seconds),
+        int(run.products),
+        float(errors.mean()),
+        float(errors.max()),
+        loss,
+        int(run.failed),
+    )
+    row = min(len(_history(run)), run.history.shape[0] - 1)
+    return run._replace(history=run.history.at[row].set(jnp.array(point))), point
+
+
+def _history(run):
+    rows = np.asarray(run.history)
+    return tuple(
+        Point(int(i), s, int(g), mean, worst, loss, int(failed))
+        for i, s, g, mean, worst, loss, failed in rows.tolist()
+        if i > 0
+    )
