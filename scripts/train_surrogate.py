@@ -11,7 +11,6 @@ from typing import Any
 
 from common import Parser, command_line, emit, progress_bar, run, say
 
-from surrogate.errors import InvalidInput
 from surrogate.store import Surrogate, check_target, save_surrogate
 from surrogate.training.loop import Bench, Trained, make_bench, train
 from surrogate.training.presets import METHODS, Plan, preset
@@ -28,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         bench = make_bench(plan)
         progress(1.0, f"{plan.samples} bodies, {plan.held_out} held out, {bench.setup_s:.0f} s")
     trained = train_with_bar(plan, bench, out.with_name(out.name + ".checkpoint.npz"))
-    result = save(plan, trained, out, command_line())
+    result = save(plan, trained, out, command_line(), bench.setup_s)
     text = (
         f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
         f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
@@ -54,7 +53,7 @@ def train_with_bar(plan: Plan, bench: Bench, checkpoint: Path | None = None) -> 
     return trained
 
 
-def save(plan: Plan, trained: Trained, out: Path, command: str) -> dict[str, Any]:
+def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) -> dict[str, Any]:
     """Save the surrogate with its record; returns what the command reports."""
     last = trained.history[-1]
     result = {
@@ -69,6 +68,7 @@ def save(plan: Plan, trained: Trained, out: Path, command: str) -> dict[str, Any
     record = {
         **result,
         "command": command,
+        "setup_s": setup_s,
         "seed": plan.seed,
         "samples": plan.samples,
         "held_out": plan.held_out,

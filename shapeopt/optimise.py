@@ -1,7 +1,6 @@
 """The search: SLSQP from many starts, on the surrogate or directly on the flow's adjoint."""
 
 import dataclasses
-import functools
 import time
 from collections.abc import Callable
 
@@ -11,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import minimize
 
-from shapeopt.problem import Problem
+from shapeopt.problem import Problem, margins
 from surrogate.errors import NotConverged
 from surrogate.flow.drag import family_drag_and_gradient
 from surrogate.flow.steady import preparation_cost
@@ -101,7 +100,10 @@ def _slsqp(problem: Problem, objective: Objective, start: np.ndarray, tolerance=
         value, gradient = objective(low + width * z)
         return value, gradient * width
 
-    margins = functools.partial(_margins, problem)
+    def constraint(z):
+        value, jacobian = _margins(low + width * z, problem.limits)
+        return np.asarray(value), np.asarray(jacobian) * width
+
     result = minimize(
         scaled,
         (start - low) / width,
@@ -110,16 +112,16 @@ def _slsqp(problem: Problem, objective: Objective, start: np.ndarray, tolerance=
         bounds=[(0, 1)] * len(low),
         constraints={
             "type": "ineq",
-            "fun": lambda z: np.asarray(margins(low + width * z)[0]),
-            "jac": lambda z: np.asarray(margins(low + width * z)[1]) * width,
+            "fun": lambda z: constraint(z)[0],
+            "jac": lambda z: constraint(z)[1],
         },
         callback=lambda z: path.append(low + width * z),
         options={"ftol": tolerance, "maxiter": 100},
     )
-    parameters = low + width * np.clip(result.x, 0, 1)
-    feasible = bool(np.all(np.asarray(margins(parameters)[0]) >= -1e-6))
+    z = np.clip(result.x, 0, 1)
+    feasible = bool(np.all(constraint(z)[0] >= -1e-6))
     return Optimum(
-        parameters=parameters,
+        parameters=low + width * z,
         drag=float(result.fun),
         calls=calls[0],
         seconds=time.perf_counter() - begin,
@@ -134,9 +136,9 @@ def _distance_from_start(problem, candidates):
     return np.linalg.norm((candidates - np.array([2.0, 0, 0, 0])) / (high - low), axis=1)
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _margins(problem, parameters):
-    return problem.margins(parameters), jax.jacfwd(problem.margins)(parameters)
+@jax.jit
+def _margins(parameters, limits):
+    return margins(parameters, limits), jax.jacfwd(margins)(parameters, limits)
 
 
 @jax.jit

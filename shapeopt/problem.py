@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +15,13 @@ from surrogate.errors import InvalidInput
 from surrogate.scene import Scene
 
 CANDIDATES = 2048
+
+
+class Limits(NamedTuple):
+    """Bounds on a body, in D."""
+
+    max_length: float
+    min_thickness: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,14 +47,11 @@ class Problem:
             if bound is not None and not (math.isfinite(bound) and bound > 0):
                 raise InvalidInput(f"{name} {bound:g}: must be a finite length above 0, in D")
 
-    def margins(self, parameters: Float[Array, "parameters"]) -> Float[Array, "constraints"]:
-        """Every constraint as a number that must not be negative."""
-        margins = [opening(parameters) - 2 * LEAST_OPENING]
-        if self.max_length is not None:
-            margins.append(self.max_length - chord(parameters))
-        if self.min_thickness is not None:
-            margins.append(thickness(parameters) - self.min_thickness)
-        return jnp.stack(margins)
+    @property
+    def limits(self) -> Limits:
+        """The bounds as numbers; what is not bounded cannot be reached."""
+        longest = 100.0 if self.max_length is None else self.max_length
+        return Limits(longest, self.min_thickness or 0.0)
 
     def candidates(self) -> Float[np.ndarray, "bodies parameters"]:
         """Feasible bodies from all over the family.
@@ -54,8 +59,8 @@ class Problem:
         Raises:
           InvalidInput: there is none; the message names the constraints in conflict.
         """
-        drawn = np.asarray(_everywhere(self.scene.family))
-        feasible = drawn[np.asarray(_feasible(self, jnp.asarray(drawn)))]
+        drawn = _everywhere(self.scene.family)
+        feasible = drawn[np.asarray(_feasible(jnp.asarray(drawn), self.limits))]
         if not len(feasible):
             raise InvalidInput(self._conflict(drawn))
         return feasible
@@ -79,6 +84,17 @@ class Problem:
         )
 
 
+def margins(parameters: Float[Array, "parameters"], limits: Limits) -> Float[Array, "constraints"]:
+    """Every constraint as a number that must not be negative."""
+    return jnp.stack(
+        [
+            opening(parameters) - 2 * LEAST_OPENING,
+            limits.max_length - chord(parameters),
+            thickness(parameters) - limits.min_thickness,
+        ]
+    )
+
+
 def chord(parameters: Float[Array, "parameters"]) -> Float[Array, ""]:
     """Length of a family body along the stream, in D."""
     return jnp.sqrt(parameters[0])
@@ -92,16 +108,16 @@ def thickness(parameters: Float[Array, "parameters"]) -> Float[Array, ""]:
     return jnp.max(y) / jnp.sqrt(aspect)
 
 
-def _everywhere(family: Family) -> Float[Array, "bodies parameters"]:
-    """Random members, the plain ellipses, and the corners' aspects among them."""
-    drawn = family.sample(jax.random.key(0), CANDIDATES)
-    low, high = family.aspect
+@functools.cache
+def _everywhere(family: Family) -> Float[np.ndarray, "bodies parameters"]:
+    """Random members of the family, and its plain ellipses."""
+    drawn = np.asarray(family.sample(jax.random.key(0), CANDIDATES))
     ellipses = np.zeros((33, drawn.shape[1]))
-    ellipses[:, 0] = np.linspace(low, high, 33)
+    ellipses[:, 0] = np.linspace(*family.aspect, 33)
     inside = [family.contains(ellipse) for ellipse in ellipses]
-    return jnp.concatenate([jnp.asarray(ellipses[inside]), drawn])
+    return np.concatenate([ellipses[inside], drawn])
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _feasible(problem: Problem, bodies: Array) -> Bool[Array, "bodies"]:
-    return jnp.all(jax.vmap(problem.margins)(bodies) >= 0, axis=1)
+@jax.jit
+def _feasible(bodies: Array, limits: Limits) -> Bool[Array, "bodies"]:
+    return jnp.all(jax.vmap(margins, in_axes=(0, None))(bodies, limits) >= 0, axis=1)

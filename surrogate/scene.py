@@ -70,8 +70,9 @@ class Scene:
             [
                 f"Steady laminar flow in {where}, Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
                 f"Bodies: symmetric family, area pi/4, {_bounds(self.family)}.",
-                f"Grid ({f.name}): {f.cells} cells per D on a window {f.upstream + f.downstream:g} x "
-                f"{f.height:g} D ({cells} cells), where the flow is non-linear; outside it the "
+                f"Grid ({f.name}): {f.cells} cells per D on a window "
+                f"{f.upstream + f.downstream:g} x {f.height:g} D ({cells} cells), "
+                "where the flow is non-linear; outside it the "
                 "Oseen Green's function and the far field's momentum flux are exact to F^2.",
                 f"Traction: {2 * f.harmonics + 1} modes.",
                 "One body flow costs about 30 to 70 applications of G, its gradient about 25 more.",
@@ -122,8 +123,9 @@ def check_reynolds(reynolds: float, allow_unsteady: bool = False) -> None:
         raise InvalidInput(f"Reynolds number {reynolds:g}: the steady solver is tested up to 300")
     if reynolds > ONSET_OF_SHEDDING and not allow_unsteady:
         raise InvalidInput(
-            f"Reynolds number {reynolds:g}: bluff bodies shed vortices beyond {ONSET_OF_SHEDDING:g}, "
-            "so the steady drag is not what nature does; --allow-unsteady asks for it all the same"
+            f"Reynolds number {reynolds:g}: bluff bodies shed vortices beyond "
+            f"{ONSET_OF_SHEDDING:g}, so the steady drag is not what nature does; "
+            "--allow-unsteady asks for it all the same"
         )
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import importlib.metadata
+import itertools
 import json
 import zipfile
 from pathlib import Path
@@ -129,7 +130,7 @@ def _blank(sizes, scene):
     """A network of the right structure, for its tree alone."""
     fans = [len(scene.family.bounds) + 1, *sizes]
     key = jax.random.key(0)
-    layers = tuple(eqx.nn.Linear(a, b, key=key) for a, b in zip(fans[:-1], fans[1:], strict=True))
+    layers = tuple(eqx.nn.Linear(a, b, key=key) for a, b in itertools.pairwise(fans))
     return DragNetwork(layers, *(jnp.zeros(0) for _ in range(5)))
 
 

@@ -84,8 +84,9 @@ def solve_with_continuation(
     if bool(solution.info.converged):
         return solution
     raise NotConverged(
-        f"body flow at Re {reynolds:g} did not converge: residual {float(solution.info.residual):.1e} "
-        f"after {int(solution.info.steps)} Newton steps; more cells or a lower Re would help"
+        f"body flow at Re {reynolds:g} did not converge: residual "
+        f"{float(solution.info.residual):.1e} after {int(solution.info.steps)} Newton steps; "
+        "more cells or a lower Re would help"
     )
 
 

@@ -45,7 +45,7 @@ class Lattice:
         )
 
     def cutoff(self, band: float = 1.0) -> np.ndarray:
-        """Window w on the faces (2, nx, ny): 1 inside, falling to 0 over ``band`` D at the edges."""
+        """Window w on the faces (2, nx, ny): 1 inside, 0 at the edges, ``band`` D between."""
         return np.stack(
             [np.outer(self.edge(x, 0, band), self.edge(y, 1, band)) for x, y in self.faces()]
         )

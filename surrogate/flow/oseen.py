@@ -7,6 +7,8 @@ and the kernel needs no outflow condition.  Unbounded streams integrate over ``t
 Gauss-Legendre panels; tunnels sum over the wave numbers of their period.
 """
 
+import itertools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -62,7 +64,7 @@ def oseen_kernel(
       mirrored: the tunnel has slip walls and the source need not be symmetric about its centre
         line; then the kernel has period 2 H and carries the mirror image explicitly.
     """
-    nx, ny = lattice.shape
+    ny = lattice.shape[1]
     rows = np.arange(-ny, ny)
     if height is None:
         theta, weight = _unbounded_quadrature(2 * ny)
@@ -85,7 +87,7 @@ def _unbounded_quadrature(rows, nodes=16, panels=13, ratio=4.0):
     """Nodes and weights for (1/pi) int_0^pi: panels shrink towards the kernel's kink at 0."""
     edges = np.concatenate([[0.0], np.pi * ratio ** -np.arange(panels, -1.0, -1.0)])
     theta, weight = [], []
-    for left, right in zip(edges[:-1], edges[1:], strict=True):
+    for left, right in itertools.pairwise(edges):
         x, w = np.polynomial.legendre.leggauss(nodes + int(rows * (right - left) / 4))
         theta.append(left + (right - left) * (x + 1) / 2)
         weight.append(w * (right - left) / 2 / np.pi)

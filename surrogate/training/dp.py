@@ -26,9 +26,9 @@ class State(NamedTuple):
 
 
 def differentiable_physics(
-    batch: int = 16,
-    learning_rate: float = 3e-3,
-    goal: float = 1.0,
+    batch: int = 8,
+    learning_rate: float = 1e-2,
+    goal: float = 3.0,
     settings: NewtonSettings = NewtonSettings(1e-3, 8, 30),
     effort: Effort = Effort(3e-2, 30),
 ) -> Method:

@@ -59,7 +59,7 @@ def preset(
     if not 0 <= seed < 2**31:
         raise InvalidInput(f"seed {seed}: must be a whole number from 0 to 2147483647")
     iterations = {
-        "quick": {"dp": 150, "sip": 80, "hig": 30, "supervised": 80},
+        "quick": {"dp": 500, "sip": 80, "hig": 30, "supervised": 80},
         "full": {"dp": 1500, "sip": 800, "hig": 150, "supervised": 800},
     }[name][method]
     samples, held_out, fidelity = {"quick": (128, 48, "draft"), "full": (512, 128, "standard")}[
