@@ -11,6 +11,7 @@ from jaxtyping import Float
 from scipy.optimize import minimize
 
 from shapeopt.problem import Problem, margins
+from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
 from surrogate.flow.drag import family_drag_and_gradient
 from surrogate.flow.steady import preparation_cost
@@ -27,12 +28,12 @@ class Optimum:
     ``green_applications`` counts the flow's work: none on the surrogate.
     """
 
-    parameters: Float[np.ndarray, "parameters"]
+    parameters: Float[AnyArray, "parameters"]
     drag: float
     calls: int
     seconds: float
     converged: bool
-    path: Float[np.ndarray, "steps parameters"]
+    path: Float[AnyArray, "steps parameters"]
     green_applications: int = 0
 
 

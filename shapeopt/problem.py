@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from surrogate.arrays import AnyArray
 from surrogate.body import LEAST_OPENING, Family, opening
 from surrogate.errors import InvalidInput
 from surrogate.scene import Scene
@@ -53,7 +54,7 @@ class Problem:
         longest = 100.0 if self.max_length is None else self.max_length
         return Limits(longest, self.min_thickness or 0.0)
 
-    def candidates(self) -> Float[np.ndarray, "bodies parameters"]:
+    def candidates(self) -> Float[AnyArray, "bodies parameters"]:
         """Feasible bodies from all over the family.
 
         Raises:
@@ -84,7 +85,9 @@ class Problem:
         )
 
 
-def margins(parameters: Float[Array, "parameters"], limits: Limits) -> Float[Array, "constraints"]:
+def margins(
+    parameters: Float[AnyArray, "parameters"], limits: Limits
+) -> Float[AnyArray, "constraints"]:
     """Every constraint as a number that must not be negative."""
     return jnp.stack(
         [
@@ -95,12 +98,12 @@ def margins(parameters: Float[Array, "parameters"], limits: Limits) -> Float[Arr
     )
 
 
-def chord(parameters: Float[Array, "parameters"]) -> Float[Array, ""]:
+def chord(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
     """Length of a family body along the stream, in D."""
     return jnp.sqrt(parameters[0])
 
 
-def thickness(parameters: Float[Array, "parameters"]) -> Float[Array, ""]:
+def thickness(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
     """Greatest thickness of a family body across the stream, in D."""
     aspect, *betas = parameters
     t = np.linspace(0, np.pi, 181)
@@ -109,7 +112,7 @@ def thickness(parameters: Float[Array, "parameters"]) -> Float[Array, ""]:
 
 
 @functools.cache
-def _everywhere(family: Family) -> Float[np.ndarray, "bodies parameters"]:
+def _everywhere(family: Family) -> Float[AnyArray, "bodies parameters"]:
     """Random members of the family, and its plain ellipses."""
     drawn = np.asarray(family.sample(jax.random.key(0), CANDIDATES))
     ellipses = np.zeros((33, drawn.shape[1]))
@@ -119,5 +122,5 @@ def _everywhere(family: Family) -> Float[np.ndarray, "bodies parameters"]:
 
 
 @jax.jit
-def _feasible(bodies: Array, limits: Limits) -> Bool[Array, "bodies"]:
+def _feasible(bodies: Array, limits: Limits) -> Bool[AnyArray, "bodies"]:
     return jnp.all(jax.vmap(margins, in_axes=(0, None))(bodies, limits) >= 0, axis=1)

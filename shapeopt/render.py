@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.body import family_markers
 from surrogate.files import whole_file
 from surrogate.flow.domain import Domain
@@ -25,13 +26,13 @@ class Panel(NamedTuple):
     """One picture of a sheet: a solved flow and what to write above it."""
 
     domain: Domain
-    markers: Float[np.ndarray, "nodes 2"]
+    markers: Float[AnyArray, "nodes 2"]
     solution: Solution
     caption: str
 
 
 def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
-    """A sheet of flows: vorticity in colour, streamlines, the body; one scale per row.
+    """A sheet of flows: vorticity in one colour scale for all, streamlines, the body.
 
     Returns the path of the PNG, which is written whole or not at all.
     """
@@ -39,11 +40,12 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
     plotter = pv.Plotter(
         off_screen=True, shape=shape, window_size=(860 * shape[1], 430 * shape[0]), border=False
     )
+    panels = [panel for row in rows for panel in row]
+    limit = max(np.percentile(np.abs(_cropped(_mesh(p))["vorticity"]), 98) for p in panels)
     for i, row in enumerate(rows):
-        limit = max(float(np.percentile(np.abs(_cropped(_mesh(p))["vorticity"]), 98)) for p in row)
         for j, panel in enumerate(row):
             plotter.subplot(i, j)
-            _draw(plotter, panel, limit)
+            _draw(plotter, panel, float(limit), show_bar=(i, j) == (0, 0))
     with whole_file(path) as part:
         plotter.screenshot(str(part))
     plotter.close()
@@ -51,7 +53,7 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
 
 
 def render_evolution(
-    path_of_bodies: Float[np.ndarray, "steps parameters"],
+    path_of_bodies: Float[AnyArray, "steps parameters"],
     captions: list[str],
     path: str | Path,
 ) -> Path:
@@ -62,7 +64,11 @@ def render_evolution(
         last = len(path_of_bodies) - 1
         for k, (parameters, caption) in enumerate(zip(path_of_bodies, captions, strict=True)):
             plotter.clear()
-            plotter.add_mesh(_polygon(np.asarray(family_markers(parameters, 240))), color="#31688e")
+            plotter.add_mesh(
+                _polygon(np.asarray(family_markers(parameters, 240))),
+                color="#31688e",
+                lighting=False,
+            )
             plotter.add_text(caption, font_size=10, color="black")
             _look_at(plotter, (-1.4, 1.4, -0.9, 0.9))
             for _ in range(6 if k in (0, last) else 1):
@@ -71,25 +77,30 @@ def render_evolution(
     return Path(path)
 
 
-def _draw(plotter, panel, limit):
+def _draw(plotter, panel, limit, show_bar):
     mesh = _mesh(panel)
     plotter.add_mesh(
         _cropped(mesh),
         scalars="vorticity",
         cmap="RdBu_r",
         clim=(-limit, limit),
+        lighting=False,
+        show_scalar_bar=show_bar,
         scalar_bar_args={
             "title": "vorticity D / U",
-            "position_x": 0.3,
+            "position_x": 0.32,
             "position_y": 0.02,
-            "width": 0.4,
-            "height": 0.08,
+            "width": 0.36,
+            "height": 0.12,
             "title_font_size": 16,
             "label_font_size": 14,
+            "n_labels": 3,
+            "fmt": "%.1f",
+            "color": "black",
         },
     )
-    plotter.add_mesh(_streamlines(mesh), color="black", line_width=1, opacity=0.55)
-    plotter.add_mesh(_polygon(panel.markers, 0.02), color=BODY_COLOUR)
+    plotter.add_mesh(_streamlines(mesh), color="black", line_width=1, opacity=0.45, lighting=False)
+    plotter.add_mesh(_polygon(panel.markers, 0.02), color=BODY_COLOUR, lighting=False)
     plotter.add_mesh(_outline(panel.markers, 0.03), color="black", line_width=3)
     plotter.add_text(panel.caption, font_size=11, color="black", position="upper_left")
     _look_at(plotter, VIEW)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from surrogate.arrays import AnyArray
 from surrogate.body import PARAMETERS, family_markers
 from surrogate.errors import InvalidInput
 from surrogate.files import whole_folder
@@ -22,7 +23,7 @@ def check_run_target(folder: str | Path) -> None:
         raise InvalidInput(f"{folder}: is not empty and not a run; choose another --out")
 
 
-def save_run(folder: str | Path, record: dict[str, Any], parameters: np.ndarray) -> None:
+def save_run(folder: str | Path, record: dict[str, Any], parameters: AnyArray) -> None:
     """Write run.json and contour.csv, whole or not at all."""
     folder = Path(folder)
     check_run_target(folder)

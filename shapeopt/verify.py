@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from surrogate.arrays import AnyArray
 from surrogate.body import family_markers
 from surrogate.flow.drag import DragReport, report
 from surrogate.scene import Scene
@@ -10,7 +11,7 @@ from surrogate.training.physics import scene_domain
 CYLINDER = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-def verify(scene: Scene, parameters: np.ndarray, reynolds: float) -> DragReport:
+def verify(scene: Scene, parameters: AnyArray, reynolds: float) -> DragReport:
     """Body flow of a family body on the scene's own grid.
 
     Raises:

@@ -6,8 +6,9 @@ import itertools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput
 
 AREA = np.pi / 4  # of every body unless its size is kept: the equivalent diameter D is 1
@@ -29,7 +30,7 @@ class Family:
     beta4: tuple[float, float] = (-0.1, 0.1)
 
     @property
-    def bounds(self) -> Float[np.ndarray, "parameters 2"]:
+    def bounds(self) -> Float[AnyArray, "parameters 2"]:
         return np.array([getattr(self, name) for name in PARAMETERS])
 
     @property
@@ -42,7 +43,7 @@ class Family:
         length, height = 2 * np.max(corners, axis=0)
         return float(length), float(height)
 
-    def sample(self, key: jax.Array, count: int) -> Float[Array, "count parameters"]:
+    def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
         """Uniform in the bounds; members that close on themselves are drawn again."""
         low, high = self.bounds.T
         draws = jax.random.uniform(key, (4 * count + 64, len(low)), minval=low, maxval=high)
@@ -51,20 +52,22 @@ class Family:
             raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
         return valid[:count]
 
-    def contains(self, parameters: Float[Array, "parameters"]) -> bool:
+    def contains(self, parameters: Float[AnyArray, "parameters"]) -> bool:
         low, high = self.bounds.T
         slack = 1e-9
         return bool(np.all((parameters >= low - slack) & (parameters <= high + slack)))
 
 
-def opening(parameters: Float[Array, "parameters"]) -> Float[Array, ""]:
+def opening(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
     """Least y / (b sin t) over the body: it crosses itself where this is not positive."""
     _, beta2, beta3, beta4 = parameters
     c = jnp.cos(np.linspace(0, np.pi, 181))
     return jnp.min(1 + 2 * beta2 * c + beta3 * (4 * c**2 - 1) + beta4 * (8 * c**3 - 4 * c))
 
 
-def family_markers(parameters: Float[Array, "parameters"], nodes: int) -> Float[Array, "nodes 2"]:
+def family_markers(
+    parameters: Float[AnyArray, "parameters"], nodes: int
+) -> Float[AnyArray, "nodes 2"]:
     """Contour of a family body, clockwise from the nose, area centroid at the origin."""
     aspect, *betas = parameters
     t = 2 * np.pi * np.arange(nodes) / nodes
@@ -74,7 +77,7 @@ def family_markers(parameters: Float[Array, "parameters"], nodes: int) -> Float[
     return markers - jnp.array([_centroid(markers)[0], 0.0])
 
 
-def check_family(parameters: np.ndarray) -> None:
+def check_family(parameters: AnyArray) -> None:
     """Raise InvalidInput unless the parameters describe a body."""
     values = np.asarray(parameters, float)
     if not np.all(np.isfinite(values)):
@@ -91,7 +94,9 @@ def check_family(parameters: np.ndarray) -> None:
         )
 
 
-def moments(markers: Float[Array, "nodes 2"]) -> tuple[Float[Array, ""], Float[Array, "2"]]:
+def moments(
+    markers: Float[AnyArray, "nodes 2"],
+) -> tuple[Float[AnyArray, ""], Float[AnyArray, "2"]]:
     """Signed area (positive when clockwise) and area centroid of a polygon."""
     following = jnp.roll(markers, -1, axis=0)
     cross = markers[:, 1] * following[:, 0] - markers[:, 0] * following[:, 1]
@@ -103,7 +108,7 @@ def _centroid(markers):
     return moments(markers)[1]
 
 
-def rotate(markers: Float[Array, "nodes 2"], degrees: float) -> Float[Array, "nodes 2"]:
+def rotate(markers: Float[AnyArray, "nodes 2"], degrees: float) -> Float[AnyArray, "nodes 2"]:
     """Nose-up rotation about the origin: the angle of incidence in a stream along +x."""
     angle = np.deg2rad(degrees)
     c, s = np.cos(angle), np.sin(angle)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from surrogate.arrays import AnyArray
 from surrogate.body import family_markers
 from surrogate.errors import NotConverged
 from surrogate.flow import steady
@@ -27,7 +28,7 @@ class Certificate(NamedTuple):
     certificate_green_applications: int
 
 
-def certify(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> Certificate:
+def certify(surrogate: Surrogate, parameters: AnyArray, reynolds: float) -> Certificate:
     """Correct a predicted drag by the flow that the predicted traction drives.
 
     That flow is solved loosely; its slip and one coupled Newton step of body flow from there give

@@ -7,13 +7,14 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from surrogate.arrays import AnyArray
 from surrogate.body import AREA, moments
 from surrogate.errors import InvalidInput
 
 FINE = 4096  # points of the intermediate resampling
 
 
-def read_contour(path: str | Path) -> Float[np.ndarray, "points 2"]:
+def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     """Read x,y rows: CSV, white space, or a Selig .dat with a title line.
 
     Raises:
@@ -34,7 +35,7 @@ def read_contour(path: str | Path) -> Float[np.ndarray, "points 2"]:
     return np.array(points)
 
 
-def naca4(code: str, points: int = 200) -> Float[np.ndarray, "points 2"]:
+def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
     """NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
     if len(code) != 4 or not code.isdigit() or code[2:] == "00":
         raise InvalidInput(
@@ -66,8 +67,8 @@ def naca4(code: str, points: int = 200) -> Float[np.ndarray, "points 2"]:
 
 
 def smooth_contour(
-    points: Float[np.ndarray, "points 2"], nodes: int, keep_size: bool = False
-) -> Float[np.ndarray, "nodes 2"]:
+    points: Float[AnyArray, "points 2"], nodes: int, keep_size: bool = False
+) -> Float[AnyArray, "nodes 2"]:
     """Clockwise markers from the nose, centroid at the origin, area pi/4 unless size is kept.
 
     The parameter t runs faster where the contour bends less, ds/dt ~ curvature^(-1/3): on an
@@ -93,7 +94,7 @@ def smooth_contour(
     return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
 
 
-def crosses_itself(points: Float[np.ndarray, "points 2"]) -> bool:
+def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
     """Whether two edges of the closed polygon that are not neighbours intersect."""
     if len(points) > 1000:
         points = points[:: len(points) // 1000 + 1]
@@ -110,7 +111,7 @@ def crosses_itself(points: Float[np.ndarray, "points 2"]) -> bool:
     return bool(apart.any())
 
 
-def mean_thickness(markers: Float[np.ndarray, "nodes 2"]) -> float:
+def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> float:
     """Area over half the perimeter: the thickness of a slender body."""
     edges = np.diff(markers, axis=0, append=markers[:1])
     return float(abs(moments(markers)[0]) * 2 / np.linalg.norm(edges, axis=1).sum())

@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.forces import drag_coefficient
 from surrogate.scene import Scene
 
@@ -20,15 +21,15 @@ class DragNetwork(eqx.Module):
     """
 
     layers: tuple[eqx.nn.Linear, ...]
-    low: Float[Array, "inputs"]
-    high: Float[Array, "inputs"]
-    size: Float[Array, "3"]
-    mean: Float[Array, "modes"]
-    spread: Float[Array, "modes"]
+    low: Float[AnyArray, "inputs"]
+    high: Float[AnyArray, "inputs"]
+    size: Float[AnyArray, "3"]
+    mean: Float[AnyArray, "modes"]
+    spread: Float[AnyArray, "modes"]
 
     def __call__(
-        self, parameters: Float[Array, "parameters"], reynolds: Float[Array, ""]
-    ) -> Float[Array, "modes"]:
+        self, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, "modes"]:
         """Traction modes (force of the body on the fluid, U = D = rho = 1)."""
         low, high, size, mean, spread = jax.lax.stop_gradient(
             (self.low, self.high, self.size, self.mean, self.spread)
@@ -39,21 +40,21 @@ class DragNetwork(eqx.Module):
         return jnp.exp(jnp.polyval(size, log_re)) * (mean + spread * self._mlp(scaled))
 
     def drag(
-        self, parameters: Float[Array, "parameters"], reynolds: Float[Array, ""]
-    ) -> Float[Array, ""]:
+        self, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, ""]:
         """Cd of a body."""
         return drag_coefficient(self(parameters, reynolds))
 
-    def scale(self, reynolds: Float[Array, ""]) -> Float[Array, "modes"]:
+    def scale(self, reynolds: Float[AnyArray, ""]) -> Float[AnyArray, "modes"]:
         """Typical variation of every mode at this Re."""
         return jnp.exp(jnp.polyval(self.size, jnp.log(reynolds))) * self.spread
 
     @property
-    def weights(self) -> Float[Array, "weights"]:
+    def weights(self) -> Float[AnyArray, "weights"]:
         """All trained numbers as one vector."""
         return ravel_pytree(self.layers)[0]
 
-    def with_weights(self, weights: Float[Array, "weights"]) -> "DragNetwork":
+    def with_weights(self, weights: Float[AnyArray, "weights"]) -> "DragNetwork":
         """The same network with other trained numbers."""
         layers = ravel_pytree(self.layers)[1](weights)
         return eqx.tree_at(lambda net: net.layers, self, layers)
@@ -67,8 +68,8 @@ class DragNetwork(eqx.Module):
 def make_network(
     scene: Scene,
     key: jax.Array,
-    reynolds: Float[np.ndarray, "samples"],
-    oseen: Float[np.ndarray, "samples modes"],
+    reynolds: Float[AnyArray, "samples"],
+    oseen: Float[AnyArray, "samples modes"],
     width: int = 32,
 ) -> DragNetwork:
     """Initial network of a scene; ``oseen`` tractions of sample bodies set the output's scales."""

@@ -13,8 +13,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.body import Family
 from surrogate.errors import InvalidInput
 from surrogate.files import whole_folder
@@ -34,12 +35,12 @@ class Surrogate:
     record: dict[str, Any]
 
     def drag(
-        self, parameters: Float[Array, "parameters"], reynolds: Float[Array, ""]
-    ) -> Float[Array, ""]:
+        self, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, ""]:
         """Cd; differentiable, and to be vmapped over bodies and Reynolds numbers."""
         return self.network.drag(parameters, jnp.asarray(reynolds, float))
 
-    def knows(self, parameters: np.ndarray, reynolds: float) -> bool:
+    def knows(self, parameters: AnyArray, reynolds: float) -> bool:
         """Whether body and Reynolds number lie within the trained ranges."""
         low, high = self.scene.reynolds
         inside = low * (1 - 1e-9) <= reynolds <= high * (1 + 1e-9)
@@ -131,7 +132,7 @@ def _blank(sizes, scene):
     fans = [len(scene.family.bounds) + 1, *sizes]
     key = jax.random.key(0)
     layers = tuple(eqx.nn.Linear(a, b, key=key) for a, b in itertools.pairwise(fans))
-    return DragNetwork(layers, *(jnp.zeros(0) for _ in range(5)))
+    return DragNetwork(layers, *map(jnp.zeros, (fans[0], fans[0], 3, fans[-1], fans[-1])))
 
 
 def _digest(path):

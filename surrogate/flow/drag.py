@@ -9,8 +9,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.body import PARAMETERS, check_family, family_markers, rotate
 from surrogate.contour import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
@@ -34,8 +35,8 @@ class Solution(NamedTuple):
 @functools.partial(jax.jit, static_argnames="domain")
 def solve(
     domain: Domain,
-    markers: Float[Array, "nodes 2"],
-    reynolds: Float[Array, ""],
+    markers: Float[AnyArray, "nodes 2"],
+    reynolds: Float[AnyArray, ""],
     guess: steady.FlowState | None = None,
 ) -> Solution:
     """Body flow of a contour; ``info.converged`` says whether the numbers mean anything."""
@@ -47,8 +48,10 @@ def solve(
 
 @functools.partial(jax.jit, static_argnames="domain")
 def family_drag_and_gradient(
-    domain: Domain, parameters: Float[Array, "parameters"], reynolds: Float[Array, ""]
-) -> tuple[Float[Array, ""], tuple[Float[Array, "parameters"], Float[Array, ""]], NewtonInfo]:
+    domain: Domain, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+) -> tuple[
+    Float[AnyArray, ""], tuple[Float[AnyArray, "parameters"], Float[AnyArray, ""]], NewtonInfo
+]:
     """Cd of a family body, its gradient in (parameters, Re) by one adjoint solve, and status."""
 
     def drag(parameters, reynolds):
@@ -64,7 +67,7 @@ def family_drag_and_gradient(
 
 
 def solve_with_continuation(
-    domain: Domain, markers: Float[Array, "nodes 2"], reynolds: float, halvings: int = 3
+    domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: float, halvings: int = 3
 ) -> Solution:
     """``solve``; where Newton from the Oseen flow fails, approach Re from below.
 
@@ -107,7 +110,7 @@ class DragReport:
 
 
 def body_domain(
-    stream: Stream, fidelity: Fidelity, markers: Float[np.ndarray, "nodes 2"], symmetric: bool
+    stream: Stream, fidelity: Fidelity, markers: Float[AnyArray, "nodes 2"], symmetric: bool
 ) -> Domain:
     """Domain for one body, its box rounded up so that similar bodies share compiled code.
 
@@ -128,9 +131,9 @@ def body_domain(
 
 def report(
     domain: Domain,
-    markers: Float[np.ndarray, "nodes 2"],
+    markers: Float[AnyArray, "nodes 2"],
     reynolds: float,
-    parameters: np.ndarray | None = None,
+    parameters: AnyArray | None = None,
 ) -> DragReport:
     """Solve and report; ``parameters`` (family bodies) asks for the gradient as well.
 
@@ -164,7 +167,7 @@ def report(
     )
 
 
-def family_body(parameters: np.ndarray, nodes: int, incidence: float = 0.0) -> np.ndarray:
+def family_body(parameters: AnyArray, nodes: int, incidence: float = 0.0) -> np.ndarray:
     """Markers of a family body.
 
     Raises:

@@ -7,17 +7,22 @@ flux outside the window is quadratic in the force and its response inside the wi
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.immersed import bspline
 from surrogate.flow.lattice import Lattice
 from surrogate.flow.oseen import oseen_kernel
 
 
 def far_response(
-    lattice: Lattice, coarse: Lattice, reynolds: Float[Array, ""], height: float | None, lift: bool
-) -> Float[Array, "terms 2 nx ny"]:
+    lattice: Lattice,
+    coarse: Lattice,
+    reynolds: Float[AnyArray, ""],
+    height: float | None,
+    lift: bool,
+) -> Float[AnyArray, "terms 2 nx ny"]:
     """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces."""
     kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
     u_x, u_y = (kernel(_unit_force(coarse, axis)) for axis in (0, 1))
@@ -38,8 +43,8 @@ def far_response(
 
 
 def far_velocity(
-    response: Float[Array, "terms 2 nx ny"], force: Float[Array, "2"]
-) -> Float[Array, "2 nx ny"]:
+    response: Float[AnyArray, "terms 2 nx ny"], force: Float[AnyArray, "2"]
+) -> Float[AnyArray, "2 nx ny"]:
     """Velocity in the window due to the momentum flux outside it, for a total force."""
     products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])
     return jnp.tensordot(products[: response.shape[0]], response, axes=1)

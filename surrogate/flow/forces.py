@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.domain import Domain
 from surrogate.flow.immersed import outward
 from surrogate.flow.lattice import Lattice
@@ -16,23 +17,23 @@ PROBES = (2.5, 3.5, 4.5)  # cells off the wall, clear of the smeared traction
 class Coefficients(NamedTuple):
     """Force of the fluid on the body over (1/2) rho U^2 D, per unit span."""
 
-    drag: Float[Array, ""]
-    drag_pressure: Float[Array, ""]
-    drag_friction: Float[Array, ""]
-    lift: Float[Array, ""]
+    drag: Float[AnyArray, ""]
+    drag_pressure: Float[AnyArray, ""]
+    drag_friction: Float[AnyArray, ""]
+    lift: Float[AnyArray, ""]
 
 
-def drag_coefficient(amplitude: Float[Array, "modes"]) -> Float[Array, ""]:
+def drag_coefficient(amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, ""]:
     """Cd = 2 F_x: the zeroth mode is the force on the fluid, hence the sign."""
     return -2 * amplitude[0]
 
 
 def coefficients(
     domain: Domain,
-    markers: Float[Array, "nodes 2"],
-    velocity: Float[Array, "2 nx ny"],
-    amplitude: Float[Array, "modes"],
-    reynolds: Float[Array, ""],
+    markers: Float[AnyArray, "nodes 2"],
+    velocity: Float[AnyArray, "2 nx ny"],
+    amplitude: Float[AnyArray, "modes"],
+    reynolds: Float[AnyArray, ""],
 ) -> Coefficients:
     """Drag and lift from the zeroth modes; friction from the wall vorticity, pressure the rest.
 
@@ -50,10 +51,10 @@ def coefficients(
 
 def friction_coefficient(
     domain: Domain,
-    markers: Float[Array, "nodes 2"],
-    velocity: Float[Array, "2 nx ny"],
-    reynolds: Float[Array, ""],
-) -> Float[Array, "nodes"]:
+    markers: Float[AnyArray, "nodes 2"],
+    velocity: Float[AnyArray, "2 nx ny"],
+    reynolds: Float[AnyArray, ""],
+) -> Float[AnyArray, "nodes"]:
     """Cf along the clockwise contour, 2 nu times the vorticity, extrapolated to the wall."""
     unit, _ = _frame(markers)
     h = domain.lattice.step[0]
@@ -64,8 +65,8 @@ def friction_coefficient(
 
 
 def pressure_coefficient(
-    domain: Domain, markers: Float[Array, "nodes 2"], amplitude: Float[Array, "modes"]
-) -> Float[Array, "nodes"]:
+    domain: Domain, markers: Float[AnyArray, "nodes 2"], amplitude: Float[AnyArray, "modes"]
+) -> Float[AnyArray, "nodes"]:
     """Cp along the contour from the normal traction, its mean removed."""
     unit, speed = _frame(markers)
     traction = -jnp.tensordot(amplitude, domain.modes.values(markers.shape[0]), axes=1).T
@@ -73,7 +74,7 @@ def pressure_coefficient(
     return pressure - jnp.average(pressure, weights=speed)
 
 
-def vorticity(lattice: Lattice, velocity: Float[Array, "2 nx ny"]) -> Float[Array, "nx ny"]:
+def vorticity(lattice: Lattice, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "nx ny"]:
     """dv/dx - du/dy at the upper right corner of every cell."""
     u, v = velocity
     dx, dy = lattice.step

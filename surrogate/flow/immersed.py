@@ -5,8 +5,9 @@ import dataclasses
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.lattice import Lattice
 
 # A sheet of tangential force smeared by the spline B drives u = shear * (B ramp), whose B-mean at
@@ -34,7 +35,7 @@ class Modes:
     def lift_index(self) -> int | None:
         return None if self.symmetric else 2 * self.harmonics + 1
 
-    def values(self, nodes: int) -> Float[np.ndarray, "modes 2 nodes"]:
+    def values(self, nodes: int) -> Float[AnyArray, "modes 2 nodes"]:
         """Traction vector of every mode at ``nodes`` equidistant t: force per unit t."""
         t = 2 * np.pi * np.arange(nodes) / nodes
         j = np.arange(1, self.harmonics + 1)[:, None]
@@ -55,28 +56,28 @@ class Spreading(eqx.Module):
     ``silent`` is the unit vector of uniform pressure, the traction that moves nothing.
     """
 
-    density: Float[Array, "modes 2 bx by"]
-    silent: Float[Array, "modes"]
+    density: Float[AnyArray, "modes 2 bx by"]
+    silent: Float[AnyArray, "modes"]
     corner: tuple[int, int] = eqx.field(static=True)
     shape: tuple[int, int] = eqx.field(static=True)
     area: float = eqx.field(static=True)
 
-    def spread(self, amplitude: Float[Array, "modes"]) -> Float[Array, "2 nx ny"]:
+    def spread(self, amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, "2 nx ny"]:
         local = jnp.tensordot(amplitude, self.density, axes=1)
         (i, j), (bx, by) = self.corner, self.density.shape[2:]
         return jnp.zeros((2, *self.shape)).at[:, i : i + bx, j : j + by].set(local)
 
-    def slip(self, velocity: Float[Array, "2 nx ny"]) -> Float[Array, "modes"]:
+    def slip(self, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "modes"]:
         (i, j), (bx, by) = self.corner, self.density.shape[2:]
         box = velocity[:, i : i + bx, j : j + by]
         return self.area * jnp.tensordot(self.density, box, axes=3)
 
-    def slip_of_stream(self) -> Float[Array, "modes"]:
+    def slip_of_stream(self) -> Float[AnyArray, "modes"]:
         """Slip of the undisturbed stream (1, 0)."""
         return self.area * jnp.sum(self.density[:, 0], axis=(1, 2))
 
 
-def outward(markers: Float[Array, "nodes 2"]) -> Float[Array, "nodes 2"]:
+def outward(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, "nodes 2"]:
     """Outward normal times ds/dt of a clockwise contour given at equidistant t."""
     nodes = markers.shape[0]
     wave = np.fft.fftfreq(nodes, 1 / nodes)
@@ -89,7 +90,7 @@ def spread_modes(
     lattice: Lattice,
     modes: Modes,
     box: tuple[int, int],
-    markers: Float[Array, "nodes 2"],
+    markers: Float[AnyArray, "nodes 2"],
     retraction: float = RETRACTION,
 ) -> Spreading:
     """Spread all modes from the contour, markers pulled ``retraction`` cells inward."""
@@ -109,7 +110,7 @@ def spread_modes(
     return Spreading(density, silent / jnp.linalg.norm(silent), corner, lattice.shape, area)
 
 
-def bspline(r: Float[Array, "..."]) -> Float[Array, "..."]:
+def bspline(r: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:
     """Cubic B-spline, support |r| < 2."""
     a = jnp.abs(r)
     near, far = jnp.maximum(1 - a, 0.0), jnp.maximum(2 - a, 0.0)

@@ -5,7 +5,9 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 from jax_cfd.base import advection, boundaries, grids
-from jaxtyping import Array, Float
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Lattice:
         s = np.clip(distance / band, 0, 1)
         return s**3 * (10 - 15 * s + 6 * s**2)
 
-    def convect(self, velocity: Float[Array, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
+    def convect(self, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "2 nx ny"]:
         """-div(u u) of a face velocity that vanishes at the window's edges (jax-cfd)."""
         bc = boundaries.periodic_boundary_conditions(2)
         variables = tuple(

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.lattice import Lattice
 
 
@@ -23,7 +24,7 @@ class Kernel(eqx.Module):
     direct: Complex[Array, "2 2 kx ky"]
     mirror: Complex[Array, "2 2 kx ky"] | None
 
-    def __call__(self, force: Float[Array, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
+    def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "2 nx ny"]:
         """Velocity on faces caused by a force density on faces (one application of G)."""
         shape = force.shape[1:]
         padded = (2 * shape[0], 2 * shape[1])
@@ -33,7 +34,7 @@ class Kernel(eqx.Module):
         return jnp.fft.irfft2(spectrum, s=padded)[:, : shape[0], : shape[1]]
 
 
-def reflect(field: Float[Array, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
+def reflect(field: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "2 nx ny"]:
     """Mirror image of a face field in the window's centre line; u is even, v is odd.
 
     v sits on the upper faces, so the mirror of its row j is row ny - 2 - j; the outermost row
@@ -53,7 +54,7 @@ def _multiply(kernel, spectrum):
 
 
 def oseen_kernel(
-    lattice: Lattice, reynolds: Float[Array, ""], height: float | None, mirrored: bool = False
+    lattice: Lattice, reynolds: Float[AnyArray, ""], height: float | None, mirrored: bool = False
 ) -> Kernel:
     """Kernel of the Oseen operator on ``lattice``.
 

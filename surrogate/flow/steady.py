@@ -10,8 +10,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.domain import Domain
 from surrogate.flow.far import far_response, far_velocity
 from surrogate.flow.immersed import Spreading, spread_modes
@@ -30,19 +31,21 @@ class Case(eqx.Module):
     """
 
     kernel: Kernel
-    far: Float[Array, "terms 2 nx ny"]
+    far: Float[AnyArray, "terms 2 nx ny"]
     body: Spreading
-    response: Float[Array, "modes 2 nx ny"]
+    response: Float[AnyArray, "modes 2 nx ny"]
 
 
 class FlowState(NamedTuple):
     """Perturbation velocity on the window's faces and traction modes (force on the fluid)."""
 
-    velocity: Float[Array, "2 nx ny"]
-    amplitude: Float[Array, "modes"]
+    velocity: Float[AnyArray, "2 nx ny"]
+    amplitude: Float[AnyArray, "modes"]
 
 
-def prepare(domain: Domain, markers: Float[Array, "nodes 2"], reynolds: Float[Array, ""]) -> Case:
+def prepare(
+    domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""]
+) -> Case:
     """Build kernel, far field and body; costs one application of G per mode, and two coarse."""
     kernel = oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored)
     lift = not domain.modes.symmetric
@@ -58,7 +61,7 @@ def preparation_cost(domain: Domain) -> int:
     return domain.modes.count + (2 if domain.modes.symmetric else 5)
 
 
-def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, "2 nx ny"]:
+def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "2 nx ny"]:
     """u' - G (B a + convect(w u')) - far(a)."""
     velocity, amplitude = state
     window = domain.lattice.cutoff()
@@ -67,14 +70,14 @@ def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, 
     return velocity - case.kernel(source) - far
 
 
-def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[Array, "modes"]:
+def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "modes"]:
     """Mode-weighted velocity on the contour, plus the compliance that pins the silent mode."""
     velocity, amplitude = state
     slip = case.body.slip(velocity) + case.body.slip_of_stream()
     return slip + pinning(domain, case) @ amplitude
 
 
-def pinning(domain: Domain, case: Case) -> Float[Array, "modes modes"]:
+def pinning(domain: Domain, case: Case) -> Float[AnyArray, "modes modes"]:
     """Compliance added to S G B: slight for every mode, firm for uniform pressure.
 
     Without it the silent mode, which moves nothing, would take any value.
@@ -83,7 +86,7 @@ def pinning(domain: Domain, case: Case) -> Float[Array, "modes modes"]:
     return domain.slip_compliance * jnp.eye(silent.size) + PIN * jnp.outer(silent, silent)
 
 
-def total_force(domain: Domain, amplitude: Float[Array, "modes"]) -> Float[Array, "2"]:
+def total_force(domain: Domain, amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, "2"]:
     """Force of the body on the fluid: the zeroth modes."""
     lift = 0.0 if domain.modes.symmetric else amplitude[domain.modes.lift_index]
     return jnp.stack([amplitude[0], lift])
@@ -118,10 +121,10 @@ def body_flow(
 def forced_flow(
     domain: Domain,
     case: Case,
-    amplitude: Float[Array, "modes"],
-    guess: Float[Array, "2 nx ny"] | None = None,
+    amplitude: Float[AnyArray, "modes"],
+    guess: Float[AnyArray, "2 nx ny"] | None = None,
     settings: NewtonSettings = DEFAULT,
-) -> tuple[Float[Array, "2 nx ny"], NewtonInfo]:
+) -> tuple[Float[AnyArray, "2 nx ny"], NewtonInfo]:
     """Flow driven by a given traction (P), differentiable in ``case`` and ``amplitude``."""
 
     def residual(velocity):

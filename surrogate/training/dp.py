@@ -26,7 +26,7 @@ class State(NamedTuple):
 
 
 def differentiable_physics(
-    batch: int = 8,
+    batch: int = 4,
     learning_rate: float = 1e-2,
     goal: float = 3.0,
     settings: NewtonSettings = NewtonSettings(1e-3, 8, 30),

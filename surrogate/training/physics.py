@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from surrogate.arrays import AnyArray
 from surrogate.body import family_markers
 from surrogate.errors import NotConverged
 from surrogate.flow import steady
@@ -20,8 +21,8 @@ from surrogate.scene import Scene
 class Samples(NamedTuple):
     """Bodies and Reynolds numbers."""
 
-    parameters: Float[Array, "samples parameters"]
-    reynolds: Float[Array, "samples"]
+    parameters: Float[AnyArray, "samples parameters"]
+    reynolds: Float[AnyArray, "samples"]
 
 
 class Physics(eqx.Module):
@@ -70,7 +71,7 @@ def prepare_physics(domain: Domain, samples: Samples) -> Physics:
 class Labels(NamedTuple):
     """Solved body flows of samples: traction, cost, and whether each solve converged."""
 
-    amplitude: Float[Array, "samples modes"]
+    amplitude: Float[AnyArray, "samples modes"]
     products: Array
     converged: Array
 

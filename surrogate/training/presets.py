@@ -59,8 +59,8 @@ def preset(
     if not 0 <= seed < 2**31:
         raise InvalidInput(f"seed {seed}: must be a whole number from 0 to 2147483647")
     iterations = {
-        "quick": {"dp": 500, "sip": 80, "hig": 30, "supervised": 80},
-        "full": {"dp": 1500, "sip": 800, "hig": 150, "supervised": 800},
+        "quick": {"dp": 800, "sip": 160, "hig": 30, "supervised": 160},
+        "full": {"dp": 2000, "sip": 1600, "hig": 60, "supervised": 1600},
     }[name][method]
     samples, held_out, fidelity = {"quick": (128, 48, "draft"), "full": (512, 128, "standard")}[
         name

@@ -3,9 +3,10 @@
 Each physics step moves a batch of samples by one coupled Newton step of body flow,
 a+ = a - (dy/da)^+ y, started at the network's prediction; the network then takes several Adam
 steps on L = mean |(a - stop(a+)) / scale|^2 / 2 over all targets kept so far, the drag's mode
-weighted by the goal. Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
+weighted by the goal. A sample whose drag no longer moves is settled and not inverted again. Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -19,29 +20,31 @@ from surrogate.training.method import Method, Progress, keep, per_sample, predic
 
 
 class State(NamedTuple):
-    """Adam's moments; per sample the last flow, its target traction, and whether it has one."""
+    """Adam's moments; per sample the last flow, its target traction, whether it has one, and
+    whether that is final."""
 
     adam: optax.OptState
     flows: Float[Array, "samples 2 nx ny"]
     targets: Float[Array, "samples modes"]
     known: Bool[Array, "samples"]
+    settled: Bool[Array, "samples"]
 
 
 def scale_invariant_physics(
-    batch: int = 16,
+    batch: int = 8,
     network_steps: int = 50,
     learning_rate: float = 3e-3,
-    goal: float = 10.0,
+    goal: float = 30.0,
+    settle: float = 1e-4,
     effort: Effort = Effort(1e-2, 30),
 ) -> Method:
     """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets."""
     optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
 
     def init(network, physics):
-        known = jnp.zeros(physics.count, bool)
-        return State(
-            optimiser.init(network.weights), physics.oseen.velocity, physics.oseen.amplitude, known
-        )
+        none = jnp.zeros(physics.count, bool)
+        start = physics.oseen
+        return State(optimiser.init(network.weights), start.velocity, start.amplitude, none, none)
 
     def invert(physics, index, amplitude, flow, known):
         case = physics.case(index)
@@ -51,23 +54,29 @@ def scale_invariant_physics(
         return state, valid, spent.products
 
     def update(network, state, physics, batch, done):
+        flows, targets = state.flows[batch], state.targets[batch]
+        known, settled = state.known[batch], state.settled[batch]
+
+        def visit(index, amplitude, flow, target, known, settled):
+            rest = FlowState(flow, target), jnp.array(True), jnp.array(0)
+            step = functools.partial(invert, physics, index, amplitude, flow, known)
+            return jax.lax.cond(settled, lambda: rest, step)
+
         inverted, valid, products = per_sample(
-            lambda i, a, u, k: invert(physics, i, a, u, k),
-            batch,
-            predict(network, physics, batch),
-            state.flows[batch],
-            state.known[batch],
+            visit, batch, predict(network, physics, batch), flows, targets, known, settled
         )
-        kept = keep(valid, inverted, FlowState(state.flows[batch], state.targets[batch]))
+        moved = jnp.abs(inverted.amplitude[:, 0] / targets[:, 0] - 1) > settle
+        kept = keep(valid, inverted, FlowState(flows, targets))
         flows = state.flows.at[batch].set(kept.velocity)
         targets = state.targets.at[batch].set(kept.amplitude)
-        known = state.known.at[batch].set(valid | state.known[batch])
+        settled = state.settled.at[batch].set(settled | (valid & known & ~moved))
+        known = state.known.at[batch].set(valid | known)
         rate = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
         network, adam, loss = imitate(
             network, state.adam, optimiser, physics, targets, known, goal, rate, network_steps
         )
         spent = Progress(jnp.sum(products), loss, jnp.sum(~valid))
-        return network, State(adam, flows, targets, known), spent
+        return network, State(adam, flows, targets, known, settled), spent
 
     return Method(init, update, batch)
 

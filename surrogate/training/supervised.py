@@ -25,10 +25,10 @@ class State(NamedTuple):
 
 
 def supervised(
-    batch: int = 16,
+    batch: int = 8,
     network_steps: int = 50,
     learning_rate: float = 3e-3,
-    goal: float = 10.0,
+    goal: float = 30.0,
     settings: NewtonSettings = NewtonSettings(1e-5, 15, 40),
 ) -> Method:
     """Body flows of a batch where labels are missing, then Adam on all labels so far."""

@@ -1,0 +1,115 @@
+"""Exact: the lattice Green's function solves the discrete Oseen equations to round-off."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from surrogate.flow.lattice import Lattice
+from surrogate.flow.oseen import oseen_kernel, reflect
+
+H = 1 / 8
+LATTICE = Lattice((40, 32), (H, H), 12)
+INSIDE = (slice(2, -2), slice(2, -2))
+
+
+def random_force(generator):
+    force = np.zeros((2, *LATTICE.shape))
+    force[:, 10:20, 10:20] = generator.normal(size=(2, 10, 10))
+    return jnp.asarray(force)
+
+
+def laplacian(a):
+    neighbours = sum(jnp.roll(a, s, axis) for s in (1, -1) for axis in (0, 1))
+    return (neighbours - 4 * a) / H**2
+
+
+def momentum_defect(velocity, force, reynolds):
+    """Discrete curl of D0x u - nu Lap u - f, which no pressure can hide."""
+    defect = [
+        (jnp.roll(c, -1, 0) - jnp.roll(c, 1, 0)) / (2 * H) - laplacian(c) / reynolds - f
+        for c, f in zip(velocity, force, strict=True)
+    ]
+    curl = (jnp.roll(defect[1], -1, 0) - defect[1]) - (jnp.roll(defect[0], -1, 1) - defect[0])
+    return curl / H
+
+
+# Re 16 makes the cell Reynolds number exactly 2, where the closed form has a removable pole
+@pytest.mark.parametrize("reynolds", [1e-3, 0.1, 1.0, 16.0, 40.0, 300.0])
+@pytest.mark.parametrize(("height", "mirrored"), [(None, False), (6.0, False), (6.0, True)])
+def test_kernel_is_divergence_free_and_solves_oseen(reynolds, height, mirrored, generator):
+    force = random_force(generator)
+    kernel = jax.jit(lambda re: oseen_kernel(LATTICE, re, height, mirrored))(jnp.asarray(reynolds))
+    u, v = velocity = kernel(force)
+    divergence = (u - jnp.roll(u, 1, 0) + v - jnp.roll(v, 1, 1)) / H
+    size = float(jnp.abs(velocity).max())
+    assert float(jnp.abs(divergence[INSIDE]).max()) < 1e-14 * max(1, size) / H
+    assert float(jnp.abs(momentum_defect(velocity, force, reynolds)[INSIDE]).max()) < 1e-9
+
+
+@pytest.mark.parametrize("reynolds", [1.0, 40.0])
+def test_kernel_matches_a_long_periodic_lattice(reynolds, generator):
+    """Brute force: the same operator inverted by FFT on a lattice of 16384 columns."""
+    rows, columns = 16, 16384
+    lattice = Lattice((24, rows), (H, H), 8)
+    force = np.zeros((2, 24, rows))
+    force[:, 6:14, 4:12] = generator.normal(size=(2, 8, 8))
+    force -= force.mean(axis=2, keepdims=True)  # theta = 0 never decays on a periodic lattice
+    velocity = oseen_kernel(lattice, jnp.asarray(reynolds), rows * H)(jnp.asarray(force))
+
+    fx, fy = np.fft.fftfreq(columns) * 2 * np.pi, np.fft.fftfreq(rows) * 2 * np.pi
+    zx, zy = np.exp(1j * fx)[:, None], np.exp(1j * fy)[None]
+    forward = np.broadcast_arrays((zx - 1) / H, (zy - 1) / H)
+    backward = np.broadcast_arrays((1 - 1 / zx) / H, (1 - 1 / zy) / H)
+    lap = sum(f * b for f, b in zip(forward, backward, strict=True))
+    lap[0, 0] = 1.0
+    sigma = (zx - 1 / zx) / (2 * H) - lap / reynolds
+    sigma[:, 0] = 1.0
+    padded = np.zeros((2, columns, rows))
+    padded[:, :24] = force
+    spectrum = np.fft.fft2(padded)
+    pressure = sum(b * s for b, s in zip(backward, spectrum, strict=True)) / lap
+    expected = [
+        np.fft.ifft2((s - f * pressure) / sigma).real
+        for s, f in zip(spectrum, forward, strict=True)
+    ]
+    error = np.abs(np.asarray(velocity) - np.array(expected)[:, :24]).max()
+    assert error < 1e-9, f"largest difference {error:.1e}"
+
+
+def test_unbounded_kernel_is_the_limit_of_tall_tunnels(generator):
+    """Removing the walls changes the kernel by O(1/H): the difference halves with H doubled."""
+    force = random_force(generator)
+    reynolds = jnp.asarray(10.0)
+    unbounded = oseen_kernel(LATTICE, reynolds, None)(force)
+    gaps = [
+        float(jnp.abs(oseen_kernel(LATTICE, reynolds, h)(force) - unbounded).max())
+        for h in (32.0, 64.0, 128.0)
+    ]
+    ratios = [a / b for a, b in itertools.pairwise(gaps)]
+    assert all(1.8 < ratio < 2.2 for ratio in ratios), f"gaps {gaps}"
+
+
+def test_kernel_commutes_with_reflection(generator):
+    force = random_force(generator)
+    for height, mirrored in ((None, False), (6.0, True)):
+        kernel = oseen_kernel(LATTICE, jnp.asarray(20.0), height, mirrored)
+        difference = reflect(kernel(force)) - kernel(reflect(force))
+        assert float(jnp.abs(difference[:, :, :-1]).max()) < 1e-13
+
+
+def test_slip_walls_are_stream_lines(generator):
+    """With mirror images no fluid crosses the tunnel's walls."""
+    force = random_force(generator)
+    height = LATTICE.shape[1] * H
+    velocity = oseen_kernel(LATTICE, jnp.asarray(20.0), height, mirrored=True)(force)
+    assert float(jnp.abs(velocity[1, :, -1]).max()) < 1e-13
+
+
+def test_convection_adds_no_force(generator):
+    """Flux form: whatever the velocity, the window's convection sums to zero."""
+    velocity = LATTICE.cutoff() * generator.normal(size=(2, *LATTICE.shape))
+    total = jnp.sum(LATTICE.convect(jnp.asarray(velocity)), axis=(1, 2))
+    assert float(jnp.abs(total).max()) < 1e-10
