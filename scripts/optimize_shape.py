@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from common import Parser, command_line, emit, progress_bar, reynolds_numbers, run
+from common import Parser, command_line, emit, fidelity_of, progress_bar, reynolds_numbers, run
 
 from shapeopt.optimise import Optimum, optimise, optimise_directly
 from shapeopt.problem import Problem
@@ -29,7 +29,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         raise InvalidInput("--reynolds: one number; run once for each")
     check_run_target(arguments.out)
     surrogate = None if arguments.surrogate == "none" else load_surrogate(arguments.surrogate)
-    scene = surrogate.scene if surrogate else Scene()
+    if surrogate and arguments.fidelity:
+        raise InvalidInput("--fidelity: belongs to --surrogate none; a surrogate has its scene's")
+    fidelity = fidelity_of(arguments.fidelity or "standard")
+    scene = surrogate.scene if surrogate else Scene(fidelity=fidelity)
     problem = Problem(scene, reynolds[0], arguments.max_length, arguments.min_thickness)
     with progress_bar("shape optimisation") as progress:
         progress(0.05, "searching")
@@ -82,6 +85,7 @@ def _parser():
     parser.add_argument("--reynolds", required=True, help="U D / nu")
     parser.add_argument("--max-length", type=float, help="longest chord, in D")
     parser.add_argument("--min-thickness", type=float, help="least greatest thickness, in D")
+    parser.add_argument("--fidelity", help="draft, standard or fine, with --surrogate none")
     parser.add_argument("--out", required=True, help="folder of the run")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser

@@ -3,7 +3,8 @@
 Each physics step moves a batch of samples by one coupled Newton step of body flow,
 a+ = a - (dy/da)^+ y, started at the network's prediction; the network then takes several Adam
 steps on L = mean |(a - stop(a+)) / scale|^2 / 2 over all targets kept so far, the drag's mode
-weighted by the goal. A sample whose drag no longer moves is settled and not inverted again. Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
+weighted by the goal. A sample whose drag no longer moves is settled and not inverted again.
+Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
 """
 
 import functools

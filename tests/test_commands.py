@@ -1,0 +1,220 @@
+"""The commands' contract: exit status, one JSON object, one clear line for every mistake."""
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from common import run
+
+ROOT = Path(__file__).parents[1]
+FAMILY = ["--aspect", "2", "--beta2", "0.1"]
+
+
+def call(script, *arguments):
+    """Run a script's main in this process: (status, JSON or None, stderr)."""
+    return run(importlib.import_module(script).main, [str(a) for a in arguments])
+
+
+def answer(capsys, script, *arguments):
+    status = call(script, *arguments, "--json")
+    captured = capsys.readouterr()
+    assert status == 0, captured.err
+    return json.loads(captured.out.splitlines()[-1])
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A surrogate by the real command, on a budget of a few seconds."""
+    folder = tmp_path_factory.mktemp("trained") / "sip"
+    arguments = ["--method", "sip", "--preset", "quick", "--budget-seconds", "2", "--out", folder]
+    assert call("train_surrogate", *arguments) == 0
+    return folder
+
+
+def test_solve_drag(capsys):
+    result = answer(
+        capsys, "solve_drag", *FAMILY, "--reynolds", "10,40", "--fidelity", "draft", "--gradient"
+    )
+    first, second = result["results"]
+    assert set(first) == {
+        *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "converged", "iterations"),
+        *("green_applications", "wall_s", "gradient"),
+    }
+    assert first["reynolds"] == 10
+    assert first["cd"] > second["cd"] > 1
+    assert first["cd"] == pytest.approx(first["cd_pressure"] + first["cd_friction"])
+    assert set(first["gradient"]) == {"aspect", "beta2", "beta3", "beta4", "reynolds"}
+    assert first["gradient"]["reynolds"] < 0
+    assert result["scene"]["fidelity"]["name"] == "draft"
+
+
+def test_solve_drag_of_contours(capsys, tmp_path):
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    ellipse = np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=1)
+    np.savetxt(tmp_path / "e.csv", ellipse, delimiter=",", header="x,y", comments="")
+    common = ["--reynolds", "20", "--fidelity", "draft", "--incidence", "20"]
+    contour = answer(capsys, "solve_drag", "--contour", tmp_path / "e.csv", *common)["results"][0]
+    family = answer(capsys, "solve_drag", "--aspect", "2", *common)["results"][0]
+    assert contour["cd"] == pytest.approx(family["cd"], rel=2e-3)
+    assert contour["cl"] == pytest.approx(family["cl"], rel=1e-2)
+    assert contour["cl"] > 0.3
+
+
+def test_train_predict_optimise_render(capsys, trained, tmp_path):
+    record = json.loads((trained / "surrogate.json").read_text())
+    for key in ("scene", "method", "seed", "versions", "drag_error_mean", "command"):
+        assert key in record
+    assert record["drag_error_mean"] < 0.1
+    assert not list(trained.parent.glob("*.checkpoint*"))
+
+    result = answer(
+        capsys, "predict_drag", "--surrogate", trained, *FAMILY, "--reynolds", "5,20", "--certify"
+    )
+    for row in result["results"]:
+        assert row["in_trained_range"]
+        assert row["cd"] == pytest.approx(row["cd_corrected"], rel=0.2)
+        assert row["certificate_green_applications"] > 0
+
+    out = tmp_path / "run"
+    arguments = ["--surrogate", trained, "--reynolds", "20", "--out", out, "--max-length", "1.6"]
+    result = answer(capsys, "optimize_shape", *arguments)
+    assert set(result) >= {
+        *("parameters", "cd_start", "cd_surrogate", "cd_verified", "calls", "loop_s", "verify_s"),
+        *("contour", "converged"),
+    }
+    assert result["converged"]
+    assert result["cd_verified"] < result["cd_start"]
+    assert np.sqrt(result["parameters"]["aspect"]) <= 1.6 + 1e-6
+    contour = np.loadtxt(result["contour"], delimiter=",", skiprows=1)
+    assert np.ptp(contour[:, 0]) == pytest.approx(np.sqrt(result["parameters"]["aspect"]), rel=1e-3)
+
+    for name in ("shapes.png", "evolution.gif"):
+        picture = answer(capsys, "render_shapes", "--runs", out, "--out", tmp_path / name)["out"]
+        assert Path(picture).stat().st_size > 5000
+
+
+def test_optimise_directly(capsys, tmp_path):
+    arguments = ["--surrogate", "none", "--fidelity", "draft", "--reynolds", "40"]
+    result = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "direct")
+    assert result["cd_direct"] == pytest.approx(result["cd_verified"], rel=1e-6)
+    assert result["cd_verified"] < 0.78 * result["cd_start"]
+    assert result["cd_surrogate"] is None
+
+
+def test_pretrained_optimum_beats_the_cylinder_by_a_quarter(capsys, tmp_path):
+    arguments = ["--surrogate", "pretrained", "--reynolds", "40", "--out", tmp_path / "run"]
+    result = answer(capsys, "optimize_shape", *arguments)
+    assert result["cd_verified"] <= 0.76 * result["cd_start"]
+
+
+BODY = "--aspect 2 --beta2 0.1"
+OPTIMISE = "optimize_shape --surrogate pretrained --out {folder}/x"
+MISTAKES = [
+    f"solve_drag {BODY} --reynolds 0",
+    f"solve_drag {BODY} --reynolds -5",
+    f"solve_drag {BODY} --reynolds nan",
+    f"solve_drag {BODY} --reynolds fast",
+    f"solve_drag {BODY} --reynolds 100",  # sheds vortices
+    "solve_drag --aspect nan --reynolds 10",
+    "solve_drag --aspect two --reynolds 10",
+    "solve_drag --aspect 2 --beta2 0.9 --reynolds 10",  # crosses itself
+    "solve_drag --contour {crossing} --reynolds 10",
+    "solve_drag --contour {missing} --reynolds 10",
+    "solve_drag --aspect 2 --naca 0012 --reynolds 10",
+    "solve_drag --naca 00zz --reynolds 10",
+    "solve_drag --reynolds 10",
+    f"solve_drag {BODY}",
+    f"solve_drag {BODY} --reynolds 10 --stream pipe",
+    f"solve_drag {BODY} --reynolds 10 --stream tunnel:1.5",
+    f"solve_drag {BODY} --reynolds 10 --cells 3",
+    f"solve_drag {BODY} --reynolds 10 --fidelity superb",
+    f"solve_drag {BODY} --reynolds 10 --velocity 3",
+    "train_surrogate --method magic --out {folder}/x",
+    "train_surrogate --method dp --preset huge --out {folder}/x",
+    "train_surrogate --method dp --budget-seconds 0 --out {folder}/x",
+    "train_surrogate --method dp --budget-seconds nan --out {folder}/x",
+    "train_surrogate --method dp --seed -1 --out {folder}/x",
+    "train_surrogate --method dp --out {folder}",  # holds somebody's files
+    f"predict_drag --surrogate {{missing}} {BODY} --reynolds 9",
+    f"predict_drag --surrogate {{damaged}} {BODY} --reynolds 9",
+    f"predict_drag --surrogate pretrained {BODY} --reynolds 0",
+    "predict_drag --surrogate pretrained --aspect 2 --beta2 0.9 --reynolds 9",
+    "predict_drag --surrogate pretrained --reynolds 9",
+    f"{OPTIMISE} --reynolds 45",  # not trained there
+    f"{OPTIMISE} --reynolds nan",
+    f"{OPTIMISE} --reynolds 1,40",
+    f"{OPTIMISE} --reynolds 40 --max-length 0.5",
+    f"{OPTIMISE} --reynolds 40 --max-length -2",
+    f"{OPTIMISE} --reynolds 40 --min-thickness 3",
+    f"{OPTIMISE} --reynolds 40 --max-length 1.01 --min-thickness 1.29",
+    f"{OPTIMISE} --reynolds 40 --fidelity draft",
+    "optimize_shape --surrogate {damaged} --reynolds 40 --out {folder}/x",
+    "optimize_shape --surrogate pretrained --reynolds 40 --out {folder}",
+    "render_shapes --runs {missing} --out {folder}/x.png",
+    "render_shapes --runs {damaged} --out {folder}/x.png",
+    "render_shapes --runs {damaged} --out {folder}/x.bmp",
+    "payoff --preset huge --out {folder}/x",
+]
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_get_exit_2_and_one_clear_line(capsys, tmp_path, mistake):
+    t = np.linspace(0.1, 2 * np.pi + 0.1, 60, endpoint=False)
+    np.savetxt(tmp_path / "eight.csv", np.stack([np.sin(t), np.sin(2 * t)], axis=1), delimiter=",")
+    damaged = tmp_path / "damaged"
+    damaged.mkdir()
+    for name in ("surrogate.json", "weights.npz", "run.json"):
+        (damaged / name).write_text("{}")
+    names = {
+        "crossing": tmp_path / "eight.csv",
+        "missing": tmp_path / "missing",
+        "damaged": damaged,
+        "folder": tmp_path,
+    }
+    status = call(*mistake.format(**names).split())
+    captured = capsys.readouterr()
+    lines = captured.err.strip().splitlines()
+    assert status == 2, captured
+    assert len(lines) == 1, lines
+    assert captured.out == ""
+    assert "Traceback" not in lines[0]
+
+
+def test_a_solve_that_fails_gets_exit_3_and_no_number(capsys, monkeypatch):
+    from surrogate.flow import steady
+    from surrogate.flow.newton import NewtonSettings
+
+    monkeypatch.setattr(steady.body_flow, "__defaults__", (None, NewtonSettings(max_steps=0)))
+    arguments = [*FAMILY, "--reynolds", "11", "--fidelity", "draft", "--cells", "6"]
+    assert call("solve_drag", *arguments, "--json") == 3
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "did not converge" in captured.err
+
+
+def test_scripts_start_from_anywhere(tmp_path):
+    """As a user runs them: another process, another folder, the mistake on one line."""
+    script = ROOT / "scripts" / "solve_drag.py"
+    done = subprocess.run(
+        [sys.executable, str(script), "--aspect", "2", "--reynolds", "-1"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.strip().splitlines() == [done.stderr.strip()]
+    assert done.stdout == ""
+
+
+@pytest.mark.slow
+def test_payoff_quick(capsys, tmp_path):
+    result = answer(capsys, "payoff", "--preset", "quick", "--out", tmp_path / "payoff")
+    assert {row["method"] for row in result["payoff"]} == {"dp", "sip", "hig", "supervised"}
+    assert all(row["drag_error_mean"] < 0.05 for row in result["payoff"])
+    assert Path(result["shapes"]).exists()
+    assert Path(result["plot"]).exists()

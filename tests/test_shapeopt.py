@@ -1,0 +1,106 @@
+"""Shape optimisation, payoff arithmetic, and pictures that are not blank."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from shapeopt.optimise import optimise
+from shapeopt.payoff import Cost, Design, break_even, payoff
+from shapeopt.plot import plot_payoff
+from shapeopt.problem import Problem, chord, margins, thickness
+from shapeopt.render import Panel, pv, render_evolution, render_flows
+from surrogate.body import family_markers
+from surrogate.errors import InvalidInput
+from surrogate.flow.drag import solve
+from surrogate.store import load_surrogate
+
+
+@pytest.fixture(scope="module")
+def pretrained():
+    return load_surrogate("pretrained")
+
+
+def test_optimum_is_no_worse_than_any_candidate(pretrained):
+    problem = Problem(pretrained.scene, 20.0)
+    optimum = optimise(problem, pretrained)
+    drags = [float(pretrained.drag(jnp.asarray(p), 20.0)) for p in problem.candidates()[::50]]
+    assert optimum.drag <= min(drags) + 1e-9
+    assert optimum.calls > len(drags)
+
+
+def test_optimum_is_stationary_inside_its_bounds(pretrained):
+    """Move each free parameter a little: the predicted drag does not fall."""
+    optimum = optimise(Problem(pretrained.scene, 1.0), pretrained)
+    low, high = pretrained.scene.family.bounds.T
+    for k in range(4):
+        for step in (-0.01, 0.01):
+            moved = optimum.parameters.copy()
+            moved[k] = np.clip(moved[k] + step * (high - low)[k], low[k], high[k])
+            assert float(pretrained.drag(jnp.asarray(moved), 1.0)) >= optimum.drag - 1e-6
+
+
+@pytest.mark.parametrize(("length", "thick"), [(1.5, None), (None, 0.9), (1.4, 0.8)])
+def test_constraints_hold_at_the_optimum(pretrained, length, thick):
+    problem = Problem(pretrained.scene, 40.0, length, thick)
+    optimum = optimise(problem, pretrained)
+    assert np.all(np.asarray(margins(optimum.parameters, problem.limits)) >= -1e-6)
+    free = optimise(Problem(pretrained.scene, 40.0), pretrained)
+    assert optimum.drag >= free.drag - 1e-9
+
+
+def test_measures_of_a_body():
+    body = jnp.array([4.0, 0, 0, 0])
+    markers = np.asarray(family_markers(body, 400))
+    assert float(chord(body)) == pytest.approx(np.ptp(markers[:, 0]))
+    assert float(thickness(body)) == pytest.approx(np.ptp(markers[:, 1]))
+
+
+def test_impossible_problems_name_the_constraint(pretrained):
+    with pytest.raises(InvalidInput, match="max length"):
+        Problem(pretrained.scene, 20.0, max_length=0.5).candidates()
+    with pytest.raises(InvalidInput, match="min thickness 3"):
+        Problem(pretrained.scene, 20.0, min_thickness=3.0).candidates()
+    with pytest.raises(InvalidInput, match="covers 1 to 40"):
+        Problem(pretrained.scene, 41.0)
+
+
+def test_break_even():
+    assert break_even(100.0, 1.0, 5.0) == 25.0
+    assert break_even(100.0, 5.0, 1.0) == math.inf
+
+
+def example_payoffs():
+    designs = [
+        Design(Cost(1, 10), 1.01, Cost(3, 110), 1.0),
+        Design(Cost(1, 10), 1.03, Cost(5, 90), 1.0),
+    ]
+    return [payoff("sip", Cost(30, 900), (0.01, 0.02), designs)]
+
+
+def test_payoff_of_known_designs():
+    p = example_payoffs()[0]
+    assert p.gap_mean == pytest.approx(0.02)
+    assert p.gap_max == pytest.approx(0.03)
+    assert p.designs_to_pay_seconds == pytest.approx(10.0)
+    assert p.designs_to_pay_green == pytest.approx(10.0)
+
+
+def assert_picture(path, least_colours=200):
+    pixels = pv.read(path).active_scalars
+    assert len(np.unique(pixels, axis=0)) > least_colours, "blank"
+    assert pixels.std() > 10
+
+
+def test_pictures_are_not_blank(cylinder_domain, tmp_path, capfd):
+    markers = np.asarray(family_markers(jnp.array([1.0, 0, 0, 0]), 96))
+    solution = solve(cylinder_domain, markers, jnp.asarray(20.0))
+    panel = Panel(cylinder_domain, markers, solution, "Re 20")
+    assert_picture(render_flows([[panel, panel]], tmp_path / "flow.png"))
+    bodies = np.array([[1.0, 0, 0, 0], [2.0, 0.1, 0, 0]])
+    gif = render_evolution(bodies, ["start", "end"], tmp_path / "evolution.gif")
+    assert gif.read_bytes().startswith(b"GIF8")
+    assert_picture(plot_payoff(example_payoffs(), tmp_path / "payoff.png"), 50)
+    assert capfd.readouterr().err == ""
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["evolution.gif", "flow.png", "payoff.png"]
