@@ -34,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     fidelity = fidelity_of(arguments.fidelity or "standard")
     scene = surrogate.scene if surrogate else Scene(fidelity=fidelity)
     problem = Problem(scene, reynolds[0], arguments.max_length, arguments.min_thickness)
+    problem.candidates()  # refuses what cannot be met before any work is done
     with progress_bar("shape optimisation") as progress:
         progress(0.05, "searching")
         optimum = optimise(problem, surrogate) if surrogate else optimise_directly(problem)

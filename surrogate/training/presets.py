@@ -45,7 +45,7 @@ class Plan:
 
 
 def preset(
-    method: MethodName, name: PresetName, seed: int = 0, budget_s: float | None = None
+    method: str, name: PresetName, seed: int = 0, budget_s: float | None = None
 ) -> Plan:
     """The plan of a preset: ``quick`` on the draft grid, ``full`` on the standard one.
 
