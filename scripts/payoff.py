@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import Parser, command_line, emit, finite, progress_bar, run, say
+from common import Parser, command_line, emit, finite, progress_bar, run
 from rich.console import Console
 from rich.table import Table
-from train_surrogate import save, train_with_bar
+from train_surrogate import train_all
 
 from shapeopt.optimise import Optimum, optimise, optimise_directly
 from shapeopt.payoff import Cost, Design, Payoff, payoff
@@ -25,9 +25,7 @@ from shapeopt.runs import load_run, save_run
 from shapeopt.sheets import before_and_after
 from shapeopt.verify import CYLINDER, verify
 from surrogate.body import PARAMETERS
-from surrogate.store import Surrogate, check_target, load_surrogate, scene_record
-from surrogate.training.loop import make_bench
-from surrogate.training.presets import METHODS, preset
+from surrogate.store import scene_record
 
 REYNOLDS = {"quick": (1.0, 40.0), "full": (1.0, 3.0, 10.0, 20.0, 40.0)}
 
@@ -36,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Train, optimise, verify, tabulate, plot."""
     arguments = _parser().parse_args(argv)
     out = Path(arguments.out)
-    surrogates = _train_all(arguments.preset, arguments.seed, out)
+    surrogates, _ = train_all(arguments.preset, arguments.seed, out)
     queries = REYNOLDS[arguments.preset]
     directs, designs = _answer(surrogates, queries, out)
     payoffs = [
@@ -59,23 +57,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         **pictures,
     }
     return emit(result, arguments.json, _text(payoffs, designs, directs, queries, pictures))
-
-
-def _train_all(name, seed, out: Path) -> dict[str, Surrogate]:
-    """One surrogate per method from one bench; those already trained are loaded."""
-    plans = {method: preset(method, name, seed) for method in METHODS}
-    for method in plans:
-        check_target(out / method)
-    with progress_bar("preparing flows") as progress:
-        bench = make_bench(plans["dp"])
-        progress(1.0, f"{bench.physics.count} bodies in {bench.setup_s:.0f} s")
-    for method, plan in plans.items():
-        if (out / method / "surrogate.json").is_file():
-            say(f"{method}: already trained, {out / method}")
-            continue
-        trained = train_with_bar(plan, bench, out / f"{method}.checkpoint.npz")
-        save(plan, trained, out / method, command_line(), bench.setup_s)
-    return {method: load_surrogate(out / method) for method in plans}
 
 
 def _answer(surrogates, queries, out: Path) -> tuple[list[Optimum], dict[str, list[Design]]]:

@@ -11,7 +11,8 @@ from typing import Any
 
 from common import Parser, command_line, emit, progress_bar, run, say
 
-from surrogate.store import Surrogate, check_target, save_surrogate
+from surrogate.errors import InvalidInput
+from surrogate.store import Surrogate, check_target, load_surrogate, save_surrogate
 from surrogate.training.loop import Bench, Trained, make_bench, train
 from surrogate.training.presets import METHODS, Plan, preset
 
@@ -79,6 +80,32 @@ def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) 
     }
     save_surrogate(out, Surrogate(trained.network, plan.scene, record))
     return result
+
+
+def train_all(name: str, seed: int, out: Path) -> tuple[dict[str, Surrogate], Bench]:
+    """One surrogate per method from one bench, in ``out``; those already trained are loaded.
+
+    Raises:
+      InvalidInput: a folder holds something else, or a surrogate of another plan.
+    """
+    plans = {method: preset(method, name, seed) for method in METHODS}
+    for method in plans:
+        check_target(out / method)
+    with progress_bar("preparing flows") as progress:
+        bench = make_bench(plans["dp"])
+        progress(1.0, f"{bench.physics.count} bodies in {bench.setup_s:.0f} s")
+    surrogates = {}
+    for method, plan in plans.items():
+        if not (out / method / "surrogate.json").is_file():
+            trained = train_with_bar(plan, bench, out / f"{method}.checkpoint.npz")
+            save(plan, trained, out / method, command_line(), bench.setup_s)
+        surrogates[method] = load_surrogate(out / method)
+        record = surrogates[method].record
+        if (record["samples"], record["seed"]) != (plan.samples, seed):
+            raise InvalidInput(
+                f"{out / method}: is of another preset or seed; choose another --out"
+            )
+    return surrogates, bench
 
 
 def _parser():

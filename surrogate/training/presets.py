@@ -44,9 +44,7 @@ class Plan:
                 return supervised()
 
 
-def preset(
-    method: str, name: PresetName, seed: int = 0, budget_s: float | None = None
-) -> Plan:
+def preset(method: str, name: PresetName, seed: int = 0, budget_s: float | None = None) -> Plan:
     """The plan of a preset: ``quick`` on the draft grid, ``full`` on the standard one.
 
     Raises:
