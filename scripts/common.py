@@ -100,7 +100,10 @@ def fidelity_of(name: str):
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[Callable[[float, str], None]]:
-    """A bar on stderr; call it with the fraction done and a word on the state."""
+    """A bar on stderr; call it with the fraction done and a word on the state.
+
+    Where stderr is not a terminal, every new state is a line.
+    """
     columns = (
         TextColumn("{task.description:32}"),
         BarColumn(),
@@ -109,11 +112,13 @@ def progress_bar(title: str) -> Iterator[Callable[[float, str], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[state]}"),
     )
-    with Progress(*columns, console=console) as progress:
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task(title, total=1.0, state="")
 
         def update(done: float, state: str = "") -> None:
             progress.update(task, completed=min(done, 1.0), state=state)
+            if state and not console.is_terminal:
+                print(f"{title}: {100 * min(done, 1.0):.0f}% {state}", file=sys.stderr, flush=True)
 
         yield update
 

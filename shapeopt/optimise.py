@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from shapeopt.problem import Problem, margins
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
-from surrogate.flow.drag import family_drag_and_gradient
+from surrogate.flow.drag import family_drag_and_shape_gradient
 from surrogate.flow.steady import preparation_cost
 from surrogate.store import Surrogate
 from surrogate.training.physics import scene_domain
@@ -74,7 +74,7 @@ def optimise_directly(problem: Problem) -> Optimum:
     work = [0]
 
     def objective(parameters):
-        value, (gradient, _), info = family_drag_and_gradient(
+        value, gradient, info = family_drag_and_shape_gradient(
             domain, jnp.asarray(parameters), jnp.asarray(problem.reynolds, float)
         )
         if not (bool(info.converged) and np.all(np.isfinite(gradient))):

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body import PARAMETERS, check_family, family_markers, rotate
@@ -52,18 +52,33 @@ def family_drag_and_gradient(
 ) -> tuple[
     Float[AnyArray, ""], tuple[Float[AnyArray, "parameters"], Float[AnyArray, ""]], NewtonInfo
 ]:
-    """Cd of a family body, its gradient in (parameters, Re) by one adjoint solve, and status."""
+    """Cd of a family body, its gradient in (parameters, Re) by one adjoint solve, and status.
 
-    def drag(parameters, reynolds):
-        markers = family_markers(parameters, domain.nodes)
-        case = steady.prepare(domain, markers, reynolds)
-        state, info = steady.body_flow(domain, case)
-        return drag_coefficient(state.amplitude), info
+    The derivative in Re runs back through the kernel and the far field as well.
+    """
 
+    drag = functools.partial(_family_drag, domain)
     (cd, info), gradient = jax.value_and_grad(drag, argnums=(0, 1), has_aux=True)(
         parameters, reynolds
     )
     return cd, gradient, info
+
+
+@functools.partial(jax.jit, static_argnames="domain")
+def family_drag_and_shape_gradient(
+    domain: Domain, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+) -> tuple[Float[Array, ""], Float[Array, "parameters"], NewtonInfo]:
+    """Cd of a family body, its gradient in the parameters by one adjoint solve, and status."""
+    drag = functools.partial(_family_drag, domain)
+    (cd, info), gradient = jax.value_and_grad(drag, has_aux=True)(parameters, reynolds)
+    return cd, gradient, info
+
+
+def _family_drag(domain, parameters, reynolds):
+    markers = family_markers(parameters, domain.nodes)
+    case = steady.prepare(domain, markers, reynolds)
+    state, info = steady.body_flow(domain, case)
+    return drag_coefficient(state.amplitude), info
 
 
 def solve_with_continuation(

@@ -19,7 +19,7 @@ class NewtonSettings(NamedTuple):
     max_steps: int = 25
     max_vectors: int = 60
     forcing: float = 0.1
-    linear_tolerance: float = 1e-9
+    linear_tolerance: float = 1e-8
 
 
 class NewtonInfo(NamedTuple):
