@@ -108,8 +108,9 @@ def _draw(plotter, panel, limit, show_bar):
 
 def _mesh(panel):
     """Velocity and vorticity on the corners of the window's cells."""
-    lattice = panel.domain.lattice
-    u, v = np.asarray(panel.solution.state.velocity)
+    folded = panel.domain.lattice
+    lattice, velocity = folded.unfolded, folded.unfold(panel.solution.state.velocity)
+    u, v = np.asarray(velocity)
     (x, _), (_, y) = lattice.faces()
     dx, dy = lattice.step
     nx, ny = lattice.shape
@@ -118,7 +119,7 @@ def _mesh(panel):
     corner_v = (v + np.roll(v, -1, axis=0)) / 2
     vectors = np.stack([corner_u, corner_v, np.zeros_like(u)], axis=-1)
     mesh["velocity"] = vectors.transpose(1, 0, 2).reshape(-1, 3)
-    mesh["vorticity"] = np.asarray(vorticity(lattice, panel.solution.state.velocity)).T.ravel()
+    mesh["vorticity"] = np.asarray(vorticity(lattice, velocity)).T.ravel()
     return mesh
 
 

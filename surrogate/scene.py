@@ -60,7 +60,7 @@ class Scene:
     def explain(self) -> str:
         """What was chosen and why, what is left out, and what one solve costs."""
         f = self.fidelity
-        cells = round((f.upstream + f.downstream) * f.cells) * round(f.height * f.cells)
+        cells = round((f.upstream + f.downstream) * f.cells) * round(f.height * f.cells) // 2
         where = (
             "an unbounded stream"
             if self.stream == Unbounded()
@@ -71,8 +71,8 @@ class Scene:
                 f"Steady laminar flow in {where}, Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
                 f"Bodies: symmetric family, area pi/4, {_bounds(self.family)}.",
                 f"Grid ({f.name}): {f.cells} cells per D on a window "
-                f"{f.upstream + f.downstream:g} x {f.height:g} D ({cells} cells), "
-                "where the flow is non-linear; outside it the "
+                f"{f.upstream + f.downstream:g} x {f.height:g} D ({cells} cells in its "
+                "upper half), where the flow is non-linear; outside it the "
                 "Oseen Green's function and the far field's momentum flux are exact to F^2.",
                 f"Traction: {2 * f.harmonics + 1} modes.",
                 "One body flow costs about 30 to 70 applications of G, its gradient about 25 more.",

@@ -24,10 +24,6 @@ class Domain:
     slip_compliance: float = 1e-5
 
     @property
-    def cell_area(self) -> float:
-        return self.lattice.step[0] * self.lattice.step[1]
-
-    @property
     def mirrored(self) -> bool:
         return self.height is not None and not self.modes.symmetric
 
@@ -47,18 +43,21 @@ def make_domain(
     width = height if spans else fidelity.height
     # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
     repeats = symmetric and height is not None
-    lattice = Lattice(
-        (round((upstream + downstream) * n), round(width * n)),
-        (1 / n, 1 / n),
-        round(upstream * n),
-        periodic=repeats and width == height,
-    )
-    coarse = Lattice(
-        (COARSE_SIZE * COARSE_CELLS, round(far_height * COARSE_CELLS)),
-        (1 / COARSE_CELLS, 1 / COARSE_CELLS),
-        COARSE_SIZE * COARSE_CELLS // 3,
-        periodic=repeats and far_height == height,
-    )
+
+    def window(before, after, across, cells):
+        rows = round(across * cells)
+        half = symmetric and rows % 2 == 0
+        return Lattice(
+            (round((before + after) * cells), rows // 2 if half else rows),
+            (1 / cells, 1 / cells),
+            round(before * cells),
+            periodic=repeats and across == height,
+            symmetric=half,
+        )
+
+    lattice = window(upstream, downstream, width, n)
+    third = COARSE_SIZE // 3
+    coarse = window(third, COARSE_SIZE - third, far_height, COARSE_CELLS)
     box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
     nodes = 2 * math.ceil(max(extent) * math.pi * n / 0.8)
     return Domain(lattice, coarse, Modes(fidelity.harmonics, symmetric), box, nodes, height)

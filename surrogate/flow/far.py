@@ -25,19 +25,18 @@ def far_response(
 ) -> Float[AnyArray, "terms 2 nx ny"]:
     """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces."""
     kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
-    u_x, u_y = (kernel(_unit_force(coarse, axis)) for axis in (0, 1))
     inner, outer = _resampled_cutoff(lattice, coarse), coarse.cutoff(6 * coarse.step[0])
     outer = np.maximum(outer, inner)
 
-    def outside(a, b):
-        """Bilinear form of -div((W^2 - w^2) u u)."""
-        total = coarse.convect(outer * (a + b)) - coarse.convect(inner * (a + b))
-        rest = coarse.convect(outer * (a - b)) - coarse.convect(inner * (a - b))
-        return (total - rest) / 4
+    def outside(u):
+        """-div((W^2 - w^2) u u): what convects outside the window."""
+        return coarse.convect(outer * u) - coarse.convect(inner * u)
 
-    sources = [outside(u_x, u_x)]
+    u_x = kernel(_unit_force(coarse, 0))
+    sources = [outside(u_x)]
     if lift:
-        sources += [2 * outside(u_x, u_y), outside(u_y, u_y)]
+        u_y = kernel(_unit_force(coarse, 1))
+        sources += [(outside(u_x + u_y) - outside(u_x - u_y)) / 2, outside(u_y)]
     refine = _refinement(lattice, coarse)
     return jnp.stack([refine(kernel(source)) for source in sources])
 
@@ -67,11 +66,26 @@ def _resampled_cutoff(lattice, coarse):
 
 def _refinement(lattice, coarse):
     """Interpolation from coarse to fine faces by cubic splines, as small dense matrices."""
-    matrices = []
-    for fine, rough in zip(lattice.faces(), coarse.faces(), strict=True):
-        matrices.append(
-            [CubicSpline(r, np.eye(len(r)))(f) for f, r in zip(fine, rough, strict=True)]
-        )
+    matrices = [
+        (_spline(xf, xc), _spline(yf, yc, parity if coarse.symmetric else 0))
+        for (xf, yf), (xc, yc), parity in zip(lattice.faces(), coarse.faces(), (1, -1), strict=True)
+    ]
     return lambda field: jnp.stack(
         [mx @ component @ my.T for (mx, my), component in zip(matrices, field, strict=True)]
     )
+
+
+def _spline(fine, rough, parity=0):
+    """Values at ``rough`` to values at ``fine``; with a parity the mirror image is added first."""
+    values, knots = np.eye(len(rough)), rough
+    if parity:
+        values, knots = (
+            np.concatenate([parity * values[::-1], values]),
+            np.append(-rough[::-1], rough),
+        )
+    if parity < 0:  # an odd function vanishes on the centre line
+        values, knots = (
+            np.insert(values, len(rough), 0.0, axis=0),
+            np.insert(knots, len(rough), 0.0),
+        )
+    return CubicSpline(knots, values)(fine)

@@ -58,8 +58,9 @@ def friction_coefficient(
     """Cf along the clockwise contour, 2 nu times the vorticity, extrapolated to the wall."""
     unit, _ = _frame(markers)
     h = domain.lattice.step[0]
-    field = vorticity(domain.lattice, velocity)
-    probed = [_interpolate(domain, field, markers + k * h * unit) for k in PROBES]
+    lattice = domain.lattice.unfolded
+    field = vorticity(lattice, domain.lattice.unfold(velocity))
+    probed = [_interpolate(lattice, domain.box, field, markers + k * h * unit) for k in PROBES]
     weights = np.linalg.solve(np.vander(PROBES, increasing=True).T, np.eye(len(PROBES))[0])
     return -2 / reynolds * sum(w * values for w, values in zip(weights, probed, strict=True))
 
@@ -87,13 +88,13 @@ def _frame(markers):
     return normal / speed[:, None], speed
 
 
-def _interpolate(domain, corner_field, points):
+def _interpolate(lattice, box, corner_field, points):
     """Cubic convolution (Keys 1981) of a corner field on the body's surroundings."""
-    lattice, margin = domain.lattice, 6
+    margin = 6
     (x, _), (_, y) = lattice.faces()
-    i0, j0 = lattice.inlet - domain.box[0] // 2, lattice.shape[1] // 2 - domain.box[1] // 2
-    i = slice(max(i0 - margin, 0), i0 + domain.box[0] + margin)
-    j = slice(max(j0 - margin, 0), j0 + domain.box[1] + margin)
+    i0, j0 = lattice.inlet - box[0] // 2, lattice.shape[1] // 2 - box[1] // 2
+    i = slice(max(i0 - margin, 0), i0 + box[0] + margin)
+    j = slice(max(j0 - margin, 0), j0 + box[1] + margin)
     wx = _keys((points[:, :1] - x[i]) / lattice.step[0])
     wy = _keys((points[:, 1:] - y[j]) / lattice.step[1])
     return jnp.einsum("ki,ij,kj->k", wx, corner_field[i, j], wy, optimize="optimal")

@@ -97,17 +97,21 @@ def spread_modes(
     normal = outward(markers)
     unit = normal / jnp.linalg.norm(normal, axis=1, keepdims=True)
     seats = markers - retraction * np.sqrt(np.prod(lattice.step)) * unit
-    corner = (lattice.inlet - box[0] // 2, lattice.shape[1] // 2 - box[1] // 2)
+    below = 0 if lattice.symmetric else box[1] // 2  # rows of the box under the centre line
+    centre = 0 if lattice.symmetric else lattice.shape[1] // 2
+    corner, rows = (lattice.inlet - box[0] // 2, centre - below), below + box[1] // 2
     values = modes.values(markers.shape[0])
     components = []
     for c, (x, y) in enumerate(lattice.faces()):
         wx = bspline((seats[:, :1] - x[corner[0] : corner[0] + box[0]]) / lattice.step[0])
-        wy = bspline((seats[:, 1:] - y[corner[1] : corner[1] + box[1]]) / lattice.step[1])
+        wy = bspline((seats[:, 1:] - y[corner[1] : corner[1] + rows]) / lattice.step[1])
         components.append(jnp.einsum("mk,ki,kj->mij", values[:, c], wx, wy, optimize="optimal"))
-    area = float(np.prod(lattice.step))
-    density = jnp.stack(components, axis=1) * (2 * np.pi / markers.shape[0] / area)
+    unit_area = float(np.prod(lattice.step))
+    density = jnp.stack(components, axis=1) * (2 * np.pi / markers.shape[0] / unit_area)
     silent = jnp.einsum("mck,kc->m", values, normal)
-    return Spreading(density, silent / jnp.linalg.norm(silent), corner, lattice.shape, area)
+    return Spreading(
+        density, silent / jnp.linalg.norm(silent), corner, lattice.shape, lattice.cell_area
+    )
 
 
 def bspline(r: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:

@@ -27,22 +27,23 @@ def gmres(
 ) -> KrylovResult:
     """Solve A x = b from x = 0 until |b - A x| <= tolerance |b| (Saad & Schultz 1986).
 
-    Classical Gram-Schmidt done twice; the small least-squares problem is kept triangular by
-    Givens rotations, so its residual is known after every vector.
+    Modified Gram-Schmidt, which touches only the vectors there are; the small least-squares
+    problem is kept triangular by Givens rotations, so its residual is known after every vector.
     """
     flat_b, unravel = ravel_pytree(b)
     norm_b = jnp.linalg.norm(flat_b)
     safe = jnp.where(norm_b > 0, norm_b, 1.0)
     m = max_vectors
 
+    def project(j, carry):
+        w, column, basis = carry
+        overlap = basis[j] @ w
+        return w - overlap * basis[j], column.at[j].set(overlap), basis
+
     def advance(state):
         k, basis, triangle, rotations, rhs, _ = state
         w = ravel_pytree(matvec(unravel(basis[k])))[0]
-        column = jnp.zeros(m + 1)
-        for _ in range(2):
-            overlap = jnp.where(jnp.arange(m + 1) <= k, basis @ w, 0.0)
-            w -= overlap @ basis
-            column += overlap
+        w, column = jax.lax.fori_loop(0, k + 1, project, (w, jnp.zeros(m + 1), basis))[:2]
         height = jnp.linalg.norm(w)
         basis = basis.at[k + 1].set(w / jnp.where(height > 0, height, 1.0))
         column = _rotate(column.at[k + 1].set(height), rotations, k)

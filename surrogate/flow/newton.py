@@ -17,7 +17,7 @@ class NewtonSettings(NamedTuple):
 
     tolerance: float = 1e-8
     max_steps: int = 25
-    max_vectors: int = 60
+    max_vectors: int = 40
     forcing: float = 0.1
     linear_tolerance: float = 1e-8
 

@@ -17,7 +17,7 @@ from surrogate.flow.domain import Domain
 from surrogate.flow.far import far_response, far_velocity
 from surrogate.flow.immersed import Spreading, spread_modes
 from surrogate.flow.newton import NewtonInfo, NewtonSettings, root
-from surrogate.flow.oseen import Kernel, oseen_kernel
+from surrogate.flow.oseen import Kernel, SymmetricKernel, oseen_kernel
 
 DEFAULT = NewtonSettings()
 PIN = 0.1  # velocity per unit of uniform pressure
@@ -30,7 +30,7 @@ class Case(eqx.Module):
     one application of G per mode.
     """
 
-    kernel: Kernel
+    kernel: Kernel | SymmetricKernel
     far: Float[AnyArray, "terms 2 nx ny"]
     body: Spreading
     response: Float[AnyArray, "modes 2 nx ny"]
@@ -132,7 +132,7 @@ def forced_flow(
 
     if guess is None:
         guess = jnp.tensordot(amplitude, case.response, axes=1)
-    size = math.sqrt(domain.cell_area)
+    size = math.sqrt(domain.lattice.cell_area)
     return root(residual, guess, lambda v: v, lambda v: size * jnp.linalg.norm(v), settings)
 
 
@@ -157,7 +157,7 @@ def _complete(domain, case):
 
 def _norm(domain):
     def norm(state):
-        return jnp.sqrt(domain.cell_area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
+        return jnp.sqrt(domain.lattice.cell_area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
             state.amplitude
         )
 

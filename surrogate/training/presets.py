@@ -58,7 +58,7 @@ def preset(method: str, name: PresetName, seed: int = 0, budget_s: float | None 
         raise InvalidInput(f"seed {seed}: must be a whole number from 0 to 2147483647")
     iterations = {
         "quick": {"dp": 800, "sip": 160, "hig": 30, "supervised": 160},
-        "full": {"dp": 2000, "sip": 1600, "hig": 60, "supervised": 1600},
+        "full": {"dp": 3000, "sip": 1600, "hig": 100, "supervised": 1600},
     }[name][method]
     samples, held_out, fidelity = {"quick": (128, 48, "draft"), "full": (512, 128, "standard")}[
         name
