@@ -13,10 +13,11 @@ from common import Parser, command_line, emit, fidelity_of, progress_bar, reynol
 
 from shapeopt.optimise import Optimum, optimise, optimise_directly
 from shapeopt.problem import Problem
-from shapeopt.runs import check_run_target, save_run
+from shapeopt.runs import RECORD, save_run
 from shapeopt.verify import CYLINDER, verify
 from surrogate.body import PARAMETERS
 from surrogate.errors import InvalidInput
+from surrogate.files import check_target
 from surrogate.scene import Scene
 from surrogate.store import load_surrogate, scene_record
 
@@ -27,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     reynolds = reynolds_numbers(arguments.reynolds)
     if len(reynolds) != 1:
         raise InvalidInput("--reynolds: one number; run once for each")
-    check_run_target(arguments.out)
+    check_target(arguments.out, RECORD)
     surrogate = None if arguments.surrogate == "none" else load_surrogate(arguments.surrogate)
     if surrogate and arguments.fidelity:
         raise InvalidInput("--fidelity: belongs to --surrogate none; a surrogate has its scene's")

@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady)
     fidelity = _fidelity(arguments)
-    stream = parse_stream(arguments.stream, fidelity)
+    stream = parse_stream(arguments.stream)
     make, parameters, symmetric = _body(arguments)
     domain = body_domain(stream, fidelity, make(NODES_TO_CHECK), symmetric)
     markers = make(domain.nodes)
@@ -77,8 +77,8 @@ def _fidelity(arguments) -> Fidelity:
     fidelity = fidelity_of(arguments.fidelity)
     if arguments.cells is None:
         return fidelity
-    if not 4 <= arguments.cells <= 64 or arguments.cells % 2:
-        raise InvalidInput(f"--cells {arguments.cells}: an even number from 4 to 64 is needed")
+    if not 4 <= arguments.cells <= 64:
+        raise InvalidInput(f"--cells {arguments.cells}: a whole number from 4 to 64 is needed")
     return dataclasses.replace(fidelity, cells=arguments.cells)
 
 

@@ -12,7 +12,8 @@ from typing import Any
 from common import Parser, command_line, emit, progress_bar, run, say
 
 from surrogate.errors import InvalidInput
-from surrogate.store import Surrogate, check_target, load_surrogate, save_surrogate
+from surrogate.files import check_target
+from surrogate.store import RECORD, Surrogate, load_surrogate, save_surrogate
 from surrogate.training.loop import Bench, Trained, make_bench, train
 from surrogate.training.presets import METHODS, Plan, preset
 
@@ -22,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     plan = preset(arguments.method, arguments.preset, arguments.seed, arguments.budget_seconds)
     out = Path(arguments.out)
-    check_target(out)
+    check_target(out, RECORD)
     say(plan.scene.explain())
     with progress_bar("preparing flows") as progress:
         bench = make_bench(plan)
@@ -90,13 +91,13 @@ def train_all(name: str, seed: int, out: Path) -> tuple[dict[str, Surrogate], Be
     """
     plans = {method: preset(method, name, seed) for method in METHODS}
     for method in plans:
-        check_target(out / method)
+        check_target(out / method, RECORD)
     with progress_bar("preparing flows") as progress:
         bench = make_bench(plans["dp"])
         progress(1.0, f"{bench.physics.count} bodies in {bench.setup_s:.0f} s")
     surrogates = {}
     for method, plan in plans.items():
-        if not (out / method / "surrogate.json").is_file():
+        if not (out / method / RECORD).is_file():
             trained = train_with_bar(plan, bench, out / f"{method}.checkpoint.npz")
             save(plan, trained, out / method, command_line(), bench.setup_s)
         surrogates[method] = load_surrogate(out / method)

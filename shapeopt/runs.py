@@ -9,26 +9,18 @@ import numpy as np
 from surrogate.arrays import AnyArray
 from surrogate.body import PARAMETERS, family_markers
 from surrogate.errors import InvalidInput
-from surrogate.files import whole_folder
+from surrogate.files import check_target, whole_folder
 
 CONTOUR_POINTS = 400
-
-
-def check_run_target(folder: str | Path) -> None:
-    """Raise InvalidInput where a run may not be written: never overwrite foreign files."""
-    folder = Path(folder)
-    if folder.is_file():
-        raise InvalidInput(f"{folder}: is a file; --out must name a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "run.json").is_file():
-        raise InvalidInput(f"{folder}: is not empty and not a run; choose another --out")
+RECORD = "run.json"
 
 
 def save_run(folder: str | Path, record: dict[str, Any], parameters: AnyArray) -> None:
     """Write run.json and contour.csv, whole or not at all."""
     folder = Path(folder)
-    check_run_target(folder)
+    check_target(folder, RECORD)
     with whole_folder(folder) as part:
-        (part / "run.json").write_text(json.dumps(record, indent=1) + "\n")
+        (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
         contour = np.asarray(family_markers(parameters, CONTOUR_POINTS))
         np.savetxt(part / "contour.csv", contour, "%.9f", ",", header="x,y", comments="")
 
@@ -41,7 +33,7 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     """
     folder = Path(folder)
     try:
-        record = json.loads((folder / "run.json").read_text())
+        record = json.loads((folder / RECORD).read_text())
         [record["parameters"][name] for name in PARAMETERS]
         record["reynolds"], record["scene"], record["path"]
         return record

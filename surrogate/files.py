@@ -43,6 +43,19 @@ def whole_folder(path: str | Path) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
+def check_target(folder: str | Path, record: str) -> None:
+    """Refuse to write a folder where other files would be lost.
+
+    Raises:
+      InvalidInput: it is a file, or it holds files but not ``record``, which marks our own.
+    """
+    folder = Path(folder)
+    if folder.is_file():
+        raise InvalidInput(f"{folder}: is a file; --out must name a folder")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / record).is_file():
+        raise InvalidInput(f"{folder}: is not empty and has no {record}; choose another --out")
+
+
 def _make_folder(folder):
     try:
         folder.mkdir(parents=True, exist_ok=True)

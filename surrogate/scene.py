@@ -97,8 +97,8 @@ def check_stream(stream: Stream, fidelity: Fidelity, reach: np.ndarray) -> None:
         )
 
 
-def parse_stream(text: str, fidelity: Fidelity) -> Stream:
-    """'unbounded' or 'tunnel:H'; H is held to a whole number of cells."""
+def parse_stream(text: str) -> Stream:
+    """'unbounded' or 'tunnel:H' with H in D."""
     if text == "unbounded":
         return Unbounded()
     kind, _, value = text.partition(":")
@@ -108,8 +108,6 @@ def parse_stream(text: str, fidelity: Fidelity) -> Stream:
         height = math.nan
     if kind != "tunnel" or not 1 < height <= 1000:
         raise InvalidInput(f"stream {text!r}: 'unbounded' or 'tunnel:H' with H from 1 to 1000 D")
-    if abs(height * 2 - round(height * 2)) > 1e-9:
-        raise InvalidInput(f"stream {text!r}: H must be a multiple of 0.5 D")
     return Tunnel(height)
 
 

@@ -18,11 +18,12 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body import Family
 from surrogate.errors import InvalidInput
-from surrogate.files import whole_folder
+from surrogate.files import check_target, whole_folder
 from surrogate.network import DragNetwork
 from surrogate.scene import Fidelity, Scene, Tunnel, Unbounded
 
 FORMAT = 1
+RECORD = "surrogate.json"
 PRETRAINED = Path(__file__).parent / "pretrained" / "default"
 
 
@@ -54,7 +55,7 @@ def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
       InvalidInput: the path holds something that is not a surrogate, or is not writable.
     """
     folder = Path(folder)
-    check_target(folder)
+    check_target(folder, RECORD)
     with whole_folder(folder) as part:
         leaves = jax.tree.leaves(surrogate.network)
         weights = part / "weights.npz"
@@ -69,16 +70,7 @@ def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
             },
             **surrogate.record,
         }
-        (part / "surrogate.json").write_text(json.dumps(record, indent=1) + "\n")
-
-
-def check_target(folder: str | Path) -> None:
-    """Raise InvalidInput where a surrogate may not be written: never overwrite foreign files."""
-    folder = Path(folder)
-    if folder.is_file():
-        raise InvalidInput(f"{folder}: is a file; --out must name a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / "surrogate.json").is_file():
-        raise InvalidInput(f"{folder}: is not empty and not a surrogate; choose another --out")
+        (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
 
 
 def load_surrogate(name: str | Path) -> Surrogate:
@@ -92,7 +84,7 @@ def load_surrogate(name: str | Path) -> Surrogate:
         raise InvalidInput(f"surrogate {folder}: no such folder; train_surrogate.py makes one")
     weights = folder / "weights.npz"
     try:
-        record = json.loads((folder / "surrogate.json").read_text())
+        record = json.loads((folder / RECORD).read_text())
         if record["format"] != FORMAT:
             raise InvalidInput(
                 f"surrogate {folder}: format {record['format']}, this version reads {FORMAT}"

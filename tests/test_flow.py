@@ -244,3 +244,13 @@ def test_any_body_of_the_family_converges_to_a_sane_drag(parameters, reynolds):
 def test_fine_grid_is_within_a_fifth_of_a_percent(reynolds):
     drag = float(cylinder_drag(Unbounded(), FIDELITIES["fine"], reynolds).drag)
     assert drag == pytest.approx(UNBOUNDED[reynolds], rel=0.002)
+
+
+def test_any_tunnel_height_fits_the_grid():
+    """Rows shrink a little where the height is no multiple of a cell: the drag stays smooth."""
+    heights = (7.9, 8.0, 8.1)
+    below, middle, above = (
+        float(cylinder_drag(Tunnel(h), FIDELITIES["draft"], 10.0).drag) for h in heights
+    )
+    assert below > middle > above
+    assert abs(below - 2 * middle + above) < 0.2 * (below - above)

@@ -45,14 +45,16 @@ def make_domain(
     repeats = symmetric and height is not None
 
     def window(before, after, across, cells):
-        rows = round(across * cells)
-        half = symmetric and rows % 2 == 0
+        step = 1 / cells
+        if height is not None:  # a whole, even number of rows from wall to wall
+            step = height / (2 * round(height * cells / 2))
+        rows = 2 * round(across / step / 2)
         return Lattice(
-            (round((before + after) * cells), rows // 2 if half else rows),
-            (1 / cells, 1 / cells),
+            (round((before + after) * cells), rows // 2 if symmetric else rows),
+            (1 / cells, step),
             round(before * cells),
             periodic=repeats and across == height,
-            symmetric=half,
+            symmetric=symmetric,
         )
 
     lattice = window(upstream, downstream, width, n)

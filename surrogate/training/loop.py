@@ -152,7 +152,8 @@ def train(
                 save_checkpoint(checkpoint, plan, run)
                 saved = time.perf_counter()
             clock.resume()
-    if stopped is None and int(run.iteration) % plan.report_every:
+    unreported = int(run.iteration) % plan.report_every and int(run.iteration) < plan.iterations
+    if stopped is None and unreported:
         run, _ = _record(run._replace(seconds=jnp.asarray(clock.seconds())), bench, np.nan)
     history = _history(run)
     if not history:

@@ -1,0 +1,29 @@
+"""The README's code runs as it stands, and its commands are those of the project."""
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def test_python_example_runs(capsys):
+    """Fifteen lines of Python: a drag, its gradient, an optimum, its verified drag."""
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    assert len(code.splitlines()) <= 15
+    exec(compile(code, "README.md", "exec"), {})
+    printed = capsys.readouterr().out.splitlines()
+    predicted, verified = float(printed[-2].split()[-1]), float(printed[-1])
+    assert abs(predicted / verified - 1) < 0.01
+
+
+def test_ci_runs_the_readmes_test_command():
+    command = next(line for line in README.splitlines() if line.endswith("-m pytest"))
+    assert command in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+def test_every_script_and_picture_named_exists():
+    for name in set(re.findall(r"\b(\w+\.py)\b", README)):
+        assert (ROOT / "scripts" / name).is_file(), name
+    for name in re.findall(r"!\[.*?\]\((.*?)\)", README):
+        assert (ROOT / name).is_file(), name
