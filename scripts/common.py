@@ -10,12 +10,15 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import surrogate
-from surrogate.body import PARAMETERS
+from surrogate.body import PARAMETERS, rotate
+from surrogate.contour import naca4, read_contour, smooth_contour
 from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow.drag import family_body
 from surrogate.scene import FIDELITIES, check_reynolds
 
 DONE, BAD_INPUT, NOT_CONVERGED = 0, 2, 3
@@ -89,6 +92,41 @@ def add_family_arguments(parser: argparse.ArgumentParser) -> None:
 def family_parameters(arguments: argparse.Namespace) -> list[float]:
     """The family's parameters from the arguments."""
     return [getattr(arguments, name) for name in PARAMETERS]
+
+
+def add_body_arguments(parser: argparse.ArgumentParser) -> None:
+    """A family body, a contour or a NACA section, at incidence."""
+    add_family_arguments(parser)
+    parser.add_argument("--contour", help="CSV of x,y or Selig .dat, scaled to area pi/4")
+    parser.add_argument("--naca", help="NACA 4-digit section, as 0012")
+    parser.add_argument("--incidence", type=float, default=0.0, help="nose up, in degrees")
+    parser.add_argument("--keep-size", action="store_true", help="do not scale a contour")
+
+
+def body_of(
+    arguments: argparse.Namespace,
+) -> tuple[Callable[[int], np.ndarray], np.ndarray | None, bool]:
+    """A function from a number of nodes to markers, the family's parameters, whether symmetric."""
+    given = [name for name in ("aspect", "contour", "naca") if getattr(arguments, name) is not None]
+    if len(given) != 1:
+        raise InvalidInput("body: give exactly one of --aspect, --contour and --naca")
+    if not abs(arguments.incidence) <= 180:
+        raise InvalidInput(f"--incidence {arguments.incidence:g}: from -180 to 180 degrees")
+    if arguments.aspect is not None:
+        parameters = np.array(family_parameters(arguments))
+        symmetric = arguments.incidence == 0
+        return (
+            lambda nodes: family_body(parameters, nodes, arguments.incidence),
+            parameters,
+            symmetric,
+        )
+    points = read_contour(arguments.contour) if arguments.contour else naca4(arguments.naca)
+
+    def make(nodes):
+        contour = smooth_contour(points, nodes, arguments.keep_size)
+        return np.asarray(rotate(contour, arguments.incidence))
+
+    return make, None, False
 
 
 def fidelity_of(name: str):

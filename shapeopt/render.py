@@ -13,12 +13,14 @@ from surrogate.files import whole_file
 from surrogate.flow.domain import Domain
 from surrogate.flow.drag import Solution
 from surrogate.flow.forces import vorticity
+from surrogate.flow.lattice import Lattice
 
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no display needed
 
 import pyvista as pv
 
 VIEW = (-1.6, 4.4, -1.35, 1.35)  # x and y range shown, in D
+STREAM = np.array([1.0, 0.0])[:, None, None]
 BODY_COLOUR = "#f2efe6"
 
 
@@ -41,7 +43,7 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
         off_screen=True, shape=shape, window_size=(860 * shape[1], 430 * shape[0]), border=False
     )
     panels = [panel for row in rows for panel in row]
-    limit = max(np.percentile(np.abs(_cropped(_mesh(p))["vorticity"]), 98) for p in panels)
+    limit = max(np.percentile(np.abs(_cropped(_solved_mesh(p))["vorticity"]), 98) for p in panels)
     for i, row in enumerate(rows):
         for j, panel in enumerate(row):
             plotter.subplot(i, j)
@@ -77,8 +79,41 @@ def render_evolution(
     return Path(path)
 
 
+def render_march(
+    lattice: Lattice,
+    markers: Float[AnyArray, "nodes 2"],
+    frames: list[Float[np.ndarray, "2 nx ny"]],
+    captions: list[str],
+    path: str | Path,
+) -> Path:
+    """A GIF of the vorticity of a time march."""
+    (left, right), (low, high) = lattice.grid.domain
+    view = (left, right, low / 2, high / 2)
+    aspect = (view[3] - view[2]) / (view[1] - view[0])
+    plotter = pv.Plotter(off_screen=True, window_size=(960, round(960 * aspect / 2) * 2))
+    with whole_file(path) as part:
+        plotter.open_gif(str(part), fps=12, loop=0)
+        for velocity, caption in zip(frames, captions, strict=True):
+            plotter.clear()
+            mesh = _mesh(lattice, np.asarray(velocity))
+            plotter.add_mesh(
+                mesh,
+                scalars="vorticity",
+                cmap="RdBu_r",
+                clim=(-3, 3),
+                lighting=False,
+                show_scalar_bar=False,
+            )
+            plotter.add_mesh(_polygon(markers, 0.02), color="black", lighting=False)
+            plotter.add_text(caption, font_size=10, color="black")
+            _look_at(plotter, view)
+            plotter.write_frame()
+        plotter.close()
+    return Path(path)
+
+
 def _draw(plotter, panel, limit, show_bar):
-    mesh = _mesh(panel)
+    mesh = _solved_mesh(panel)
     plotter.add_mesh(
         _cropped(mesh),
         scalars="vorticity",
@@ -106,16 +141,19 @@ def _draw(plotter, panel, limit, show_bar):
     _look_at(plotter, VIEW)
 
 
-def _mesh(panel):
+def _solved_mesh(panel):
+    lattice, velocity = panel.domain.lattice, panel.solution.state.velocity
+    return _mesh(lattice.unfolded, np.asarray(lattice.unfold(velocity)) + STREAM)
+
+
+def _mesh(lattice, velocity):
     """Velocity and vorticity on the corners of the window's cells."""
-    folded = panel.domain.lattice
-    lattice, velocity = folded.unfolded, folded.unfold(panel.solution.state.velocity)
-    u, v = np.asarray(velocity)
+    u, v = velocity
     (x, _), (_, y) = lattice.faces()
     dx, dy = lattice.step
     nx, ny = lattice.shape
     mesh = pv.ImageData(dimensions=(nx, ny, 1), spacing=(dx, dy, 1), origin=(x[0], y[0], 0))
-    corner_u = 1 + (u + np.roll(u, -1, axis=1)) / 2
+    corner_u = (u + np.roll(u, -1, axis=1)) / 2
     corner_v = (v + np.roll(v, -1, axis=0)) / 2
     vectors = np.stack([corner_u, corner_v, np.zeros_like(u)], axis=-1)
     mesh["velocity"] = vectors.transpose(1, 0, 2).reshape(-1, 3)
