@@ -78,7 +78,7 @@ def _fidelity(arguments) -> Fidelity:
 def _line(r: DragReport) -> str:
     line = (
         f"Re {r.reynolds:<8g} Cd {r.cd:.4f} (pressure {r.cd_pressure:.3f}, friction "
-        f"{r.cd_friction:.3f})  Cl {r.cl:.4f}  {r.iterations} Newton steps, "
+        f"{r.cd_friction:.3f})  Cl {r.cl:.4f}  Cm {r.cm:.4f}  {r.iterations} Newton steps, "
         f"{r.green_applications} applications of G, {r.wall_s:.2f} s"
     )
     if r.gradient:

@@ -41,7 +41,7 @@ def test_solve_drag(capsys):
     )
     first, second = result["results"]
     assert set(first) == {
-        *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "converged", "iterations"),
+        *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "cm", "converged", "iterations"),
         *("green_applications", "wall_s", "gradient"),
     }
     assert first["reynolds"] == 10

@@ -254,3 +254,16 @@ def test_any_tunnel_height_fits_the_grid():
     )
     assert below > middle > above
     assert abs(below - 2 * middle + above) < 0.2 * (below - above)
+
+
+def test_moment_turns_an_ellipse_across_the_stream():
+    """At incidence the moment is nose up, and the mirror image has the opposite one."""
+    fidelity = FIDELITIES["draft"]
+    moments = []
+    for incidence in (20.0, -20.0):
+        markers = np.asarray(rotate(family_markers(jnp.array([2.0, 0, 0, 0]), 300), incidence))
+        domain = body_domain(Unbounded(), fidelity, markers, symmetric=False)
+        body = rotate(family_markers(jnp.array([2.0, 0, 0, 0]), domain.nodes), incidence)
+        moments.append(float(solve(domain, body, jnp.asarray(20.0)).coefficients.moment))
+    assert moments[0] > 0.1
+    assert moments[0] == pytest.approx(-moments[1], rel=1e-9)

@@ -117,6 +117,7 @@ class DragReport:
     cd_pressure: float
     cd_friction: float
     cl: float
+    cm: float
     converged: bool
     iterations: int
     green_applications: int
@@ -174,6 +175,7 @@ def report(
         cd_pressure=float(c.drag_pressure),
         cd_friction=float(c.drag_friction),
         cl=float(c.lift),
+        cm=float(c.moment),
         converged=True,
         iterations=int(solution.info.steps),
         green_applications=int(solution.info.products) + steady.preparation_cost(domain),

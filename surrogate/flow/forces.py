@@ -15,12 +15,16 @@ PROBES = (2.5, 3.5, 4.5)  # cells off the wall, clear of the smeared traction
 
 
 class Coefficients(NamedTuple):
-    """Force of the fluid on the body over (1/2) rho U^2 D, per unit span."""
+    """Force of the fluid on the body over (1/2) rho U^2 D, per unit span.
+
+    ``moment`` is about the origin (the centroid), nose up, over (1/2) rho U^2 D^2.
+    """
 
     drag: Float[AnyArray, ""]
     drag_pressure: Float[AnyArray, ""]
     drag_friction: Float[AnyArray, ""]
     lift: Float[AnyArray, ""]
+    moment: Float[AnyArray, ""]
 
 
 def drag_coefficient(amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, ""]:
@@ -46,7 +50,9 @@ def coefficients(
     unit, speed = _frame(markers)
     shear = friction_coefficient(domain, markers, velocity, reynolds)
     friction = 2 * jnp.pi * jnp.mean(shear * unit[:, 1] * speed)
-    return Coefficients(drag, drag - friction, friction, lift)
+    force = _traction(domain, markers, amplitude)
+    moment = jnp.mean(markers[:, 1] * force[:, 0] - markers[:, 0] * force[:, 1]) * 2 * jnp.pi
+    return Coefficients(drag, drag - friction, friction, lift, 2 * moment)
 
 
 def friction_coefficient(
@@ -70,7 +76,7 @@ def pressure_coefficient(
 ) -> Float[AnyArray, "nodes"]:
     """Cp along the contour from the normal traction, its mean removed."""
     unit, speed = _frame(markers)
-    traction = -jnp.tensordot(amplitude, domain.modes.values(markers.shape[0]), axes=1).T
+    traction = _traction(domain, markers, amplitude)
     pressure = -2 * jnp.sum(traction * unit, axis=1) / speed
     return pressure - jnp.average(pressure, weights=speed)
 
@@ -80,6 +86,11 @@ def vorticity(lattice: Lattice, velocity: Float[AnyArray, "2 nx ny"]) -> Float[A
     u, v = velocity
     dx, dy = lattice.step
     return (jnp.roll(v, -1, axis=0) - v) / dx - (jnp.roll(u, -1, axis=1) - u) / dy
+
+
+def _traction(domain, markers, amplitude):
+    """Force of the fluid on the body per unit t."""
+    return -jnp.tensordot(amplitude, domain.modes.values(markers.shape[0]), axes=1).T
 
 
 def _frame(markers):
