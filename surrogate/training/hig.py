@@ -22,12 +22,14 @@ def half_inverse_gradients(
     decay: float = 60.0,
     tau: float = 1e-3,
     goal: float = 3.0,
+    leave_out: bool = True,
     settings: NewtonSettings = NewtonSettings(1e-4, 10, 40),
     effort: Effort = Effort(1e-2, 30),
 ) -> Method:
     """HIG: one forced flow and one tangent solve per mode and sample; flows must converge.
 
-    A sample whose flow or tangents fail is left out of the step and restarts from its Oseen flow.
+    A sample whose flow or tangents fail is left out of the step and restarts from its Oseen flow
+    (``leave_out``; without it only numbers that are not finite are).
     """
 
     def init(network, physics):
@@ -44,7 +46,8 @@ def half_inverse_gradients(
         miss = row @ jnp.linalg.solve(matrix, slip)
         y = jnp.append(slip, miss)
         jacobian = jnp.concatenate([matrix, row[None]])
-        valid = info.converged & spent.converged & jnp.all(jnp.isfinite(jacobian))
+        finite = jnp.all(jnp.isfinite(jacobian)) & jnp.all(jnp.isfinite(y))
+        valid = finite & (info.converged & spent.converged | (not leave_out))
         return y, jacobian, velocity, valid, info.products + spent.products
 
     def update(network, state, physics, batch, done):

@@ -15,6 +15,7 @@ from surrogate.errors import NotConverged
 from surrogate.flow.steady import preparation_cost
 from surrogate.network import DragNetwork, make_network
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
+from surrogate.training.method import Method
 from surrogate.training.physics import (
     Labels,
     Physics,
@@ -102,8 +103,11 @@ def train(
     checkpoint: Path | None = None,
     report: Callable[[Point, float], None] = lambda point, done: None,
     checkpoint_every_s: float = 20.0,
+    method: Method | None = None,
 ) -> Trained:
     """Train the bench's network by the plan's method; resumes from ``checkpoint`` if it is there.
+
+    ``method`` replaces the plan's own, as studies of its settings need.
 
     The clock runs from the first update (compilation excluded, listed applications of G included
     from the preparation on). ``report(point, done)`` is called at every point of the history.
@@ -112,7 +116,7 @@ def train(
       InvalidInput: the checkpoint is damaged or foreign.
       NotConverged: the network blew up before it had one good point.
     """
-    method = plan.make_method()
+    method = method or plan.make_method()
     batches = _batches(plan, method.batch)
     prepared = bench.physics.count * preparation_cost(bench.physics.domain)
     fresh = Run(

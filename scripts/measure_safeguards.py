@@ -1,0 +1,100 @@
+"""Which safeguards SIP and HIG need: the same quick training, one safeguard changed at a time.
+
+python scripts/measure_safeguards.py --out out/safeguards
+"""
+
+import dataclasses
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from common import Parser, emit, finite, progress_bar, run
+
+from surrogate.errors import NotConverged
+from surrogate.files import whole_file
+from surrogate.flow.newton import NewtonSettings
+from surrogate.flow.tangent import Effort
+from surrogate.training.hig import half_inverse_gradients
+from surrogate.training.loop import make_bench, train
+from surrogate.training.method import Method
+from surrogate.training.presets import preset
+from surrogate.training.sip import scale_invariant_physics
+
+LOOSE_FLOW = NewtonSettings(tolerance=1e-2, max_steps=2, max_vectors=14)
+HIG = {
+    "as shipped": {},
+    "no truncation (tau 0)": {"tau": 0.0},
+    "tau 1e-5": {"tau": 1e-5},
+    "tau 1e-2": {"tau": 1e-2},
+    "half steps (eta 0.5)": {"eta": 0.5},
+    "fast decay (8)": {"decay": 8.0},
+    "no goal row (goal 0)": {"goal": 0.0},
+    "loose flows, failures left out": {"settings": LOOSE_FLOW},
+    "loose flows, failures kept": {"settings": LOOSE_FLOW, "leave_out": False},
+}
+SIP = {
+    "as shipped": {},
+    "every sample inverted each visit": {"settle": -1.0},
+    "loose inversion (Krylov 0.3)": {"effort": Effort(0.3, 30)},
+    "no goal (goal 0)": {"goal": 0.0},
+    "one network step per inversion": {"network_steps": 1},
+}
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """Train every variant from the same weights on the same bodies; tabulate."""
+    arguments = _parser().parse_args(argv)
+    plans = {name: preset(name, "quick", arguments.seed) for name in ("hig", "sip")}
+    bench = make_bench(plans["hig"])
+    variants = [("hig", name, half_inverse_gradients(**kw)) for name, kw in HIG.items()]
+    variants += [("sip", name, scale_invariant_physics(**kw)) for name, kw in SIP.items()]
+    rows = []
+    with progress_bar("safeguards") as progress:
+        for k, (method, name, update) in enumerate(variants):
+            rows.append(_row(method, name, plans[method], bench, update))
+            progress((k + 1) / len(variants), f"{method}, {name}: {rows[-1]['outcome']}")
+    with whole_file(Path(arguments.out) / "safeguards.json") as part:
+        part.write_text(json.dumps(rows, indent=1) + "\n")
+    return emit({"rows": rows}, arguments.json, _text(rows))
+
+
+def _row(name: str, variant: str, plan, bench, method: Method) -> dict[str, Any]:
+    row: dict[str, Any] = {"method": name, "variant": variant}
+    try:
+        trained = train(dataclasses.replace(plan, report_every=1), bench, method=method)
+    except NotConverged as problem:
+        return row | {"outcome": str(problem), "mean": None, "max": None, "work": None, "failed": 0}
+    last = trained.history[-1]
+    return row | {
+        "outcome": trained.stopped or "trained",
+        "mean": finite(last.error_mean),
+        "max": finite(last.error_max),
+        "work": last.green_applications,
+        "failed": last.failed,
+    }
+
+
+def _text(rows: list[dict[str, Any]]) -> str:
+    lines = [
+        "| method | variant | mean | max | applications of G | samples left out | outcome |",
+        "|---" * 7 + "|",
+    ]
+    for r in rows:
+        errors = ["-" if r[k] is None else f"{100 * r[k]:.2f} %" for k in ("mean", "max")]
+        cells = [r["method"], r["variant"], *errors, str(r["work"]), str(r["failed"]), r["outcome"]]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _parser():
+    parser = Parser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--out", required=True, help="folder of safeguards.json")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))
