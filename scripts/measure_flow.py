@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from common import Parser, emit, progress_bar, run
+from common import Parser, emit, markdown, progress_bar, run
 
 from surrogate.body import family_markers
 from surrogate.errors import NotConverged
@@ -127,16 +127,13 @@ def _text(rows: list[Row]) -> str:
     for table in dict.fromkeys(row.table for row in rows):
         chosen = [row for row in rows if row.table == table]
         columns = sorted({row.reynolds for row in chosen})
-        lines = [
-            f"| {table} | " + " | ".join(f"Re {re:g}" for re in columns) + " | time of a solve |",
-            "|---" * (len(columns) + 2) + "|",
-        ]
+        heads, lines = [table, *(f"Re {re:g}" for re in columns), "time of a solve"], []
         for case in dict.fromkeys(row.case for row in chosen):
             found = {row.reynolds: row for row in chosen if row.case == case}
             cells = [f"{100 * found[re].error:+.2f} %" if re in found else "" for re in columns]
             seconds = np.median([row.seconds for row in found.values()])
-            lines.append(f"| {case} | " + " | ".join(cells) + f" | {1000 * seconds:.0f} ms |")
-        parts.append("\n".join(lines))
+            lines.append([case, *cells, f"{1000 * seconds:.0f} ms"])
+        parts.append(markdown(heads, lines))
     return "\n\n".join(parts)
 
 

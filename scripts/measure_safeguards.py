@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from common import Parser, emit, finite, progress_bar, run
+from common import Parser, emit, finite, markdown, progress_bar, run
 
 from surrogate.errors import NotConverged
 from surrogate.files import whole_file
@@ -77,15 +77,13 @@ def _row(name: str, variant: str, plan, bench, method: Method) -> dict[str, Any]
 
 
 def _text(rows: list[dict[str, Any]]) -> str:
-    lines = [
-        "| method | variant | mean | max | applications of G | samples left out | outcome |",
-        "|---" * 7 + "|",
-    ]
+    heads = ["method", "variant", "mean", "max", "applications of G", "left out", "outcome"]
+    lines = []
     for r in rows:
         errors = ["-" if r[k] is None else f"{100 * r[k]:.2f} %" for k in ("mean", "max")]
-        cells = [r["method"], r["variant"], *errors, str(r["work"]), str(r["failed"]), r["outcome"]]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        counts = str(r["work"]), str(r["failed"])
+        lines.append([r["method"], r["variant"], *errors, *counts, r["outcome"]])
+    return markdown(heads, lines)
 
 
 def _parser():

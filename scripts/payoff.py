@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import Parser, command_line, emit, finite, progress_bar, run
-from rich.console import Console
-from rich.table import Table
+from common import Parser, command_line, emit, finite, markdown, progress_bar, run
 from train_surrogate import train_all
 
 from shapeopt.optimise import Optimum, optimise, optimise_directly
@@ -123,28 +121,29 @@ def _plain(p: Payoff) -> dict[str, Any]:
 
 def _text(payoffs, designs, directs, queries, pictures) -> str:
     """The break-even table and the verified drags, as text."""
-    table = Table(
-        "method", "error mean / max", "training", "a design", "gap to direct", "pays after"
-    )
-    for p in payoffs:
-        table.add_row(
+    heads = ["method", "error mean / max", "training", "a design", "gap to direct", "pays after"]
+    rows = [
+        [
             p.method,
             f"{100 * p.drag_error_mean:.2f} / {100 * p.drag_error_max:.2f} %",
             _cost(p.training),
             _cost(p.per_design),
-            f"{100 * p.gap_mean:+.2f} % (max {100 * p.gap_max:+.2f})",
+            f"{100 * p.gap_mean:+.2f} % (max {100 * p.gap_max:+.2f} %)",
             f"{p.designs_to_pay_seconds:.1f} designs by time, {p.designs_to_pay_green:.1f} by G",
-        )
-    table.add_row("direct", "", "0", _cost(payoffs[0].per_direct), "", "")
-    drags = Table("verified Cd", "direct", *designs)
-    for k, reynolds in enumerate(queries):
-        row = [f"{ds[k].drag:.4f}" for ds in designs.values()]
-        drags.add_row(f"Re {reynolds:g}", f"{directs[k].drag:.4f}", *row)
-    console = Console(width=132, record=True, file=sys.stderr, quiet=True)
-    with console.capture() as capture:
-        console.quiet = False
-        console.print(table, drags)
-    return capture.get() + "\n".join(f"-> {path}" for path in pictures.values())
+        ]
+        for p in payoffs
+    ]
+    rows.append(["direct", "", "", _cost(payoffs[0].per_direct), "", ""])
+    drags = [
+        [
+            f"Re {reynolds:g}",
+            f"{directs[k].drag:.4f}",
+            *(f"{d[k].drag:.4f}" for d in designs.values()),
+        ]
+        for k, reynolds in enumerate(queries)
+    ]
+    tables = markdown(heads, rows), markdown(["verified Cd", "direct", *designs], drags)
+    return "\n\n".join([*tables, *(f"-> {path}" for path in pictures.values())])
 
 
 def _cost(cost: Cost) -> str:
