@@ -11,6 +11,8 @@ from typing import Any
 
 from common import (
     Parser,
+    add_body_arguments,
+    body_of,
     emit,
     fidelity_of,
     progress_bar,

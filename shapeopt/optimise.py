@@ -28,7 +28,7 @@ class Optimum:
     ``green_applications`` counts the flow's work: none on the surrogate.
     """
 
-    parameters: Float[AnyArray, "parameters"]
+    parameters: Float[AnyArray, " parameters"]
     drag: float
     calls: int
     seconds: float

@@ -86,8 +86,8 @@ class Problem:
 
 
 def margins(
-    parameters: Float[AnyArray, "parameters"], limits: Limits
-) -> Float[AnyArray, "constraints"]:
+    parameters: Float[AnyArray, " parameters"], limits: Limits
+) -> Float[AnyArray, " constraints"]:
     """Every constraint as a number that must not be negative."""
     return jnp.stack(
         [
@@ -98,12 +98,12 @@ def margins(
     )
 
 
-def chord(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
+def chord(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
     """Length of a family body along the stream, in D."""
     return jnp.sqrt(parameters[0])
 
 
-def thickness(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
+def thickness(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
     """Greatest thickness of a family body across the stream, in D."""
     aspect, *betas = parameters
     t = np.linspace(0, np.pi, 181)
@@ -122,5 +122,5 @@ def _everywhere(family: Family) -> Float[AnyArray, "bodies parameters"]:
 
 
 @jax.jit
-def _feasible(bodies: Array, limits: Limits) -> Bool[AnyArray, "bodies"]:
+def _feasible(bodies: Array, limits: Limits) -> Bool[AnyArray, " bodies"]:
     return jnp.all(jax.vmap(margins, in_axes=(0, None))(bodies, limits) >= 0, axis=1)

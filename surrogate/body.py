@@ -52,13 +52,13 @@ class Family:
             raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
         return valid[:count]
 
-    def contains(self, parameters: Float[AnyArray, "parameters"]) -> bool:
+    def contains(self, parameters: Float[AnyArray, " parameters"]) -> bool:
         low, high = self.bounds.T
         slack = 1e-9
         return bool(np.all((parameters >= low - slack) & (parameters <= high + slack)))
 
 
-def opening(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
+def opening(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
     """Least y / (b sin t) over the body: it crosses itself where this is not positive."""
     _, beta2, beta3, beta4 = parameters
     c = jnp.cos(np.linspace(0, np.pi, 181))
@@ -66,7 +66,7 @@ def opening(parameters: Float[AnyArray, "parameters"]) -> Float[AnyArray, ""]:
 
 
 def family_markers(
-    parameters: Float[AnyArray, "parameters"], nodes: int
+    parameters: Float[AnyArray, " parameters"], nodes: int
 ) -> Float[AnyArray, "nodes 2"]:
     """Contour of a family body, clockwise from the nose, area centroid at the origin."""
     aspect, *betas = parameters
@@ -96,7 +96,7 @@ def check_family(parameters: AnyArray) -> None:
 
 def moments(
     markers: Float[AnyArray, "nodes 2"],
-) -> tuple[Float[AnyArray, ""], Float[AnyArray, "2"]]:
+) -> tuple[Float[AnyArray, ""], Float[AnyArray, " 2"]]:
     """Signed area (positive when clockwise) and area centroid of a polygon."""
     following = jnp.roll(markers, -1, axis=0)
     cross = markers[:, 1] * following[:, 0] - markers[:, 0] * following[:, 1]

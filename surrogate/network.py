@@ -21,15 +21,15 @@ class DragNetwork(eqx.Module):
     """
 
     layers: tuple[eqx.nn.Linear, ...]
-    low: Float[AnyArray, "inputs"]
-    high: Float[AnyArray, "inputs"]
-    size: Float[AnyArray, "3"]
-    mean: Float[AnyArray, "modes"]
-    spread: Float[AnyArray, "modes"]
+    low: Float[AnyArray, " inputs"]
+    high: Float[AnyArray, " inputs"]
+    size: Float[AnyArray, " 3"]
+    mean: Float[AnyArray, " modes"]
+    spread: Float[AnyArray, " modes"]
 
     def __call__(
-        self, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Float[AnyArray, "modes"]:
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, " modes"]:
         """Traction modes (force of the body on the fluid, U = D = rho = 1)."""
         low, high, size, mean, spread = jax.lax.stop_gradient(
             (self.low, self.high, self.size, self.mean, self.spread)
@@ -40,21 +40,21 @@ class DragNetwork(eqx.Module):
         return jnp.exp(jnp.polyval(size, log_re)) * (mean + spread * self._mlp(scaled))
 
     def drag(
-        self, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, ""]:
         """Cd of a body."""
         return drag_coefficient(self(parameters, reynolds))
 
-    def scale(self, reynolds: Float[AnyArray, ""]) -> Float[AnyArray, "modes"]:
+    def scale(self, reynolds: Float[AnyArray, ""]) -> Float[AnyArray, " modes"]:
         """Typical variation of every mode at this Re."""
         return jnp.exp(jnp.polyval(self.size, jnp.log(reynolds))) * self.spread
 
     @property
-    def weights(self) -> Float[AnyArray, "weights"]:
+    def weights(self) -> Float[AnyArray, " weights"]:
         """All trained numbers as one vector."""
         return ravel_pytree(self.layers)[0]
 
-    def with_weights(self, weights: Float[AnyArray, "weights"]) -> "DragNetwork":
+    def with_weights(self, weights: Float[AnyArray, " weights"]) -> "DragNetwork":
         """The same network with other trained numbers."""
         layers = ravel_pytree(self.layers)[1](weights)
         return eqx.tree_at(lambda net: net.layers, self, layers)
@@ -68,7 +68,7 @@ class DragNetwork(eqx.Module):
 def make_network(
     scene: Scene,
     key: jax.Array,
-    reynolds: Float[AnyArray, "samples"],
+    reynolds: Float[AnyArray, " samples"],
     oseen: Float[AnyArray, "samples modes"],
     width: int = 32,
 ) -> DragNetwork:

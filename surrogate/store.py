@@ -36,7 +36,7 @@ class Surrogate:
     record: dict[str, Any]
 
     def drag(
-        self, parameters: Float[AnyArray, "parameters"], reynolds: float | Float[AnyArray, ""]
+        self, parameters: Float[AnyArray, " parameters"], reynolds: float | Float[AnyArray, ""]
     ) -> Float[AnyArray, ""]:
         """Cd; differentiable, and to be vmapped over bodies and Reynolds numbers."""
         return self.network.drag(parameters, jnp.asarray(reynolds, float))

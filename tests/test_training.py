@@ -111,6 +111,20 @@ def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, bench, monke
     assert trained.history[-1].iteration == 4
 
 
+def test_a_training_that_explodes_without_nan_is_stopped_too(plan, bench, monkeypatch):
+    method = plan.make_method()
+
+    def exploding(network, state, physics, batch, done):
+        network, state, spent = method.update(network, state, physics, batch, done)
+        return network.with_weights(network.weights * jnp.where(done > 0.6, 1e6, 1.0)), state, spent
+
+    monkeypatch.setattr(Plan, "make_method", lambda self: method._replace(update=exploding))
+    trained = loop.train(plan, bench)
+    assert "blew up" in trained.stopped
+    assert trained.history[-1].iteration == 4
+    assert trained.history[-1].error_mean < 1
+
+
 def test_half_inverse_is_the_svd_formula(generator):
     jacobian = generator.normal(size=(6, 20)) * np.logspace(0, -3, 6)[:, None]
     y = generator.normal(size=6)

@@ -35,7 +35,7 @@ def force_by_momentum(
     velocity: Float[AnyArray, "2 nx ny"],
     reynolds: float,
     reach: tuple[float, float],
-) -> Float[np.ndarray, "2"]:
+) -> Float[np.ndarray, " 2"]:
     """Force of the fluid on the body from the momentum that leaves a box of half sides ``reach``.
 
     The pressure on the box comes from integrating the momentum equation along its sides, where

@@ -48,9 +48,9 @@ def solve(
 
 @functools.partial(jax.jit, static_argnames="domain")
 def family_drag_and_gradient(
-    domain: Domain, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
+    domain: Domain, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
 ) -> tuple[
-    Float[AnyArray, ""], tuple[Float[AnyArray, "parameters"], Float[AnyArray, ""]], NewtonInfo
+    Float[AnyArray, ""], tuple[Float[AnyArray, " parameters"], Float[AnyArray, ""]], NewtonInfo
 ]:
     """Cd of a family body, its gradient in (parameters, Re) by one adjoint solve, and status.
 
@@ -66,8 +66,8 @@ def family_drag_and_gradient(
 
 @functools.partial(jax.jit, static_argnames="domain")
 def family_drag_and_shape_gradient(
-    domain: Domain, parameters: Float[AnyArray, "parameters"], reynolds: Float[AnyArray, ""]
-) -> tuple[Float[Array, ""], Float[Array, "parameters"], NewtonInfo]:
+    domain: Domain, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+) -> tuple[Float[Array, ""], Float[Array, " parameters"], NewtonInfo]:
     """Cd of a family body, its gradient in the parameters by one adjoint solve, and status."""
     drag = functools.partial(_family_drag, domain)
     (cd, info), gradient = jax.value_and_grad(drag, has_aux=True)(parameters, reynolds)
@@ -84,23 +84,24 @@ def _family_drag(domain, parameters, reynolds):
 def solve_with_continuation(
     domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: float, halvings: int = 3
 ) -> Solution:
-    """``solve``; where Newton from the Oseen flow fails, approach Re from below.
+    """``solve``; where Newton from the Oseen flow fails, approach Re from below in 2, 4, 8 steps.
+
+    The work of all attempts is counted.
 
     Raises:
       NotConverged: the flow was not found; no number is returned.
     """
-    solution = solve(domain, markers, jnp.asarray(reynolds, float))
-    for depth in range(1, halvings + 1):
-        if bool(solution.info.converged):
-            return solution
+    products = 0
+    for depth in range(halvings + 1):
         guess, steps = None, 2**depth
         for k in range(1, steps + 1):
             solution = solve(domain, markers, jnp.asarray(reynolds * k / steps), guess)
+            products += int(solution.info.products)
             if not bool(solution.info.converged):
                 break
             guess = solution.state
-    if bool(solution.info.converged):
-        return solution
+        else:
+            return solution._replace(info=solution.info._replace(products=jnp.asarray(products)))
     raise NotConverged(
         f"body flow at Re {reynolds:g} did not converge: residual "
         f"{float(solution.info.residual):.1e} after {int(solution.info.steps)} Newton steps; "

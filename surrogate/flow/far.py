@@ -42,7 +42,7 @@ def far_response(
 
 
 def far_velocity(
-    response: Float[AnyArray, "terms 2 nx ny"], force: Float[AnyArray, "2"]
+    response: Float[AnyArray, "terms 2 nx ny"], force: Float[AnyArray, " 2"]
 ) -> Float[AnyArray, "2 nx ny"]:
     """Velocity in the window due to the momentum flux outside it, for a total force."""
     products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])

@@ -27,7 +27,7 @@ class Coefficients(NamedTuple):
     moment: Float[AnyArray, ""]
 
 
-def drag_coefficient(amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, ""]:
+def drag_coefficient(amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, ""]:
     """Cd = 2 F_x: the zeroth mode is the force on the fluid, hence the sign."""
     return -2 * amplitude[0]
 
@@ -36,7 +36,7 @@ def coefficients(
     domain: Domain,
     markers: Float[AnyArray, "nodes 2"],
     velocity: Float[AnyArray, "2 nx ny"],
-    amplitude: Float[AnyArray, "modes"],
+    amplitude: Float[AnyArray, " modes"],
     reynolds: Float[AnyArray, ""],
 ) -> Coefficients:
     """Drag and lift from the zeroth modes; friction from the wall vorticity, pressure the rest.
@@ -60,7 +60,7 @@ def friction_coefficient(
     markers: Float[AnyArray, "nodes 2"],
     velocity: Float[AnyArray, "2 nx ny"],
     reynolds: Float[AnyArray, ""],
-) -> Float[AnyArray, "nodes"]:
+) -> Float[AnyArray, " nodes"]:
     """Cf along the clockwise contour, 2 nu times the vorticity, extrapolated to the wall."""
     unit, _ = _frame(markers)
     h = domain.lattice.step[0]
@@ -72,8 +72,8 @@ def friction_coefficient(
 
 
 def pressure_coefficient(
-    domain: Domain, markers: Float[AnyArray, "nodes 2"], amplitude: Float[AnyArray, "modes"]
-) -> Float[AnyArray, "nodes"]:
+    domain: Domain, markers: Float[AnyArray, "nodes 2"], amplitude: Float[AnyArray, " modes"]
+) -> Float[AnyArray, " nodes"]:
     """Cp along the contour from the normal traction, its mean removed."""
     unit, speed = _frame(markers)
     traction = _traction(domain, markers, amplitude)

@@ -57,22 +57,22 @@ class Spreading(eqx.Module):
     """
 
     density: Float[AnyArray, "modes 2 bx by"]
-    silent: Float[AnyArray, "modes"]
+    silent: Float[AnyArray, " modes"]
     corner: tuple[int, int] = eqx.field(static=True)
     shape: tuple[int, int] = eqx.field(static=True)
     area: float = eqx.field(static=True)
 
-    def spread(self, amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, "2 nx ny"]:
+    def spread(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "2 nx ny"]:
         local = jnp.tensordot(amplitude, self.density, axes=1)
         (i, j), (bx, by) = self.corner, self.density.shape[2:]
         return jnp.zeros((2, *self.shape)).at[:, i : i + bx, j : j + by].set(local)
 
-    def slip(self, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "modes"]:
+    def slip(self, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, " modes"]:
         (i, j), (bx, by) = self.corner, self.density.shape[2:]
         box = velocity[:, i : i + bx, j : j + by]
         return self.area * jnp.tensordot(self.density, box, axes=3)
 
-    def slip_of_stream(self) -> Float[AnyArray, "modes"]:
+    def slip_of_stream(self) -> Float[AnyArray, " modes"]:
         """Slip of the undisturbed stream (1, 0)."""
         return self.area * jnp.sum(self.density[:, 0], axis=(1, 2))
 

@@ -66,8 +66,8 @@ class Marcher(NamedTuple):
 class Record(NamedTuple):
     """Cd and Cl of every step."""
 
-    drag: Float[Array, "steps"]
-    lift: Float[Array, "steps"]
+    drag: Float[Array, " steps"]
+    lift: Float[Array, " steps"]
 
 
 def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
@@ -112,7 +112,7 @@ def march(
     return velocity, Record(forces[:, 0], forces[:, 1])
 
 
-def strouhal(lift: Float[AnyArray, "steps"], step: float) -> float:
+def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:
     """Shedding frequency f D / U from the upward zero crossings of the lift, interpolated."""
     lift = np.asarray(lift) - np.mean(lift)
     index = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))

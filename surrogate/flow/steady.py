@@ -40,7 +40,7 @@ class FlowState(NamedTuple):
     """Perturbation velocity on the window's faces and traction modes (force on the fluid)."""
 
     velocity: Float[AnyArray, "2 nx ny"]
-    amplitude: Float[AnyArray, "modes"]
+    amplitude: Float[AnyArray, " modes"]
 
 
 def prepare(
@@ -70,7 +70,7 @@ def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArra
     return velocity - case.kernel(source) - far
 
 
-def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "modes"]:
+def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, " modes"]:
     """Mode-weighted velocity on the contour, plus the compliance that pins the silent mode."""
     velocity, amplitude = state
     slip = case.body.slip(velocity) + case.body.slip_of_stream()
@@ -86,7 +86,7 @@ def pinning(domain: Domain, case: Case) -> Float[AnyArray, "modes modes"]:
     return domain.slip_compliance * jnp.eye(silent.size) + PIN * jnp.outer(silent, silent)
 
 
-def total_force(domain: Domain, amplitude: Float[AnyArray, "modes"]) -> Float[AnyArray, "2"]:
+def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, " 2"]:
     """Force of the body on the fluid: the zeroth modes."""
     lift = 0.0 if domain.modes.symmetric else amplitude[domain.modes.lift_index]
     return jnp.stack([amplitude[0], lift])
@@ -121,7 +121,7 @@ def body_flow(
 def forced_flow(
     domain: Domain,
     case: Case,
-    amplitude: Float[AnyArray, "modes"],
+    amplitude: Float[AnyArray, " modes"],
     guess: Float[AnyArray, "2 nx ny"] | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[Float[AnyArray, "2 nx ny"], NewtonInfo]:

@@ -52,7 +52,7 @@ def coupled_step(
 
 def drag_weights(
     domain: Domain, case: Case, state: FlowState, effort: Effort
-) -> tuple[Float[Array, "modes"], Cost]:
+) -> tuple[Float[Array, " modes"], Cost]:
     """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
 
     def residual(x):
@@ -67,8 +67,8 @@ def drag_weights(
 
 
 def slip_adjoint(
-    domain: Domain, case: Case, state: FlowState, weights: Float[Array, "modes"], effort: Effort
-) -> tuple[Float[Array, "modes"], Cost]:
+    domain: Domain, case: Case, state: FlowState, weights: Float[Array, " modes"], effort: Effort
+) -> tuple[Float[Array, " modes"], Cost]:
     """(dy/da)^T weights for the slip y of a forced flow: one adjoint solve."""
 
     def respond(amplitude):

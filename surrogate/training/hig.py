@@ -76,8 +76,8 @@ def half_inverse_gradients(
 
 
 def half_inverse(
-    jacobian: Float[Array, "rows weights"], y: Float[Array, "rows"], tau: float
-) -> Float[Array, "weights"]:
+    jacobian: Float[Array, "rows weights"], y: Float[Array, " rows"], tau: float
+) -> Float[Array, " weights"]:
     """V S^(-1/2) U^T y from the Gram matrix J J^T = U S^2 U^T, truncated at tau S_max."""
     squares, U = jnp.linalg.eigh(jacobian @ jacobian.T)
     S = jnp.sqrt(jnp.maximum(squares, 0.0))

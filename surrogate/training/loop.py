@@ -28,6 +28,8 @@ from surrogate.training.physics import (
 )
 from surrogate.training.presets import Plan
 
+BLOWN_UP = 10.0  # mean relative drag error of a network that is of no use any more
+
 
 class Point(NamedTuple):
     """One row of a training's history; errors are relative, over the held-out bodies."""
@@ -150,6 +152,9 @@ def train(
             run = run._replace(seconds=jnp.asarray(clock.seconds()))
             clock.pause()
             run, point = _record(run, bench, float(spent.loss))
+            if not point.error_mean < BLOWN_UP:
+                stopped, run = f"blew up before iteration {point.iteration}", good
+                break
             good = run
             report(point, _done(plan, point.iteration, point.seconds))
             if checkpoint and time.perf_counter() - saved > checkpoint_every_s:
@@ -169,8 +174,8 @@ def train(
 
 @jax.jit
 def drag_errors(
-    network: DragNetwork, samples: Samples, drag: Float[Array, "samples"]
-) -> Float[Array, "samples"]:
+    network: DragNetwork, samples: Samples, drag: Float[Array, " samples"]
+) -> Float[Array, " samples"]:
     """Relative drag error of each sample."""
     predicted = jax.vmap(network.drag)(*samples)
     return jnp.abs(predicted / drag - 1)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from surrogate.network import DragNetwork
 from surrogate.training.physics import Physics
 
-Batch = Int[Array, "batch"]
+Batch = Int[Array, " batch"]
 
 
 class Progress(NamedTuple):

@@ -22,7 +22,7 @@ class Samples(NamedTuple):
     """Bodies and Reynolds numbers."""
 
     parameters: Float[AnyArray, "samples parameters"]
-    reynolds: Float[AnyArray, "samples"]
+    reynolds: Float[AnyArray, " samples"]
 
 
 class Physics(eqx.Module):

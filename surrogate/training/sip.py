@@ -27,8 +27,8 @@ class State(NamedTuple):
     adam: optax.OptState
     flows: Float[Array, "samples 2 nx ny"]
     targets: Float[Array, "samples modes"]
-    known: Bool[Array, "samples"]
-    settled: Bool[Array, "samples"]
+    known: Bool[Array, " samples"]
+    settled: Bool[Array, " samples"]
 
 
 def scale_invariant_physics(

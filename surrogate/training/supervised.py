@@ -21,7 +21,7 @@ class State(NamedTuple):
 
     adam: optax.OptState
     labels: Float[Array, "samples modes"]
-    known: Bool[Array, "samples"]
+    known: Bool[Array, " samples"]
 
 
 def supervised(
