@@ -83,7 +83,7 @@ def _text(result, out) -> str:
 
 def _parser():
     parser = Parser(description=__doc__.splitlines()[0])
-    parser.add_argument("--surrogate", required=True, help="a folder, pretrained, or none")
+    parser.add_argument("--surrogate", default="pretrained", help="a folder, pretrained, or none")
     parser.add_argument("--reynolds", required=True, help="U D / nu")
     parser.add_argument("--max-length", type=float, help="longest chord, in D")
     parser.add_argument("--min-thickness", type=float, help="least greatest thickness, in D")

@@ -66,7 +66,7 @@ def _line(r: dict[str, Any]) -> str:
 
 def _parser():
     parser = Parser(description=__doc__.splitlines()[0])
-    parser.add_argument("--surrogate", required=True, help="a surrogate's folder, or pretrained")
+    parser.add_argument("--surrogate", default="pretrained", help="a folder, or pretrained")
     add_family_arguments(parser)
     parser.add_argument("--reynolds", required=True, help="one or several: 1,10,40")
     parser.add_argument("--certify", action="store_true", help="one coupled Newton step")
