@@ -15,6 +15,7 @@ import matplotlib
 import numpy as np
 from common import Parser, emit, markdown, progress_bar, run
 
+from surrogate.body import ellipse
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import whole_file
 from surrogate.flow.drag import body_domain, family_body, solve_with_continuation
@@ -63,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 def _solve(fidelity: str, aspect: float, reynolds: float) -> float | str:
     """Cd, or the word for why there is none."""
-    parameters = np.array([aspect, 0.0, 0.0, 0.0])
+    parameters = ellipse(aspect)
     try:
         domain = body_domain(
             Unbounded(), FIDELITIES[fidelity], family_body(parameters, 600), symmetric=True

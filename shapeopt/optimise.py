@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 
 from shapeopt.problem import Problem, margins
 from surrogate.arrays import AnyArray
+from surrogate.body import ellipse
 from surrogate.errors import NotConverged
 from surrogate.flow.drag import family_drag_and_shape_gradient
 from surrogate.flow.steady import preparation_cost
@@ -134,7 +135,7 @@ def _slsqp(problem: Problem, objective: Objective, start: np.ndarray, tolerance=
 def _distance_from_start(problem, candidates):
     """How far a body is from a plain ellipse of aspect 2."""
     low, high = problem.scene.family.bounds.T
-    return np.linalg.norm((candidates - np.array([2.0, 0, 0, 0])) / (high - low), axis=1)
+    return np.linalg.norm((candidates - ellipse(2.0)) / (high - low), axis=1)
 
 
 @jax.jit

@@ -3,12 +3,12 @@
 import numpy as np
 
 from surrogate.arrays import AnyArray
-from surrogate.body import family_markers
+from surrogate.body import ellipse, family_markers
 from surrogate.flow.drag import DragReport, report
 from surrogate.scene import Scene
 from surrogate.training.physics import scene_domain
 
-CYLINDER = np.array([1.0, 0.0, 0.0, 0.0])
+CYLINDER = ellipse(1.0)
 
 
 def verify(scene: Scene, parameters: AnyArray, reynolds: float) -> DragReport:

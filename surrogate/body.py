@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput
@@ -24,7 +25,7 @@ class Family:
     c = sqrt(aspect) and b = 1 / (2 sqrt(aspect)), so the area is pi/4 whatever the parameters.
     """
 
-    aspect: tuple[float, float] = (1.0, 4.0)
+    aspect: tuple[float, float] = (1.0, 5.0)
     beta2: tuple[float, float] = (-0.3, 0.3)
     beta3: tuple[float, float] = (-0.15, 0.2)
     beta4: tuple[float, float] = (-0.1, 0.1)
@@ -58,11 +59,16 @@ class Family:
         return bool(np.all((parameters >= low - slack) & (parameters <= high + slack)))
 
 
+def ellipse(aspect: float) -> Float[AnyArray, " parameters"]:
+    """Parameters of a plain ellipse; of a cylinder at aspect 1."""
+    return np.array([aspect] + [0.0] * (len(PARAMETERS) - 1))
+
+
 def opening(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
     """Least y / (b sin t) over the body: it crosses itself where this is not positive."""
-    _, beta2, beta3, beta4 = parameters
-    c = jnp.cos(np.linspace(0, np.pi, 181))
-    return jnp.min(1 + 2 * beta2 * c + beta3 * (4 * c**2 - 1) + beta4 * (8 * c**3 - 4 * c))
+    c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
+    modes = np.stack([eval_chebyu(k - 1, c) for k in range(2, len(PARAMETERS) + 1)])
+    return jnp.min(1 + parameters[1:] @ modes)
 
 
 def family_markers(
@@ -89,8 +95,8 @@ def check_family(parameters: AnyArray) -> None:
     least = float(opening(jnp.asarray(values)))
     if least < LEAST_OPENING:
         raise InvalidInput(
-            f"body: beta2, beta3, beta4 = {values[1]:g}, {values[2]:g}, {values[3]:g} make the "
-            "contour cross or close on itself; smaller values would not"
+            f"body: beta2 to beta4 = {', '.join(f'{v:g}' for v in values[1:])} make the contour "
+            "cross or close on itself; smaller values would not"
         )
 
 
