@@ -15,10 +15,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 import surrogate
-from surrogate.body import PARAMETERS, rotate
+from surrogate.body import PARAMETERS, Shape, family_shape, rotate
 from surrogate.contour import naca4, read_contour, smooth_contour
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.drag import family_body
 from surrogate.scene import FIDELITIES, check_reynolds
 
 DONE, BAD_INPUT, NOT_CONVERGED = 0, 2, 3
@@ -103,30 +102,22 @@ def add_body_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keep-size", action="store_true", help="do not scale a contour")
 
 
-def body_of(
-    arguments: argparse.Namespace,
-) -> tuple[Callable[[int], np.ndarray], np.ndarray | None, bool]:
-    """A function from a number of nodes to markers, the family's parameters, whether symmetric."""
+def shape_of(arguments: argparse.Namespace) -> Shape:
+    """The body that was asked for."""
     given = [name for name in ("aspect", "contour", "naca") if getattr(arguments, name) is not None]
     if len(given) != 1:
         raise InvalidInput("body: give exactly one of --aspect, --contour and --naca")
     if not abs(arguments.incidence) <= 180:
         raise InvalidInput(f"--incidence {arguments.incidence:g}: from -180 to 180 degrees")
     if arguments.aspect is not None:
-        parameters = np.array(family_parameters(arguments))
-        symmetric = arguments.incidence == 0
-        return (
-            lambda nodes: family_body(parameters, nodes, arguments.incidence),
-            parameters,
-            symmetric,
-        )
+        return family_shape(np.array(family_parameters(arguments)), arguments.incidence)
     points = read_contour(arguments.contour) if arguments.contour else naca4(arguments.naca)
 
-    def make(nodes):
+    def draw(nodes):
         contour = smooth_contour(points, nodes, arguments.keep_size)
         return np.asarray(rotate(contour, arguments.incidence))
 
-    return make, None, False
+    return Shape(draw, symmetric=False)
 
 
 def fidelity_of(name: str):

@@ -15,19 +15,20 @@ import numpy as np
 from common import (
     Parser,
     add_body_arguments,
-    body_of,
     emit,
     finite,
     progress_bar,
     reynolds_numbers,
     run,
+    shape_of,
 )
 
 from shapeopt.render import render_march
+from surrogate.body import Shape
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import whole_file
-from surrogate.flow.drag import body_domain, report
 from surrogate.flow.march import Box, march, prepare, start, strouhal
+from surrogate.flow.trust import solve_shape
 from surrogate.scene import FIDELITIES, ONSET_OF_SHEDDING, Tunnel
 
 FRAMES = 60
@@ -47,9 +48,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         raise InvalidInput(f"--time {duration:g}: from 5 to 2000 D / U")
     if not 6 <= arguments.height <= 64:
         raise InvalidInput(f"--height {arguments.height:g}: from 6 to 64 D")
-    make, _, symmetric = body_of(arguments)
+    shape = shape_of(arguments)
     box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
-    markers = make(NODES)
+    markers = shape.draw(NODES)
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
@@ -60,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "cd_mean": float(drag[late:].mean()),
         "cl_amplitude": float(np.ptp(lift[late:]) / 2),
         "strouhal": finite(strouhal(lift[late:], box.step)) if sheds else None,
-        "cd_steady": _steady(box, make, re) if symmetric and not sheds else None,
+        "cd_steady": _steady(box, shape, re) if shape.symmetric and not sheds else None,
         "gif": str(out / "march.gif"),
     }
     captions = [f"Re {re:g}, t = {duration * (k + 1) / FRAMES:.1f} D / U" for k in range(FRAMES)]
@@ -88,11 +89,9 @@ def _march(box: Box, markers, re, duration, kick):
     return np.concatenate(drags), np.concatenate(lifts), frames
 
 
-def _steady(box: Box, make, re) -> float:
+def _steady(box: Box, shape: Shape, re) -> float:
     """What the steady solver says of the same symmetric body between the same walls."""
-    stream, fidelity = Tunnel(box.height), FIDELITIES["standard"]
-    domain = body_domain(stream, fidelity, make(NODES), symmetric=True)
-    return report(domain, make(domain.nodes), re).cd
+    return solve_shape(shape, Tunnel(box.height), FIDELITIES["standard"], re).cd
 
 
 def _text(r: dict[str, Any]) -> str:

@@ -12,19 +12,17 @@ from typing import Any
 from common import (
     Parser,
     add_body_arguments,
-    body_of,
     emit,
     fidelity_of,
     progress_bar,
     reynolds_numbers,
     run,
+    shape_of,
 )
 
 from surrogate.errors import InvalidInput
-from surrogate.flow.drag import DragReport, body_domain, report
+from surrogate.flow.trust import judge, solve_shape
 from surrogate.scene import Fidelity, parse_stream
-
-NODES_TO_CHECK = 400
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -33,26 +31,20 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady)
     fidelity = _fidelity(arguments)
     stream = parse_stream(arguments.stream)
-    make, parameters, symmetric = body_of(arguments)
-    if arguments.gradient and (parameters is None or not symmetric):
+    shape = shape_of(arguments)
+    if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
-    domain = body_domain(stream, fidelity, make(NODES_TO_CHECK), symmetric)
-    markers = make(domain.nodes)
-    reports = []
+    results = []
     with progress_bar("body flow") as progress:
         for k, value in enumerate(reynolds):
             progress(k / len(reynolds), f"Re {value:g}")
-            wanted = parameters if arguments.gradient else None
-            reports.append(report(domain, markers, value, wanted))
-            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {reports[-1].cd:.4f}")
-    scene = {
-        "stream": arguments.stream,
-        "fidelity": dataclasses.asdict(fidelity),
-        "window_cells": list(domain.lattice.shape),
-        "markers": domain.nodes,
-    }
-    result = {"results": [dataclasses.asdict(r) for r in reports], "scene": scene}
-    return emit(result, arguments.json, "\n".join(map(_line, reports)))
+            found = solve_shape(shape, stream, fidelity, value, arguments.gradient)
+            trust = judge(found.cd, shape, stream, fidelity, value)
+            results.append(dataclasses.asdict(found) | trust._asdict())
+            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {found.cd:.4f}")
+    scene = {"stream": arguments.stream, "fidelity": dataclasses.asdict(fidelity)}
+    result = {"results": results, "scene": scene}
+    return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
 def _parser():
@@ -77,15 +69,17 @@ def _fidelity(arguments) -> Fidelity:
     return dataclasses.replace(fidelity, cells=arguments.cells)
 
 
-def _line(r: DragReport) -> str:
+def _line(r: dict[str, Any]) -> str:
+    error = r["estimated_error"]
     line = (
-        f"Re {r.reynolds:<8g} Cd {r.cd:.4f} (pressure {r.cd_pressure:.3f}, friction "
-        f"{r.cd_friction:.3f})  Cl {r.cl:.4f}  Cm {r.cm:.4f}  {r.iterations} Newton steps, "
-        f"{r.green_applications} applications of G, {r.wall_s:.2f} s"
+        f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
+        f"{r['cd_friction']:.3f})  Cl {r['cl']:.4f}  Cm {r['cm']:.4f}  {r['iterations']} Newton "
+        f"steps, {r['green_applications']} applications of G, {r['wall_s']:.2f} s, {r['status']}: "
+        + ("no estimate of the error" if error is None else f"error about {100 * error:.2f} %")
     )
-    if r.gradient:
+    if r["gradient"]:
         line += "\n  dCd/d" + "  ".join(
-            f"{name}: {value:+.5f}" for name, value in r.gradient.items()
+            f"{name}: {value:+.5f}" for name, value in r["gradient"].items()
         )
     return line
 

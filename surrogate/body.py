@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -57,6 +58,33 @@ class Family:
         low, high = self.bounds.T
         slack = 1e-9
         return bool(np.all((parameters >= low - slack) & (parameters <= high + slack)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Shape:
+    """A body as a function from a number of nodes to its contour, at incidence and in place.
+
+    ``parameters`` are those of a family body; ``symmetric`` about the x axis.
+    """
+
+    draw: Callable[[int], np.ndarray]
+    symmetric: bool
+    parameters: tuple[float, ...] | None = None
+
+
+def family_shape(parameters: AnyArray, incidence: float = 0.0) -> Shape:
+    """A family body, nose up by ``incidence`` degrees.
+
+    Raises:
+      InvalidInput: the parameters describe no body.
+    """
+    check_family(parameters)
+    values = jnp.asarray(parameters, float)
+
+    def draw(nodes):
+        return np.asarray(rotate(family_markers(values, nodes), incidence))
+
+    return Shape(draw, incidence == 0, tuple(values.tolist()))
 
 
 def ellipse(aspect: float) -> Float[AnyArray, " parameters"]:

@@ -28,7 +28,11 @@ Stream = Unbounded | Tunnel
 
 @dataclasses.dataclass(frozen=True)
 class Fidelity:
-    """Resolution: ``cells`` per D, the window's reach in D, harmonics of the traction."""
+    """Resolution: ``cells`` per D, the window's reach in D, harmonics of the traction.
+
+    ``promise`` is the relative error of the drag that it is made for (Re 0.5 to 45, aspect 0.5 to
+    5), ``wake`` how much window a wake takes: reach downstream in D per Re (height / D)^2.
+    """
 
     name: str
     cells: int
@@ -36,14 +40,35 @@ class Fidelity:
     downstream: float
     height: float
     harmonics: int = 7
+    wake: float = 0.2
+    promise: float = 0.015
+
+    def reaching(self, reynolds: float, height: float) -> "Fidelity":
+        """The same for bodies of this height at up to this Re: bluff ones need a longer window."""
+        missing = self.wake * reynolds * height**2 - self.downstream
+        if missing <= 2:
+            return self
+        longer = self.downstream + 8 * math.ceil(missing / 8)
+        return dataclasses.replace(self, downstream=longer, height=self.height + 4)
+
+    def coarser(self) -> "Fidelity":
+        """Two thirds of the cells and of the window: what the difference shows is the error."""
+        return dataclasses.replace(
+            self,
+            name=f"{self.name}, coarser",
+            cells=round(2 * self.cells / 3),
+            upstream=2 * self.upstream / 3,
+            downstream=2 * self.downstream / 3,
+            height=2 * self.height / 3,
+        )
 
 
 FIDELITIES = {
     level.name: level
     for level in (
-        Fidelity("draft", 10, 4, 8, 8),
-        Fidelity("standard", 16, 6, 12, 8),
-        Fidelity("fine", 24, 8, 16, 12),
+        Fidelity("draft", 10, 4, 8, 8, wake=0.15, promise=0.015),
+        Fidelity("standard", 16, 6, 12, 8, wake=0.2, promise=0.004),
+        Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001),
     )
 }
 

@@ -4,8 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from surrogate.body import family_shape
 from surrogate.flow.crosscheck import drag_by_wake, force_by_momentum
-from surrogate.flow.drag import body_domain, family_body, solve
+from surrogate.flow.drag import body_domain, solve
 from surrogate.scene import FIDELITIES, Tunnel, Unbounded
 
 CASES = {
@@ -18,9 +19,9 @@ CASES = {
 
 def solved(parameters, incidence, reynolds, stream):
     fidelity = FIDELITIES["standard"]
-    markers = family_body(np.array(parameters), 300, incidence)
-    domain = body_domain(stream, fidelity, markers, incidence == 0)
-    markers = family_body(np.array(parameters), domain.nodes, incidence)
+    shape = family_shape(np.array(parameters), incidence)
+    domain = body_domain(stream, fidelity, shape.draw(300), shape.symmetric, reynolds)
+    markers = shape.draw(domain.nodes)
     solution = solve(domain, jnp.asarray(markers), jnp.asarray(reynolds))
     lattice = domain.lattice
     return solution, lattice.unfolded, lattice.unfold(solution.state.velocity)

@@ -158,7 +158,7 @@ def test_uniform_pressure_moves_nothing(cylinder_domain):
 def test_mirrored_body_has_the_mirrored_lift(stream):
     fidelity = FIDELITIES["draft"]
     markers = np.asarray(rotate(jnp.asarray(smooth_contour(naca4("4418"), 200)), 10.0))
-    domain = body_domain(stream, fidelity, markers, symmetric=False)
+    domain = body_domain(stream, fidelity, markers, symmetric=False, reynolds=20.0)
     upright = np.asarray(rotate(jnp.asarray(smooth_contour(naca4("4418"), domain.nodes)), 10.0))
     mirrored = np.roll((upright * [1, -1])[::-1], 1, axis=0)
     a, b = (report(domain, m, 20.0) for m in (upright, mirrored))
@@ -214,12 +214,12 @@ def test_gmres_stops_at_the_first_vector_that_suffices():
 def test_thin_and_large_bodies_are_refused():
     thin = np.asarray(family_markers(jnp.array([18.0, 0, 0, 0]), 400))
     with pytest.raises(InvalidInput, match="--cells"):
-        body_domain(Unbounded(), FIDELITIES["draft"], thin, True)
+        body_domain(Unbounded(), FIDELITIES["draft"], thin, True, 1.0)
     large = 6 * np.asarray(family_markers(CYLINDER, 400))
     with pytest.raises(InvalidInput, match="too large"):
-        body_domain(Unbounded(), FIDELITIES["draft"], large, True)
+        body_domain(Unbounded(), FIDELITIES["draft"], large, True, 1.0)
     with pytest.raises(InvalidInput, match="tunnel"):
-        body_domain(Tunnel(1.5), FIDELITIES["draft"], large / 6, True)
+        body_domain(Tunnel(1.5), FIDELITIES["draft"], large / 6, True, 1.0)
 
 
 SCENE = Scene(fidelity=Fidelity("", 8, 2.5, 4, 5, 5))
@@ -262,7 +262,7 @@ def test_moment_turns_an_ellipse_across_the_stream():
     moments = []
     for incidence in (20.0, -20.0):
         markers = np.asarray(rotate(family_markers(jnp.array([2.0, 0, 0, 0]), 300), incidence))
-        domain = body_domain(Unbounded(), fidelity, markers, symmetric=False)
+        domain = body_domain(Unbounded(), fidelity, markers, symmetric=False, reynolds=20.0)
         body = rotate(family_markers(jnp.array([2.0, 0, 0, 0]), domain.nodes), incidence)
         moments.append(float(solve(domain, body, jnp.asarray(20.0)).coefficients.moment))
     assert moments[0] > 0.1

@@ -5,10 +5,10 @@ import math
 
 from surrogate.flow.immersed import Modes
 from surrogate.flow.lattice import Lattice
-from surrogate.scene import Fidelity, Stream, Tunnel, Unbounded
+from surrogate.scene import Fidelity, Stream, Tunnel
 
-COARSE_CELLS = 2  # cells per D of the far field's lattice
-COARSE_SIZE = 96  # its extent in D
+FAR_CELLS = (2.0, 0.5)  # cells per D of the far field's nested lattices
+FAR_SIZES = (96, 384)  # their extents in D
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Domain:
     """Everything about a discrete flow that is not an array; hashable, so a static argument."""
 
     lattice: Lattice
-    coarse: Lattice
+    far: tuple[Lattice, ...]
     modes: Modes
     box: tuple[int, int]
     nodes: int
@@ -33,11 +33,7 @@ def make_domain(
 ) -> Domain:
     """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D."""
     n, upstream, downstream = fidelity.cells, fidelity.upstream, fidelity.downstream
-    match stream:
-        case Unbounded():
-            height, far_height = None, COARSE_SIZE
-        case Tunnel(height):
-            far_height = min(COARSE_SIZE, height)
+    height = stream.height if isinstance(stream, Tunnel) else None
     # a tunnel's confined wake is gridded from wall to wall where that is affordable
     spans = height is not None and height <= 2 * fidelity.height
     width = height if spans else fidelity.height
@@ -58,8 +54,11 @@ def make_domain(
         )
 
     lattice = window(upstream, downstream, width, n)
-    third = COARSE_SIZE // 3
-    coarse = window(third, COARSE_SIZE - third, far_height, COARSE_CELLS)
+    levels = FAR_CELLS if height is None or height > FAR_SIZES[0] else FAR_CELLS[:1]
+    far = tuple(
+        window(size // 3, size - size // 3, size if height is None else min(size, height), cells)
+        for cells, size in zip(levels, FAR_SIZES, strict=False)
+    )
     box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
     nodes = 2 * math.ceil(max(extent) * math.pi * n / 0.8)
-    return Domain(lattice, coarse, Modes(fidelity.harmonics, symmetric), box, nodes, height)
+    return Domain(lattice, far, Modes(fidelity.harmonics, symmetric), box, nodes, height)

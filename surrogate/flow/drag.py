@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body import PARAMETERS, check_family, family_markers, rotate
+from surrogate.body import PARAMETERS, family_markers
 from surrogate.contour import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow import steady
@@ -127,9 +127,15 @@ class DragReport:
 
 
 def body_domain(
-    stream: Stream, fidelity: Fidelity, markers: Float[AnyArray, "nodes 2"], symmetric: bool
+    stream: Stream,
+    fidelity: Fidelity,
+    markers: Float[AnyArray, "nodes 2"],
+    symmetric: bool,
+    reynolds: float,
 ) -> Domain:
     """Domain for one body, its box rounded up so that similar bodies share compiled code.
+
+    The window is as long as the wake at this Re asks for.
 
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
@@ -141,7 +147,9 @@ def body_domain(
             f"body: its mean thickness is {thickness:.1f} cells and at least {THINNEST:g} are "
             f"needed; --cells {needed} would resolve it"
         )
-    reach = np.ceil(np.abs(markers).max(axis=0) * 8) / 4
+    reach = np.abs(markers).max(axis=0) * 2
+    fidelity = fidelity.reaching(reynolds, float(reach[1]))
+    reach = np.ceil(reach * 4) / 4
     check_stream(stream, fidelity, reach)
     return make_domain(stream, fidelity, (float(reach[0]), float(reach[1])), symmetric)
 
@@ -183,13 +191,3 @@ def report(
         wall_s=time.perf_counter() - start,
         gradient=gradient,
     )
-
-
-def family_body(parameters: AnyArray, nodes: int, incidence: float = 0.0) -> np.ndarray:
-    """Markers of a family body.
-
-    Raises:
-      InvalidInput: the parameters describe no body.
-    """
-    check_family(parameters)
-    return np.asarray(rotate(family_markers(jnp.asarray(parameters), nodes), incidence))

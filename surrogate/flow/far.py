@@ -18,15 +18,27 @@ from surrogate.flow.oseen import oseen_kernel
 
 def far_response(
     lattice: Lattice,
-    coarse: Lattice,
+    nested: tuple[Lattice, ...],
     reynolds: Float[AnyArray, ""],
     height: float | None,
     lift: bool,
 ) -> Float[AnyArray, "terms 2 nx ny"]:
-    """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces."""
+    """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces.
+
+    Each of the ``nested`` lattices, ever coarser and larger, adds what lies outside the one before.
+    """
+    inside, band, total = lattice, 1.0, 0.0
+    for coarse in nested:
+        window = _resampled_cutoff(inside, coarse, band)
+        total += _ring(lattice, coarse, window, reynolds, height, lift)
+        inside, band = coarse, _band(coarse)
+    return total
+
+
+def _ring(lattice, coarse, inner, reynolds, height, lift):
+    """What convects between the window ``inner`` and the cut-off of ``coarse``."""
     kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
-    inner, outer = _resampled_cutoff(lattice, coarse), coarse.cutoff(6 * coarse.step[0])
-    outer = np.maximum(outer, inner)
+    outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 
     def outside(u):
         """-div((W^2 - w^2) u u): what convects outside the window."""
@@ -56,11 +68,16 @@ def _unit_force(coarse, axis):
     return jnp.zeros((2, *coarse.shape)).at[axis].set(density)
 
 
-def _resampled_cutoff(lattice, coarse):
-    """The window's w on the coarse faces: the same function of position, zero outside."""
+def _band(coarse):
+    """Width of a coarse lattice's cut-off."""
+    return 6 * coarse.step[0]
+
+
+def _resampled_cutoff(lattice, coarse, band):
+    """A window on the coarse faces: the same function of position, zero outside."""
     window = np.zeros((2, *coarse.shape))
     for c, (x, y) in enumerate(coarse.faces()):
-        window[c] = np.outer(lattice.edge(x, 0), lattice.edge(y, 1))
+        window[c] = np.outer(lattice.edge(x, 0, band), lattice.edge(y, 1, band))
     return window
 
 

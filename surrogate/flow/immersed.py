@@ -8,12 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body import moments
 from surrogate.flow.lattice import Lattice
-
-# A sheet of tangential force smeared by the spline B drives u = shear * (B ramp), whose B-mean at
-# the sheet is shear * E|r1 + r2| / 2, r1 and r2 drawn from B. Pulling the sheet in by that many
-# cells makes a uniform shear flow vanish exactly on the true wall.
-RETRACTION = 0.3275
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,12 +87,11 @@ def spread_modes(
     modes: Modes,
     box: tuple[int, int],
     markers: Float[AnyArray, "nodes 2"],
-    retraction: float = RETRACTION,
 ) -> Spreading:
-    """Spread all modes from the contour, markers pulled ``retraction`` cells inward."""
+    """Spread all modes from the contour, the markers pulled inward a little."""
     normal = outward(markers)
     unit = normal / jnp.linalg.norm(normal, axis=1, keepdims=True)
-    seats = markers - retraction * np.sqrt(np.prod(lattice.step)) * unit
+    seats = markers - _retreat(markers, np.sqrt(np.prod(lattice.step))) * unit
     below = 0 if lattice.symmetric else box[1] // 2  # rows of the box under the centre line
     centre = 0 if lattice.symmetric else lattice.shape[1] // 2
     corner, rows = (lattice.inlet - box[0] // 2, centre - below), below + box[1] // 2
@@ -112,6 +107,33 @@ def spread_modes(
     return Spreading(
         density, silent / jnp.linalg.norm(silent), corner, lattice.shape, lattice.cell_area
     )
+
+
+def retraction(unit: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, " nodes"]:
+    """Cells by which to pull markers inward so that a uniform shear flow vanishes on the wall.
+
+    A sheet of tangential force smeared by the spline B drives a ramp smeared likewise, whose
+    B-mean at the sheet is not zero but shear times, on the lattice,
+    R = (1/2 pi) int (1/k^2 - |B(k n)|^2 / lambda(k n)) dk, n the wall's normal, B the spline's
+    Fourier transform, lambda the eigenvalue of the five-point Laplacian. R is 239/840 along the
+    axes and 0.3058 along the diagonals; in between it follows cos of four times the angle.
+    """
+    axis, diagonal = 239 / 840, 0.3058
+    return axis + (diagonal - axis) * 4 * (unit[:, 0] * unit[:, 1]) ** 2
+
+
+def _retreat(markers, step):
+    """Distance by which to pull the markers inward, with what the fluid inside the body adds.
+
+    The sheet drags the fluid inside along at -shear R h; in a body of half width l that fluid
+    recirculates (Stokes flow in a slab or a disc: slope 3/l of its wall speed), which lowers the
+    jump of the shear, so that R becomes R + 3 R^2 h / l to second order. l is 2 area / perimeter.
+    """
+    normal = outward(markers)
+    speed = jnp.linalg.norm(normal, axis=1, keepdims=True)
+    half_width = moments(markers)[0] / (np.pi * jnp.mean(speed))
+    cells = retraction(normal / speed)[:, None]
+    return step * (cells + 3 * cells**2 * step / half_width)
 
 
 def bspline(r: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:

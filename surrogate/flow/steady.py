@@ -46,10 +46,10 @@ class FlowState(NamedTuple):
 def prepare(
     domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""]
 ) -> Case:
-    """Build kernel, far field and body; costs one application of G per mode, and two coarse."""
+    """Build kernel, far field and body; costs one application of G per mode, and some coarse."""
     kernel = oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored)
     lift = not domain.modes.symmetric
-    far = far_response(domain.lattice, domain.coarse, reynolds, domain.height, lift)
+    far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
     body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
     densities = jax.vmap(body.spread)(jnp.eye(domain.modes.count))
     response = jax.lax.stop_gradient(jax.vmap(kernel)(densities))
@@ -58,7 +58,7 @@ def prepare(
 
 def preparation_cost(domain: Domain) -> int:
     """Applications of G in ``prepare`` (the coarse ones of the far field counted as one each)."""
-    return domain.modes.count + (2 if domain.modes.symmetric else 5)
+    return domain.modes.count + len(domain.far) * (2 if domain.modes.symmetric else 5)
 
 
 def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "2 nx ny"]:

@@ -42,7 +42,10 @@ class Physics(eqx.Module):
 
 
 def scene_domain(scene: Scene) -> Domain:
-    return make_domain(scene.stream, scene.fidelity, scene.family.extent, symmetric=True)
+    """The domain that holds every body of a scene at every Re of it."""
+    extent = scene.family.extent
+    fidelity = scene.fidelity.reaching(scene.reynolds[1], extent[1])
+    return make_domain(scene.stream, fidelity, extent, symmetric=True)
 
 
 def draw_samples(scene: Scene, key: jax.Array, count: int) -> Samples:
