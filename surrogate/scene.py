@@ -8,6 +8,7 @@ import numpy as np
 from surrogate.body import Family
 from surrogate.errors import InvalidInput
 
+LONGEST_WINDOW = 40.0  # downstream, in D
 ONSET_OF_SHEDDING = 46.7  # cylinder, unbounded stream
 
 
@@ -45,7 +46,7 @@ class Fidelity:
 
     def reaching(self, reynolds: float, height: float) -> "Fidelity":
         """The same for bodies of this height at up to this Re: bluff ones need a longer window."""
-        missing = self.wake * reynolds * height**2 - self.downstream
+        missing = min(self.wake * reynolds * height**2, LONGEST_WINDOW) - self.downstream
         if missing <= 2:
             return self
         longer = self.downstream + 8 * math.ceil(missing / 8)

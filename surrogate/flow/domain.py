@@ -7,7 +7,7 @@ from surrogate.flow.immersed import Modes
 from surrogate.flow.lattice import Lattice
 from surrogate.scene import Fidelity, Stream, Tunnel
 
-FAR_CELLS = (2.0, 0.5)  # cells per D of the far field's nested lattices
+FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
 
 

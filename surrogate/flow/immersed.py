@@ -61,7 +61,7 @@ class Spreading(eqx.Module):
     def spread(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "2 nx ny"]:
         local = jnp.tensordot(amplitude, self.density, axes=1)
         (i, j), (bx, by) = self.corner, self.density.shape[2:]
-        return jnp.zeros((2, *self.shape)).at[:, i : i + bx, j : j + by].set(local)
+        return jnp.zeros((2, *self.shape), local.dtype).at[:, i : i + bx, j : j + by].set(local)
 
     def slip(self, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, " modes"]:
         (i, j), (bx, by) = self.corner, self.density.shape[2:]

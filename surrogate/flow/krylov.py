@@ -4,6 +4,7 @@
 each vector costs an application of G, so the loop ends at the first vector that suffices.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ def gmres(
     safe = jnp.where(norm_b > 0, norm_b, 1.0)
     m = max_vectors
 
+    zeros = functools.partial(jnp.zeros, dtype=flat_b.dtype)
+
     def project(j, carry):
         w, column, basis = carry
         overlap = basis[j] @ w
@@ -43,7 +46,7 @@ def gmres(
     def advance(state):
         k, basis, triangle, rotations, rhs, _ = state
         w = ravel_pytree(matvec(unravel(basis[k])))[0]
-        w, column = jax.lax.fori_loop(0, k + 1, project, (w, jnp.zeros(m + 1), basis))[:2]
+        w, column = jax.lax.fori_loop(0, k + 1, project, (w, zeros(m + 1), basis))[:2]
         height = jnp.linalg.norm(w)
         basis = basis.at[k + 1].set(w / jnp.where(height > 0, height, 1.0))
         column = _rotate(column.at[k + 1].set(height), rotations, k)
@@ -60,11 +63,11 @@ def gmres(
 
     start = (
         jnp.array(0),
-        jnp.zeros((m + 1, flat_b.size)).at[0].set(flat_b / safe),
-        jnp.eye(m),
-        jnp.tile(jnp.array([1.0, 0.0]), (m, 1)),
-        jnp.zeros(m + 1).at[0].set(1.0),
-        jnp.where(norm_b > 0, 1.0, 0.0),
+        zeros((m + 1, flat_b.size)).at[0].set(flat_b / safe),
+        jnp.eye(m, dtype=flat_b.dtype),
+        zeros((m, 2)).at[:, 0].set(1.0),
+        zeros(m + 1).at[0].set(1.0),
+        (norm_b > 0).astype(flat_b.dtype),
     )
     k, basis, triangle, _, rhs, error = jax.lax.while_loop(unfinished, advance, start)
     weights = jax.scipy.linalg.solve_triangular(

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
@@ -10,6 +11,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from surrogate.flow.krylov import gmres
 
 Operator = Callable[[PyTree], PyTree]
+
+
+SINGLE = 1e-5  # least relative residual asked of a single-precision Krylov solve
 
 
 class NewtonSettings(NamedTuple):
@@ -31,21 +35,42 @@ class NewtonInfo(NamedTuple):
     residual: Float[Array, ""]
 
 
+class Problem(NamedTuple):
+    """``residual(data, x)``, and a linear approximate inverse of its Jacobian, used from the left.
+
+    Data and inverse are pytrees of arrays, so that Krylov vectors can be had in single precision.
+    """
+
+    residual: Callable[[PyTree, PyTree], PyTree]
+    data: PyTree
+    precondition: Operator
+
+
+class Identity(eqx.Module):
+    """No preconditioner."""
+
+    def __call__(self, x: PyTree) -> PyTree:
+        return x
+
+
 def root(
-    residual: Operator,
+    problem: Problem,
     guess: PyTree,
-    precondition: Operator,
     norm: Callable[[PyTree], Float[Array, ""]],
     settings: NewtonSettings,
 ) -> tuple[PyTree, NewtonInfo]:
-    """Root of ``residual``, started at ``guess``, differentiable in all that it closes over.
+    """Root x of ``residual(data, x)``, started at ``guess``, differentiable in ``data``.
 
-    ``precondition`` is a linear approximate inverse of the Jacobian, used from the left; its own
-    dependence on parameters does not enter derivatives. Tangent and adjoint cost one GMRES each.
+    The preconditioner's own dependence on parameters does not enter derivatives. Tangent and
+    adjoint cost one GMRES each.
     """
+    precondition = problem.precondition
+
+    def residual(x):
+        return problem.residual(problem.data, x)
 
     def solve(function, x0):
-        x, info = _newton(function, x0, precondition, norm, settings)
+        x, info = _newton(function, x0, problem, norm, settings)
         return x, jnp.stack([jnp.asarray(field, float) for field in info])  # aux needs tangents
 
     def tangent_solve(jacobian, y):
@@ -75,18 +100,23 @@ def _left_gmres(matvec, precondition, b, settings):
     return jax.tree.map(lambda x: jnp.where(result.converged, x, jnp.nan), result.x)
 
 
-def _newton(function, x0, precondition, norm, settings):
-    """Newton steps with Eisenstat-Walker forcing (1996, choice 2) and step halving."""
+def _newton(function, x0, problem, norm, settings):
+    """Newton steps with Eisenstat-Walker forcing (1996, choice 2) and step halving.
+
+    Residuals are of double precision, directions of single: they need a few digits only.
+    """
+    rough, precondition = jax.lax.stop_gradient(_single((problem.data, problem.precondition)))
 
     def preconditioned(x):
-        b = precondition(function(x))
+        b = problem.precondition(function(x))
         return b, norm(b) / norm(x)
 
     def direction(x, b, size, previous):
-        _, jacobian = jax.linearize(function, x)
-        target = 0.5 * settings.tolerance / size
+        _, jacobian = jax.linearize(lambda y: problem.residual(rough, y), _single(x))
+        target = jnp.maximum(0.5 * settings.tolerance / size, SINGLE)
         forcing = jnp.clip(0.9 * (size / previous) ** 2, target, settings.forcing)
-        return gmres(lambda v: precondition(jacobian(v)), b, forcing, settings.max_vectors)
+        forcing = forcing.astype(jnp.float32)
+        return gmres(lambda v: precondition(jacobian(v)), _single(b), forcing, settings.max_vectors)
 
     def advance(state):
         x, b, size, previous, steps, products = state
@@ -114,3 +144,12 @@ def _newton(function, x0, precondition, norm, settings):
     start = (x0, b, size, size, jnp.array(0), jnp.array(1))
     x, _, size, _, steps, products = jax.lax.while_loop(unfinished, advance, start)
     return x, NewtonInfo(size <= settings.tolerance, steps, products, size)
+
+
+def _single(tree):
+    """The same with every array in single precision."""
+
+    def cast(leaf):
+        return leaf.astype(jnp.complex64 if jnp.iscomplexobj(leaf) else jnp.float32)
+
+    return jax.tree.map(cast, tree)

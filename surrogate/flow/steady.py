@@ -16,7 +16,7 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.domain import Domain
 from surrogate.flow.far import far_response, far_velocity
 from surrogate.flow.immersed import Spreading, spread_modes
-from surrogate.flow.newton import NewtonInfo, NewtonSettings, root
+from surrogate.flow.newton import Identity, NewtonInfo, NewtonSettings, Problem, root
 from surrogate.flow.oseen import Kernel, SymmetricKernel, oseen_kernel
 
 DEFAULT = NewtonSettings()
@@ -64,7 +64,7 @@ def preparation_cost(domain: Domain) -> int:
 def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "2 nx ny"]:
     """u' - G (B a + convect(w u')) - far(a)."""
     velocity, amplitude = state
-    window = domain.lattice.cutoff()
+    window = domain.lattice.cutoff().astype(velocity.dtype)
     source = case.body.spread(amplitude) + domain.lattice.convect(window * velocity)
     far = far_velocity(case.far, total_force(domain, amplitude))
     return velocity - case.kernel(source) - far
@@ -83,7 +83,8 @@ def pinning(domain: Domain, case: Case) -> Float[AnyArray, "modes modes"]:
     Without it the silent mode, which moves nothing, would take any value.
     """
     silent = case.body.silent
-    return domain.slip_compliance * jnp.eye(silent.size) + PIN * jnp.outer(silent, silent)
+    slight = domain.slip_compliance * jnp.eye(silent.size, dtype=silent.dtype)
+    return slight + PIN * jnp.outer(silent, silent)
 
 
 def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, " 2"]:
@@ -94,7 +95,7 @@ def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[A
 
 def oseen_flow(domain: Domain, case: Case) -> FlowState:
     """Body flow without convection of the perturbation: exact as Re -> 0, a start otherwise."""
-    amplitude = _complete(domain, case)(-case.body.slip_of_stream())
+    amplitude = eliminate(domain, case).inverse @ -case.body.slip_of_stream()
     return FlowState(jnp.tensordot(amplitude, case.response, axes=1), amplitude)
 
 
@@ -106,13 +107,12 @@ def body_flow(
 ) -> tuple[FlowState, NewtonInfo]:
     """Flow and traction of a body at rest in the stream (P^-1), differentiable in ``case``."""
 
-    def residual(state):
+    def residual(case, state):
         return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
 
     return root(
-        residual,
+        Problem(residual, case, eliminate(domain, case)),
         guess or oseen_flow(domain, case),
-        eliminate(domain, case),
         _norm(domain),
         settings,
     )
@@ -127,32 +127,33 @@ def forced_flow(
 ) -> tuple[Float[AnyArray, "2 nx ny"], NewtonInfo]:
     """Flow driven by a given traction (P), differentiable in ``case`` and ``amplitude``."""
 
-    def residual(velocity):
-        return flow_residual(domain, case, FlowState(velocity, amplitude))
+    def residual(data, velocity):
+        return flow_residual(domain, data[0], FlowState(velocity, data[1]))
 
     if guess is None:
         guess = jnp.tensordot(amplitude, case.response, axes=1)
     size = math.sqrt(domain.lattice.cell_area)
-    return root(residual, guess, lambda v: v, lambda v: size * jnp.linalg.norm(v), settings)
+    problem = Problem(residual, (case, amplitude), Identity())
+    return root(problem, guess, lambda v: size * jnp.linalg.norm(v), settings)
 
 
-def eliminate(domain: Domain, case: Case):
+class Elimination(eqx.Module):
     """Exact inverse of the linear (Oseen) part of the coupled system, by the response G B."""
+
+    inverse: Float[AnyArray, "modes modes"]
+    response: Float[AnyArray, "modes 2 nx ny"]
+    body: Spreading
+
+    def __call__(self, y: FlowState) -> FlowState:
+        amplitude = self.inverse @ (y.amplitude - self.body.slip(y.velocity))
+        return FlowState(y.velocity + jnp.tensordot(amplitude, self.response, axes=1), amplitude)
+
+
+def eliminate(domain: Domain, case: Case) -> Elimination:
+    """The elimination of a case, the inverse being that of S G B + pinning."""
     case = jax.lax.stop_gradient(case)
-    complete = _complete(domain, case)
-
-    def apply(y: FlowState) -> FlowState:
-        amplitude = complete(y.amplitude - case.body.slip(y.velocity))
-        return FlowState(y.velocity + jnp.tensordot(amplitude, case.response, axes=1), amplitude)
-
-    return apply
-
-
-def _complete(domain, case):
-    """Solve (S G B + slip compliance) a = y."""
-    compliance = jax.vmap(case.body.slip)(case.response).T
-    inverse = jnp.linalg.inv(compliance + pinning(domain, case))
-    return lambda y: inverse @ y
+    compliance = jax.vmap(case.body.slip)(case.response).T + pinning(domain, case)
+    return Elimination(jnp.linalg.inv(compliance), case.response, case.body)
 
 
 def _norm(domain):
