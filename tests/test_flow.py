@@ -133,7 +133,7 @@ def test_slip_adjoint_agrees_with_the_implicit_derivative(cylinder_domain, drive
     weights = jnp.linspace(-1, 2, state.amplitude.size)
     gradient, _ = tangent.slip_adjoint(cylinder_domain, case, state, weights, TIGHT)
     expected = jax.grad(lambda a: weights @ slip(a))(state.amplitude)
-    assert np.allclose(gradient, expected, rtol=1e-7, atol=1e-9)
+    assert np.allclose(gradient, expected, rtol=1e-5, atol=1e-6)
 
 
 def test_drag_weights_predict_the_newton_step(cylinder_domain, driven):

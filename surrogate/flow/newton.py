@@ -6,6 +6,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from surrogate.flow.krylov import gmres
@@ -13,6 +14,7 @@ from surrogate.flow.krylov import gmres
 Operator = Callable[[PyTree], PyTree]
 
 
+ROUND = 1e-3  # relative residual of one single-precision solve in iterative refinement
 SINGLE = 1e-5  # least relative residual asked of a single-precision Krylov solve
 
 
@@ -23,7 +25,7 @@ class NewtonSettings(NamedTuple):
     max_steps: int = 25
     max_vectors: int = 40
     forcing: float = 0.1
-    linear_tolerance: float = 1e-8
+    linear_tolerance: float = 1e-6
 
 
 class NewtonInfo(NamedTuple):
@@ -64,59 +66,107 @@ def root(
     The preconditioner's own dependence on parameters does not enter derivatives. Tangent and
     adjoint cost one GMRES each.
     """
-    precondition = problem.precondition
-
-    def residual(x):
-        return problem.residual(problem.data, x)
-
-    def solve(function, x0):
-        x, info = _newton(function, x0, problem, norm, settings)
-        return x, jnp.stack([jnp.asarray(field, float) for field in info])  # aux needs tangents
-
-    def tangent_solve(jacobian, y):
-        example = jax.tree.map(jnp.zeros_like, y)
-        transposed = jax.linear_transpose(precondition, example)
-
-        def direct(matvec, b):
-            return _left_gmres(matvec, precondition, b, settings)
-
-        def adjoint(vecmat, b):
-            return _left_gmres(vecmat, lambda v: transposed(v)[0], b, settings)
-
-        return jax.lax.custom_linear_solve(jacobian, y, direct, adjoint)
-
-    x, aux = jax.lax.custom_root(residual, guess, solve, tangent_solve, has_aux=True)
-    converged, steps, products, size = jax.lax.stop_gradient(aux)
-    return x, NewtonInfo(converged > 0, steps.astype(int), products.astype(int), size)
-
-
-def _left_gmres(matvec, precondition, b, settings):
-    result = gmres(
-        lambda v: precondition(matvec(v)),
-        precondition(b),
-        settings.linear_tolerance,
-        settings.max_vectors,
+    frozen = problem._replace(
+        data=jax.lax.stop_gradient(problem.data),
+        precondition=jax.lax.stop_gradient(problem.precondition),
     )
-    return jax.tree.map(lambda x: jnp.where(result.converged, x, jnp.nan), result.x)
+    x, info = _newton(frozen, jax.lax.stop_gradient(guess), norm, settings)
+
+    @jax.custom_jvp
+    def attach(data, x, precondition):
+        return x
+
+    @attach.defjvp
+    def tangent(primals, tangents):
+        data, x, precondition = primals
+        moved = jax.jvp(lambda d: problem.residual(d, x), (data,), tangents[:1])[1]
+        here = Problem(problem.residual, data, precondition)
+        return x, jax.tree.map(jnp.negative, _solve_tangent(here, x, moved, settings))
+
+    return attach(problem.data, *jax.lax.stop_gradient((x, problem.precondition))), info
 
 
-def _newton(function, x0, problem, norm, settings):
+def _solve_tangent(problem, x, y, settings):
+    """A^-1 y with the Jacobian A at the root, and its transpose when a gradient is pulled back."""
+
+    def systems(transform):
+        rough, precondition = single((problem.data, problem.precondition))
+        matvecs = (
+            _jacobian(problem.residual, problem.data, x),
+            _jacobian(problem.residual, rough, single(x)),
+        )
+        return [
+            (transform(matvec, at), transform(inverse, at))
+            for matvec, inverse, at in zip(
+                matvecs, (problem.precondition, precondition), (x, single(x)), strict=True
+            )
+        ]
+
+    def transposed(function, at):
+        pull = jax.linear_transpose(function, at)
+        return lambda v: pull(v)[0]
+
+    def direct(_, b):
+        return _refined_gmres(*systems(lambda function, at: function), b, settings)
+
+    def adjoint(_, b):
+        return _refined_gmres(*systems(transposed), b, settings)
+
+    matvec = _jacobian(problem.residual, problem.data, x)
+    return jax.lax.custom_linear_solve(matvec, y, direct, adjoint)
+
+
+def _jacobian(residual, data, x):
+    return jax.linearize(lambda y: residual(data, y), x)[1]
+
+
+def _refined_gmres(double, rough, b, settings):
+    """GMRES in single precision, its residual renewed in double until it is small enough.
+
+    NaN where it is not reached.
+    """
+    (matvec, inverse), (rough_matvec, rough_inverse) = double, rough
+    target = inverse(b)
+    size = optax.tree.norm(target)
+
+    def unfinished(state):
+        _, residual, rounds = state
+        return (optax.tree.norm(residual) > settings.linear_tolerance * size) & (rounds < 8)
+
+    def improve(state):
+        x, residual, rounds = state
+        change = gmres(
+            lambda v: rough_inverse(rough_matvec(v)),
+            single(residual),
+            jnp.float32(ROUND),
+            settings.max_vectors,
+        )
+        x = jax.tree.map(jnp.add, x, change.x)
+        return x, jax.tree.map(jnp.subtract, target, inverse(matvec(x))), rounds + 1
+
+    start = (jax.tree.map(jnp.zeros_like, target), target, jnp.array(0))
+    x, residual, _ = jax.lax.while_loop(unfinished, improve, start)
+    converged = optax.tree.norm(residual) <= settings.linear_tolerance * size
+    return jax.tree.map(lambda leaf: jnp.where(converged, leaf, jnp.nan), x)
+
+
+def _newton(problem, x0, norm, settings):
     """Newton steps with Eisenstat-Walker forcing (1996, choice 2) and step halving.
 
     Residuals are of double precision, directions of single: they need a few digits only.
     """
-    rough, precondition = jax.lax.stop_gradient(_single((problem.data, problem.precondition)))
+    rough, precondition = single((problem.data, problem.precondition))
 
     def preconditioned(x):
-        b = problem.precondition(function(x))
+        b = problem.precondition(problem.residual(problem.data, x))
         return b, norm(b) / norm(x)
 
     def direction(x, b, size, previous):
-        _, jacobian = jax.linearize(lambda y: problem.residual(rough, y), _single(x))
+        jacobian = _jacobian(problem.residual, rough, single(x))
         target = jnp.maximum(0.5 * settings.tolerance / size, SINGLE)
         forcing = jnp.clip(0.9 * (size / previous) ** 2, target, settings.forcing)
         forcing = forcing.astype(jnp.float32)
-        return gmres(lambda v: precondition(jacobian(v)), _single(b), forcing, settings.max_vectors)
+        return gmres(lambda v: precondition(jacobian(v)), single(b), forcing, settings.max_vectors)
 
     def advance(state):
         x, b, size, previous, steps, products = state
@@ -146,7 +196,7 @@ def _newton(function, x0, problem, norm, settings):
     return x, NewtonInfo(size <= settings.tolerance, steps, products, size)
 
 
-def _single(tree):
+def single(tree: PyTree) -> PyTree:
     """The same with every array in single precision."""
 
     def cast(leaf):

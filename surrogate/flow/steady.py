@@ -52,7 +52,7 @@ def prepare(
     far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
     body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
     densities = jax.vmap(body.spread)(jnp.eye(domain.modes.count))
-    response = jax.lax.stop_gradient(jax.vmap(kernel)(densities))
+    response = jax.lax.stop_gradient(jax.lax.map(kernel, densities))
     return Case(kernel, far, body, response)
 
 
