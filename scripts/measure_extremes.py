@@ -12,7 +12,6 @@ from typing import Any
 
 import jax.numpy as jnp
 import matplotlib
-import numpy as np
 from common import Parser, emit, markdown, progress_bar, run
 
 from surrogate.body import ellipse
