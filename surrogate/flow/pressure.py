@@ -24,9 +24,9 @@ def pressure(
     """p / rho U^2 in the cells of the whole window, zero far away.
 
     grad p is what the momentum equation leaves: body force minus everything that is velocity. It
-    has no curl on the grid (but for the interpolated far field), so any path will do; where the path starts, in the middle of the
-    window's inflow side, the total head is still the stream's: what viscosity took upstream of it
-    falls off as exp(-Re r), 1 % of Cp at Re 1.
+    has no curl on the grid, but for the interpolated far field: any path will do. Where the path
+    starts, in the middle of the window's inflow side, the total head is still the stream's: what
+    viscosity took upstream of it falls off as exp(-Re r), 1 % of Cp at Re 1.
     """
     lattice = domain.lattice.unfolded
     body = spread_modes(domain.lattice, domain.modes, domain.box, jnp.asarray(markers))
