@@ -11,6 +11,7 @@ from surrogate.body import family_markers
 from surrogate.flow.domain import Domain
 from surrogate.flow.drag import Solution, solve_with_continuation
 from surrogate.flow.forces import friction_coefficient
+from surrogate.flow.immersed import outward
 from surrogate.flow.pressure import pressure, surface_pressure
 from surrogate.scene import Scene
 from surrogate.training.physics import scene_domain
@@ -27,6 +28,20 @@ class Surface(NamedTuple):
     markers: Float[AnyArray, "nodes 2"]
     cp: Float[AnyArray, " nodes"]
     cf: Float[AnyArray, " nodes"]
+
+    @property
+    def pressure_drag(self) -> float:
+        """Cd of the pressure alone."""
+        return float(-2 * np.pi * np.mean(self.cp * self._outward[:, 0]))
+
+    @property
+    def friction_drag(self) -> float:
+        """Cd of the friction alone."""
+        return float(2 * np.pi * np.mean(self.cf * self._outward[:, 1]))
+
+    @property
+    def _outward(self):
+        return np.asarray(outward(jnp.asarray(self.markers)))
 
     @property
     def station(self) -> Float[AnyArray, " nodes"]:
