@@ -112,20 +112,15 @@ def _published_lens(where: str, case: Case, walls: bool) -> list[Line]:
     gain = 100 * (1 - after.total / before.total)
     flat = "drag is flat in the aspect near the optimum; the published one is given as about 2.5"
     small = "two drags that are close; theirs, a level set, may have the sharp ends ours rounds off"
-    return [
+    lines = [
         Line(f"{where}: aspect", float(case.parameters[0]), LENS.aspect, 0.25, flat),
-        *(
-            Line(
-                f"{where}: {name}",
-                ours,
-                value,
-                0.05 * value,
-                why if walls else f"{why}; {UNBOUNDED}",
-            )
-            for name, ours, value, why in drags
-        ),
         Line(f"{where}: gain, %", case.gain, gain, 0.5, small),
     ]
+    for name, ours, value, why in drags:
+        if not walls:
+            why = UNBOUNDED if why == TOTAL else f"{why}; {UNBOUNDED}"
+        lines.append(Line(f"{where}: {name}", ours, value, 0.05 * value, why))
+    return lines
 
 
 def _fronts(cases: dict[float, Case]) -> list[Line]:
