@@ -102,9 +102,10 @@ def render_march(
     captions: list[str],
     path: str | Path,
 ) -> Path:
-    """A GIF of the vorticity of a time march."""
+    """A GIF of the vorticity of a time march: the middle third, from 3 D before the body."""
     (left, right), (low, high) = lattice.grid.domain
-    view = (left, right, low / 2, high / 2)
+    edge = 2 * lattice.step[0]
+    view = (max(left + edge, -3.0), right - edge, low / 3, high / 3)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 960))
     with whole_file(path) as part:
         plotter.open_gif(str(part), fps=12, loop=0)
@@ -113,7 +114,7 @@ def render_march(
             mesh = flow_mesh(lattice, np.asarray(velocity))
             _colour(plotter, mesh, mesh["vorticity"], 3)
             plotter.add_mesh(polygon(markers, 0.02), color=INK, lighting=False)
-            _write(plotter, caption, (0.01, 0.92), 11)
+            _write(plotter, caption, (0.01, 0.915), 12)
             _look_at(plotter, view)
             plotter.write_frame()
         plotter.close()

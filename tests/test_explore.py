@@ -6,10 +6,12 @@ import shutil
 import subprocess
 from html.parser import HTMLParser
 
+import explore
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from common import run
 
 from shapeopt.explore import page, write_page
 from shapeopt.optimise import optimise
@@ -175,3 +177,13 @@ def test_bodies_that_cross_themselves_are_told(reader, tmp_path):
 def test_page_is_written_whole(pretrained, text, tmp_path):
     assert write_page(pretrained, tmp_path / "explore.html").read_text(encoding="utf-8") == text
     assert [path.name for path in tmp_path.iterdir()] == ["explore.html"]
+
+
+def test_explore_command(tmp_path, capsys):
+    out = tmp_path / "page.html"
+    assert run(explore.main, ["--out", str(out), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["bytes"] == out.stat().st_size
+    for bad in (["--out", str(tmp_path / "page.txt")], ["--out", str(out), "--surrogate", "none"]):
+        assert run(explore.main, bad) == 2
+        assert len(capsys.readouterr().err.strip().splitlines()) == 1

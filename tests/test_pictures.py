@@ -1,5 +1,6 @@
 """What people look at: loads along a body, files for other programs, pictures."""
 
+import json
 import os
 import subprocess
 import sys
@@ -9,12 +10,15 @@ import imageio.v3 as imageio
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import render_shapes
+from common import run
 
 from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.mesh import flow_mesh, pv, solid
 from shapeopt.plot_bodies import plot_family, plot_surfaces
 from shapeopt.render import Panel, render_evolution, render_flows
 from shapeopt.runs import load_run, save_run
+from shapeopt.sheets import before_and_after
 from shapeopt.surface import Surface, solve_surface, surface_of
 from surrogate.body import PARAMETERS, ellipse, family_markers
 from surrogate.flow.domain import make_domain
@@ -187,3 +191,51 @@ def test_rendering_is_silent_without_a_display(tmp_path):
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "e.gif").read_bytes().startswith(b"GIF8")
+
+
+@pytest.fixture(scope="module")
+def runs(tiny_scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    for reynolds in (5.0, 20.0):
+        save_run(folder / f"re{reynolds:g}", record_of(tiny_scene, reynolds), LENS)
+    (folder / "bare").mkdir()
+    bare = record_of(tiny_scene) | {"cd_verified": None}
+    (folder / "bare" / "run.json").write_text(json.dumps(bare))
+    return folder
+
+
+@pytest.mark.parametrize("kind", [[], ["--surface"], ["--family"]])
+def test_sheets_by_the_command(runs, kind, tmp_path, capsys):
+    folders = [str(runs / "re5"), str(runs / "re20")]
+    arguments = ["--runs", *folders, *kind, "--out", str(tmp_path / "sheet.png"), "--json"]
+    assert run(render_shapes.main, arguments) == 0
+    assert json.loads(capsys.readouterr().out)["runs"] == folders
+    pixels(tmp_path / "sheet.png")
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        "--runs {runs}/re5 --family --out {out}/x.png",
+        "--runs {runs}/re5 {runs}/bare --family --out {out}/x.png",
+        "--runs {runs}/re5 {runs}/re20 --family --surface --out {out}/x.png",
+        "--runs {runs}/re5 --surface --out {out}/x.gif",
+        "--runs {runs}/re5 {runs}/re20 --out {out}/x.gif",
+    ],
+)
+def test_mistakes_with_sheets_get_one_clear_line(runs, mistake, tmp_path, capsys):
+    assert run(render_shapes.main, mistake.format(runs=runs, out=tmp_path).split()) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.strip().splitlines()) == 1, captured.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_captions_say_what_is_known(tiny_scene):
+    before, after = before_and_after(record_of(tiny_scene))
+    drag = float(after.solution.coefficients.drag)
+    assert before.title.startswith("Re 20 ")
+    assert f"Cd {drag:.4f}" in after.title
+    assert after.note == "found by the flow's adjoint, verified by the flow"
+    unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
+    assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
