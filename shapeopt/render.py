@@ -42,7 +42,7 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
     """
     meshes = [[_solved_mesh(panel) for panel in row] for row in rows]
     limit = max(np.abs(mesh["vorticity"]).max() for row in meshes for mesh in row)
-    limit = float(np.ceil(limit))
+    limit = max(float(np.ceil(limit)), 1.0)
     columns = max(map(len, rows))
     width, height = VIEW[1] - VIEW[0] + 2 * GAP, VIEW[3] - VIEW[2] + STRIP + 2 * GAP
     plotter = pv.Plotter(

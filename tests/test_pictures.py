@@ -174,23 +174,38 @@ def test_evolution_has_a_frame_for_every_step(tmp_path):
     assert min(frame.std() for frame in frames) > 10
 
 
+SILENT = """
+import sys
+import numpy as np
+from shapeopt.render import Panel, render_evolution, render_flows
+from surrogate.body import ellipse, family_markers
+from surrogate.flow.domain import make_domain
+from surrogate.flow.drag import Solution
+from surrogate.flow.steady import FlowState
+from surrogate.scene import FIDELITIES, Unbounded
+
+domain = make_domain(Unbounded(), FIDELITIES["draft"], (1.5, 1.5), symmetric=True)
+undisturbed = FlowState(np.zeros((2, *domain.lattice.shape)), np.zeros(domain.modes.count))
+markers = np.asarray(family_markers(ellipse(1.0), 96))
+panel = Panel(domain, markers, Solution(undisturbed, None, None), "Re 20")
+render_flows([[panel, panel]], sys.argv[1] + "/flows.png")
+render_evolution(np.array([ellipse(1.0), ellipse(2.0)]), ["a", "b"], sys.argv[1] + "/e.gif")
+"""
+
+
 def test_rendering_is_silent_without_a_display(tmp_path):
     """As a user runs it: another process, no display; VTK says nothing."""
-    program = (
-        "import sys; from shapeopt.render import render_evolution; import numpy as np;"
-        "render_evolution(np.array([[1.0, 0, 0, 0], [2.0, 0, 0, 0]]), ['a', 'b'], sys.argv[1])"
-    )
-    environment = {k: v for k, v in os.environ.items() if k != "DISPLAY"}
     done = subprocess.run(
-        [sys.executable, "-c", program, str(tmp_path / "e.gif")],
+        [sys.executable, "-c", SILENT, str(tmp_path)],
         capture_output=True,
         text=True,
         check=False,
         cwd=ROOT,
-        env=environment | {"PYTHONPATH": str(ROOT)},
+        env={k: v for k, v in os.environ.items() if k != "DISPLAY"} | {"PYTHONPATH": str(ROOT)},
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert (tmp_path / "e.gif").read_bytes().startswith(b"GIF8")
+    assert pixels(tmp_path / "flows.png")[0][0] > 1200
 
 
 @pytest.fixture(scope="module")
