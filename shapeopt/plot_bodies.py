@@ -38,14 +38,15 @@ def plot_surfaces(
             len(runs), 2, figsize=(11, 3.9 * len(runs)), layout="constrained", squeeze=False
         )
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
-            for surface, name, colour in zip(
-                surfaces, ("cylinder", "optimum"), (START, OPTIMUM), strict=True
+            for surface, name, look in zip(
+                surfaces,
+                ("cylinder", "optimum"),
+                ({"color": START, "ls": (0, (5, 2))}, {"color": OPTIMUM}),
+                strict=True,
             ):
                 upper = slice(0, len(surface.cp) // 2 + 1)
                 for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):
-                    axis.plot(
-                        surface.station[upper], loads[upper], color=colour, lw=2.2, label=name
-                    )
+                    axis.plot(surface.station[upper], loads[upper], lw=2.2, label=name, **look)
             for axis, label, title in (
                 (pressure, "$C_p$", "pressure"),
                 (friction, "$C_f$", "friction"),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import render_shapes
 from common import run
+from pictures import LENS, pixels, record_of
 
 from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.mesh import flow_mesh, pv, solid
@@ -20,15 +21,13 @@ from shapeopt.render import Panel, render_evolution, render_flows
 from shapeopt.runs import load_run, save_run
 from shapeopt.sheets import before_and_after
 from shapeopt.surface import Surface, solve_surface, surface_of
-from surrogate.body import PARAMETERS, ellipse, family_markers
+from surrogate.body import ellipse, family_markers
 from surrogate.flow.domain import make_domain
 from surrogate.flow.drag import solve
 from surrogate.flow.immersed import outward
 from surrogate.scene import Fidelity, Unbounded
-from surrogate.store import scene_record
 
 ROOT = Path(__file__).parents[1]
-LENS = np.array([2.0, 0.1, -0.05, 0.0])
 
 
 @pytest.fixture(scope="module")
@@ -42,27 +41,6 @@ def flows(cylinder_domain):
 @pytest.fixture(scope="module")
 def surfaces(cylinder_domain, flows):
     return tuple(surface_of(cylinder_domain, m, solution, m, 20.0) for m, solution in flows)
-
-
-def record_of(tiny_scene, reynolds=20.0, parameters=LENS):
-    return {
-        "parameters": dict(zip(PARAMETERS, parameters.tolist(), strict=True)),
-        "reynolds": reynolds,
-        "cd_start": 2.2,
-        "cd_verified": 2.2 - reynolds / 100,
-        "surrogate": "none",
-        "scene": scene_record(tiny_scene),
-        "path": [parameters.tolist()],
-    }
-
-
-def pixels(path):
-    picture = pv.read(path)
-    width, height, _ = picture.dimensions
-    colours = np.asarray(picture.active_scalars)[:, :3]
-    assert len(np.unique(colours, axis=0)) > 50, "blank"
-    assert colours.std() > 10, "blank"
-    return (width, height), colours
 
 
 def test_surface_loads_add_up_to_the_drag():
