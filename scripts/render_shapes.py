@@ -2,6 +2,8 @@
 
 python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
 python scripts/render_shapes.py --runs out/re40 --out out/re40.gif
+python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/loads.png
+python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
 """
 
 import sys
@@ -14,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from common import Parser, emit, progress_bar, run
 
+from shapeopt.plot_bodies import plot_family, plot_surfaces
 from shapeopt.render import render_evolution, render_flows
 from shapeopt.runs import load_run
-from shapeopt.sheets import before_and_after
+from shapeopt.sheets import before_and_after, surfaces_of
 from surrogate.errors import InvalidInput
 from surrogate.store import load_surrogate
 
@@ -27,18 +30,39 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     out = Path(arguments.out)
     if out.suffix not in (".png", ".gif"):
         raise InvalidInput(f"--out {out}: must end in .png or .gif")
+    if out.suffix == ".gif" and (arguments.surface or arguments.family):
+        raise InvalidInput(f"--out {out}: --surface and --family make a .png")
     records = [load_run(folder) for folder in arguments.runs]
     with progress_bar("rendering") as progress:
         if out.suffix == ".gif":
             _evolution(records, out)
+        elif arguments.family:
+            plot_family(_verified(records), out)
+        elif arguments.surface:
+            loads = _each(surfaces_of, records, progress)
+            plot_surfaces(list(zip(records, loads, strict=True)), out)
         else:
-            rows = []
-            for k, record in enumerate(records):
-                rows.append(before_and_after(record))
-                progress((k + 1) / (len(records) + 1), f"Re {record['reynolds']:g}")
-            render_flows(rows, out)
+            render_flows(_each(before_and_after, records, progress), out)
         progress(1.0, str(out))
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
+
+
+def _each(solve, records, progress):
+    """Solve every run's flows."""
+    found = []
+    for k, record in enumerate(records):
+        found.append(solve(record))
+        progress((k + 1) / (len(records) + 1), f"Re {record['reynolds']:g}")
+    return found
+
+
+def _verified(records):
+    if len(records) < 2:
+        raise InvalidInput("--family: shows several runs; give two --runs folders or more")
+    for record in records:
+        if record.get("cd_verified") is None or record.get("cd_start") is None:
+            raise InvalidInput(f"--family: the run at Re {record['reynolds']:g} is not verified")
+    return records
 
 
 def _evolution(records, out):
@@ -58,6 +82,9 @@ def _parser():
     parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", required=True, nargs="+", help="folders of optimize_shape.py")
     parser.add_argument("--out", required=True, help="picture, .png or .gif")
+    kind = parser.add_mutually_exclusive_group()
+    kind.add_argument("--surface", action="store_true", help="pressure and friction along the body")
+    kind.add_argument("--family", action="store_true", help="the optima of several runs over Re")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser
 

@@ -1,28 +1,44 @@
-"""A shape optimisation's folder: what was asked, what was found, the contour, the path."""
+"""A shape optimisation's folder: what was asked, what was found, the body for other programs."""
 
 import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import jax.numpy as jnp
 
+from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
+from shapeopt.surface import SURFACE_POINTS, solve_surface
 from surrogate.arrays import AnyArray
 from surrogate.body import PARAMETERS, family_markers
-from surrogate.errors import InvalidInput
+from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, whole_folder
+from surrogate.store import read_scene
 
-CONTOUR_POINTS = 400
 RECORD = "run.json"
 
 
 def save_run(folder: str | Path, record: dict[str, Any], parameters: AnyArray) -> None:
-    """Write run.json and contour.csv, whole or not at all."""
+    """Write run.json, contour.csv, contour.vtp with the flow's loads, and body.stl.
+
+    The folder is written whole or not at all.
+    """
     folder = Path(folder)
     check_target(folder, RECORD)
+    contour = family_markers(jnp.asarray(parameters), SURFACE_POINTS)
+    surface = _loads(record, parameters)
     with whole_folder(folder) as part:
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
-        contour = np.asarray(family_markers(parameters, CONTOUR_POINTS))
-        np.savetxt(part / "contour.csv", contour, "%.9f", ",", header="x,y", comments="")
+        write_contour_csv(contour, part / "contour.csv")
+        write_contour_vtp(contour, part / "contour.vtp", surface)
+        write_solid_stl(contour, part / "body.stl")
+
+
+def _loads(record, parameters):
+    """The body's surface loads at the run's Re; None where its flow is not to be had."""
+    try:
+        return solve_surface(read_scene(record["scene"]), parameters, record["reynolds"])
+    except NotConverged:
+        return None
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:

@@ -1,0 +1,234 @@
+"""What people look at: loads along a body, files for other programs, pictures."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import imageio.v3 as imageio
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import render_shapes
+from common import run
+from pictures import LENS, pixels, record_of
+
+from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
+from shapeopt.mesh import flow_mesh, pv, solid
+from shapeopt.plot_bodies import plot_family, plot_surfaces
+from shapeopt.render import Panel, render_evolution, render_flows
+from shapeopt.runs import load_run, save_run
+from shapeopt.sheets import before_and_after
+from shapeopt.surface import Surface, solve_surface, surface_of
+from surrogate.body import ellipse, family_markers
+from surrogate.flow.domain import make_domain
+from surrogate.flow.drag import solve
+from surrogate.flow.immersed import outward
+from surrogate.scene import Fidelity, Unbounded
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def flows(cylinder_domain):
+    """The cylinder and an ellipse that fits the same box, solved at Re 20."""
+    bodies = (ellipse(1.0), ellipse(1.5))
+    markers = [np.asarray(family_markers(jnp.asarray(body), 96)) for body in bodies]
+    return [(m, solve(cylinder_domain, jnp.asarray(m), jnp.asarray(20.0))) for m in markers]
+
+
+@pytest.fixture(scope="module")
+def surfaces(cylinder_domain, flows):
+    return tuple(surface_of(cylinder_domain, m, solution, m, 20.0) for m, solution in flows)
+
+
+def test_surface_loads_add_up_to_the_drag():
+    """Integrated pressure and friction against the drag of the zeroth mode."""
+    domain = make_domain(Unbounded(), Fidelity("fine near", 16, 2.5, 4, 4), (2.0, 1.0), True)
+    markers = family_markers(jnp.asarray(LENS), domain.nodes)
+    solution = solve(domain, markers, jnp.asarray(20.0))
+    surface = surface_of(domain, markers, solution, markers, 20.0)
+    normal = np.asarray(outward(markers))
+    loads = -surface.cp * normal[:, 0] + surface.cf * normal[:, 1]
+    assert 2 * np.pi * loads.mean() == pytest.approx(float(solution.coefficients.drag), rel=0.05)
+
+
+def test_surface_pressure_of_the_cylinder(surfaces):
+    """Stagnation pressure at the nose, suction at the side, symmetric in the centre line."""
+    cp = surfaces[0].cp
+    assert 1.0 < cp[0] < 1.7  # above 1 at a finite Reynolds number
+    assert -1.2 < cp[len(cp) // 4] < -0.5
+    np.testing.assert_allclose(cp[1:], cp[1:][::-1], atol=1e-4)
+    assert surfaces[0].station[0] == 0
+    assert surfaces[0].station[len(cp) // 2] == pytest.approx(1)
+
+
+def test_solid_is_watertight_with_outward_normals(tmp_path):
+    for parameters in (ellipse(1.0), LENS, np.array([1.2, 0.3, 0.2, 0.1])):  # the last has a waist
+        markers = np.asarray(family_markers(jnp.asarray(parameters), 200))
+        for mesh in (solid(markers, 2.0), pv.read(write_solid_stl(markers, tmp_path / "b.stl", 2))):
+            assert mesh.n_open_edges == 0
+            assert mesh.is_manifold
+            corners = mesh.points[mesh.regular_faces].astype(float)
+            # signed volume by the divergence theorem: positive only if normals point outward
+            volume = np.linalg.det(corners).sum() / 6
+            assert volume == pytest.approx(2 * np.pi / 4, rel=1e-3)
+
+
+def test_contour_files_carry_the_loads(surfaces, tmp_path):
+    surface = surfaces[0]
+    mesh = pv.read(write_contour_vtp(surface.markers, tmp_path / "c.vtp", surface))
+    np.testing.assert_allclose(mesh.points[:, :2], surface.markers, atol=1e-6)
+    np.testing.assert_array_equal(mesh["Cp"], surface.cp)
+    np.testing.assert_array_equal(mesh["Cf"], surface.cf)
+    bare = pv.read(write_contour_vtp(surface.markers, tmp_path / "bare.vtp"))
+    assert bare.n_points == len(surface.markers)
+    assert not bare.point_data.keys()
+    rows = np.loadtxt(
+        write_contour_csv(surface.markers, tmp_path / "c.csv"), delimiter=",", skiprows=1
+    )
+    np.testing.assert_allclose(rows, surface.markers, atol=1e-9)
+
+
+def test_a_run_is_saved_with_all_its_files(tiny_scene, tmp_path):
+    save_run(tmp_path / "run", record_of(tiny_scene), LENS)
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert names == {"run.json", "contour.csv", "contour.vtp", "body.stl"}
+    mesh = pv.read(tmp_path / "run" / "contour.vtp")
+    expected = solve_surface(tiny_scene, LENS, 20.0)
+    np.testing.assert_allclose(mesh["Cp"], expected.cp, atol=1e-12)
+    np.testing.assert_allclose(mesh["Cf"], expected.cf, atol=1e-12)
+    assert load_run(tmp_path / "run")["reynolds"] == 20
+
+
+def test_stream_function_gives_back_the_velocity(cylinder_domain, flows):
+    """Its differences are the flux through the cells' faces; it is level in the body."""
+    lattice = cylinder_domain.lattice.unfolded
+    velocity = np.array(cylinder_domain.lattice.unfold(flows[0][1].state.velocity))
+    velocity[0] += 1
+    mesh = flow_mesh(lattice, velocity)
+    nx, ny, _ = mesh.dimensions
+    stream = mesh["stream function"].reshape(ny, nx).T
+    dx, dy = lattice.step
+    np.testing.assert_allclose(np.diff(stream, axis=1) / dy, velocity[0, 1:-1, 2:-1], atol=1e-8)
+    np.testing.assert_allclose(-np.diff(stream, axis=0) / dx, velocity[1, 2:-1, 1:-1], atol=0.01)
+    inside = np.linalg.norm(mesh.points, axis=1) < 0.2
+    assert np.abs(mesh["stream function"][inside]).max() < 0.02
+
+
+def test_flow_pictures_show_their_bodies(cylinder_domain, flows, tmp_path):
+    sheets = []
+    for k, (markers, solution) in enumerate(flows):
+        panel = Panel(cylinder_domain, markers, solution, "Re 20", "small print")
+        sheets.append(pixels(render_flows([[panel, panel]], tmp_path / f"{k}.png")))
+    (size, first), (other_size, second) = sheets
+    assert size == other_size
+    assert size[0] > 1200
+    assert np.any(first != second, axis=1).mean() > 0.02
+    rows = pixels(render_flows([[panel], [panel]], tmp_path / "rows.png"))[0]
+    assert rows[0] < size[0]
+    assert rows[1] > 1.5 * size[1]
+
+
+def test_plots_of_bodies_differ_with_the_bodies(tiny_scene, surfaces, tmp_path):
+    records = [record_of(tiny_scene, 5.0), record_of(tiny_scene, 20.0, ellipse(1.5))]
+    family = pixels(plot_family(records, tmp_path / "family.png"))
+    other = pixels(plot_family([records[0], record_of(tiny_scene)], tmp_path / "other.png"))
+    assert family[0] == other[0]
+    assert np.any(family[1] != other[1], axis=1).mean() > 0.001
+    loads = pixels(plot_surfaces([(records[0], surfaces)], tmp_path / "loads.png"))
+    swapped = Surface(*surfaces[1])._replace(cp=surfaces[0].cp)
+    again = pixels(plot_surfaces([(records[0], (surfaces[0], swapped))], tmp_path / "again.png"))
+    assert np.any(loads[1] != again[1], axis=1).mean() > 0.001
+
+
+def test_evolution_has_a_frame_for_every_step(tmp_path):
+    bodies = np.array([ellipse(1.0), LENS, ellipse(3.0)])
+    gif = render_evolution(bodies, ["start", "then", "end"], tmp_path / "evolution.gif")
+    frames = imageio.imread(gif)
+    distinct = {frame.tobytes() for frame in frames}
+    assert len(distinct) == 3
+    assert min(frame.std() for frame in frames) > 10
+
+
+SILENT = """
+import sys
+import numpy as np
+from shapeopt.render import Panel, render_evolution, render_flows
+from surrogate.body import ellipse, family_markers
+from surrogate.flow.domain import make_domain
+from surrogate.flow.drag import Solution
+from surrogate.flow.steady import FlowState
+from surrogate.scene import FIDELITIES, Unbounded
+
+domain = make_domain(Unbounded(), FIDELITIES["draft"], (1.5, 1.5), symmetric=True)
+undisturbed = FlowState(np.zeros((2, *domain.lattice.shape)), np.zeros(domain.modes.count))
+markers = np.asarray(family_markers(ellipse(1.0), 96))
+panel = Panel(domain, markers, Solution(undisturbed, None, None), "Re 20")
+render_flows([[panel, panel]], sys.argv[1] + "/flows.png")
+render_evolution(np.array([ellipse(1.0), ellipse(2.0)]), ["a", "b"], sys.argv[1] + "/e.gif")
+"""
+
+
+def test_rendering_is_silent_without_a_display(tmp_path):
+    """As a user runs it: another process, no display; VTK says nothing."""
+    done = subprocess.run(
+        [sys.executable, "-c", SILENT, str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+        env={k: v for k, v in os.environ.items() if k != "DISPLAY"} | {"PYTHONPATH": str(ROOT)},
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "e.gif").read_bytes().startswith(b"GIF8")
+    assert pixels(tmp_path / "flows.png")[0][0] > 1200
+
+
+@pytest.fixture(scope="module")
+def runs(tiny_scene, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("runs")
+    for reynolds in (5.0, 20.0):
+        save_run(folder / f"re{reynolds:g}", record_of(tiny_scene, reynolds), LENS)
+    (folder / "bare").mkdir()
+    bare = record_of(tiny_scene) | {"cd_verified": None}
+    (folder / "bare" / "run.json").write_text(json.dumps(bare))
+    return folder
+
+
+@pytest.mark.parametrize("kind", [[], ["--surface"], ["--family"]])
+def test_sheets_by_the_command(runs, kind, tmp_path, capsys):
+    folders = [str(runs / "re5"), str(runs / "re20")]
+    arguments = ["--runs", *folders, *kind, "--out", str(tmp_path / "sheet.png"), "--json"]
+    assert run(render_shapes.main, arguments) == 0
+    assert json.loads(capsys.readouterr().out)["runs"] == folders
+    pixels(tmp_path / "sheet.png")
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        "--runs {runs}/re5 --family --out {out}/x.png",
+        "--runs {runs}/re5 {runs}/bare --family --out {out}/x.png",
+        "--runs {runs}/re5 {runs}/re20 --family --surface --out {out}/x.png",
+        "--runs {runs}/re5 --surface --out {out}/x.gif",
+        "--runs {runs}/re5 {runs}/re20 --out {out}/x.gif",
+    ],
+)
+def test_mistakes_with_sheets_get_one_clear_line(runs, mistake, tmp_path, capsys):
+    assert run(render_shapes.main, mistake.format(runs=runs, out=tmp_path).split()) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert len(captured.err.strip().splitlines()) == 1, captured.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_captions_say_what_is_known(tiny_scene):
+    before, after = before_and_after(record_of(tiny_scene))
+    drag = float(after.solution.coefficients.drag)
+    assert before.title.startswith("Re 20 ")
+    assert f"Cd {drag:.4f}" in after.title
+    assert after.note == "found by the flow's adjoint, verified by the flow"
+    unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
+    assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
