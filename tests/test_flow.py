@@ -116,7 +116,7 @@ def driven(cylinder_domain):
     return case, steady.FlowState(velocity, amplitude), jax.jit(slip)
 
 
-TIGHT = tangent.Effort(1e-11, 60)
+TIGHT = tangent.Effort(1e-6, 60)
 
 
 def test_compliance_is_the_derivative_of_the_slip(cylinder_domain, driven):
@@ -143,7 +143,7 @@ def test_drag_weights_predict_the_newton_step(cylinder_domain, driven):
     moved, _ = tangent.coupled_step(cylinder_domain, case, state, TIGHT)
     change = drag_coefficient(moved.amplitude) - drag_coefficient(state.amplitude)
     slip = steady.slip_residual(cylinder_domain, case, state)
-    assert float(weights @ slip) == pytest.approx(float(change), rel=1e-7)
+    assert float(weights @ slip) == pytest.approx(float(change), rel=1e-5)
 
 
 def test_uniform_pressure_moves_nothing(cylinder_domain):

@@ -1,6 +1,7 @@
 """The flow linearised at a state: the solves that training steps are made of, with their cost.
 
 Each returns the number of applications of G it spent, so that methods can be compared by work.
+Krylov vectors are of single precision: the solves are asked for a few digits.
 ``A`` is the coupled Jacobian of body flow, ``J_u = I - G C'(u)`` its flow block.
 """
 
@@ -12,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.flow.domain import Domain
 from surrogate.flow.krylov import gmres
+from surrogate.flow.newton import single
 from surrogate.flow.steady import (
     Case,
     FlowState,
@@ -41,12 +43,10 @@ def coupled_step(
 ) -> tuple[FlowState, Cost]:
     """One Newton step of body flow: x - A^+ F(x), the inverse simulator's step."""
 
-    def residual(x):
-        return FlowState(flow_residual(domain, case, x), slip_residual(domain, case, x))
-
-    value, jacobian = jax.linearize(residual, state)
-    precondition = eliminate(domain, case)
-    result = gmres(lambda v: precondition(jacobian(v)), precondition(value), *effort)
+    value = _residual(domain, case, state)
+    inverse = eliminate(domain, case)
+    jacobian, rough = _coupled(domain, *single((case, state))), single(inverse)
+    result = gmres(lambda v: rough(jacobian(v)), single(inverse(value)), *effort)
     return jax.tree.map(jnp.subtract, state, result.x), Cost(result.steps + 1, result.converged)
 
 
@@ -55,21 +55,21 @@ def drag_weights(
 ) -> tuple[Float[Array, " modes"], Cost]:
     """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
 
-    def residual(x):
-        return FlowState(flow_residual(domain, case, x), slip_residual(domain, case, x))
-
-    jacobian = jax.linearize(residual, state)[1]
-    adjoint = jax.linear_transpose(jacobian, state)
-    precondition = jax.linear_transpose(eliminate(domain, case), state)
+    inverse = single(eliminate(domain, case))
+    case, state = single((case, state))
+    adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
+    precondition = jax.linear_transpose(inverse, state)
     goal = FlowState(jnp.zeros_like(state.velocity), jnp.zeros_like(state.amplitude).at[0].set(2.0))
     result = gmres(lambda z: precondition(adjoint(z)[0])[0], precondition(goal)[0], *effort)
-    return result.x.amplitude, Cost(result.steps, result.converged)
+    return result.x.amplitude.astype(float), Cost(result.steps, result.converged)
 
 
 def slip_adjoint(
     domain: Domain, case: Case, state: FlowState, weights: Float[Array, " modes"], effort: Effort
 ) -> tuple[Float[Array, " modes"], Cost]:
     """(dy/da)^T weights for the slip y of a forced flow: one adjoint solve."""
+
+    case, state, weights = single((case, state, weights))
 
     def respond(amplitude):
         return flow_residual(domain, case, FlowState(state.velocity, amplitude))
@@ -79,13 +79,15 @@ def slip_adjoint(
     pulled = jax.vjp(case.body.slip, state.velocity)[1](weights)[0]
     result = gmres(lambda z: adjoint(z)[0], pulled, *effort)
     gradient = -jax.vjp(respond, state.amplitude)[1](result.x)[0]
-    return gradient + pinning(domain, case).T @ weights, Cost(result.steps + 1, result.converged)
+    gradient = gradient + pinning(domain, case).T @ weights
+    return gradient.astype(float), Cost(result.steps + 1, result.converged)
 
 
 def compliance(
     domain: Domain, case: Case, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, "modes modes"], Cost]:
     """dy/da of a forced flow, one tangent solve per mode."""
+    case, state = single((case, state))
 
     def respond(amplitude):
         return flow_residual(domain, case, FlowState(state.velocity, amplitude))
@@ -97,8 +99,19 @@ def compliance(
         result = gmres(flow, response, *effort)
         return case.body.slip(result.x), result.steps + 1, result.converged
 
-    columns, steps, converged = jax.lax.map(column, jnp.eye(state.amplitude.size))
-    return columns.T + pinning(domain, case), Cost(jnp.sum(steps), jnp.all(converged))
+    columns, steps, converged = jax.lax.map(
+        column, jnp.eye(state.amplitude.size, dtype=state.amplitude.dtype)
+    )
+    matrix = (columns.T + pinning(domain, case)).astype(float)
+    return matrix, Cost(jnp.sum(steps), jnp.all(converged))
+
+
+def _residual(domain, case, state):
+    return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
+
+
+def _coupled(domain, case, state):
+    return jax.linearize(lambda x: _residual(domain, case, x), state)[1]
 
 
 def _flow_block(domain, case, state):
