@@ -53,11 +53,13 @@ class Fidelity:
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def coarser(self) -> "Fidelity":
-        """Two thirds of the cells and of the window: what the difference shows is the error."""
+        """Two thirds of the cells."""
+        return dataclasses.replace(self, cells=round(2 * self.cells / 3))
+
+    def smaller(self) -> "Fidelity":
+        """Two thirds of the window."""
         return dataclasses.replace(
             self,
-            name=f"{self.name}, coarser",
-            cells=round(2 * self.cells / 3),
             upstream=2 * self.upstream / 3,
             downstream=2 * self.downstream / 3,
             height=2 * self.height / 3,
@@ -99,7 +101,9 @@ class Scene:
                 f"Grid ({f.name}): {f.cells} cells per D on a window "
                 f"{f.upstream + f.downstream:g} x {f.height:g} D ({cells} cells in its "
                 "upper half), where the flow is non-linear; outside it the "
-                "Oseen Green's function and the far field's momentum flux are exact to F^2.",
+                "Oseen Green's function and the far field's momentum flux are exact to F^2. Made "
+                f"for drags within {100 * f.promise:g} % over Re 0.5 to 45 and aspect 0.5 to 5; "
+                "longer wakes get a longer window.",
                 f"Traction: {2 * f.harmonics + 1} modes.",
                 "One body flow costs about 30 to 70 applications of G, its gradient about 25 more.",
                 "Left out: the third dimension, unsteadiness (bluff bodies shed vortices beyond "

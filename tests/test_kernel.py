@@ -50,6 +50,18 @@ def test_kernel_is_divergence_free_and_solves_oseen(reynolds, height, mirrored, 
     assert float(jnp.abs(momentum_defect(velocity, force, reynolds)[INSIDE]).max()) < 1e-9
 
 
+def test_kernels_of_a_batch_are_those_of_its_members(generator):
+    """Every body of a batch has its own Re."""
+    force, numbers = random_force(generator), jnp.array([0.01, 1.0, 16.0, 100.0])
+
+    def velocity(reynolds):
+        return oseen_kernel(LATTICE, reynolds, None)(force)
+
+    batch = jax.jit(jax.vmap(velocity))(numbers)
+    for row, reynolds in zip(batch, numbers, strict=True):
+        assert np.allclose(row, velocity(reynolds), rtol=1e-11, atol=1e-12)
+
+
 @pytest.mark.parametrize("reynolds", [1.0, 40.0])
 def test_kernel_matches_a_long_periodic_lattice(reynolds, generator):
     """Brute force: the same operator inverted by FFT on a lattice of 16384 columns."""
