@@ -46,8 +46,15 @@ def verify_objective(
     pairs = zip(scenarios.shift, scenarios.reynolds, strict=True)
     reports = [verify(problem.scene, parameters + shift, float(re)) for shift, re in pairs]
     drags = np.array([report.cd for report in reports])
-    value = float(combine(jnp.asarray(drags), jnp.asarray(cylinder), scenarios))
+    value = combined(drags, cylinder, problem)
     return Verified(value, drags, sum(report.wall_s for report in reports))
+
+
+def combined(
+    drags: Float[AnyArray, " cases"], cylinder: Float[AnyArray, " cases"], problem: Problem
+) -> float:
+    """The objective from the drags of its scenarios."""
+    return float(combine(jnp.asarray(drags), jnp.asarray(cylinder), problem.scenarios))
 
 
 def cylinder_drags(problem: Problem) -> Float[AnyArray, " cases"]:
