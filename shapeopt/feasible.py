@@ -80,7 +80,10 @@ class _Asked(NamedTuple):
 def _asked(problem):
     asked = []
     if problem.max_length is not None:
-        name, fault = f"max length {problem.max_length:g}", "every body of the family is longer than"
+        name, fault = (
+            f"max length {problem.max_length:g}",
+            "every body of the family is longer than",
+        )
         asked.append(_Asked(name, lambda p: {"max_length": None}, chord, fault))
     if problem.min_thickness is not None:
         name, fault = (
