@@ -142,12 +142,13 @@ def _cases(
 
 def _text(result, problem: Problem, out) -> str:
     gain = 100 * (1 - result["cd_verified"] / result["cd_start"])
+    side = "below" if gain >= 0 else "above"
     shape = ", ".join(f"{name} {value:.4f}" for name, value in result["parameters"].items())
     relative = bool(problem.scenarios.relative)
     name = "Cd over the cylinder's" if relative else "Cd"
     lines = [
         f"Re {result['reynolds']:g}: {shape}",
-        f"{name} {result['cd_verified']:.4f} verified, {gain:.1f} % below the cylinder's "
+        f"{name} {result['cd_verified']:.4f} verified, {abs(gain):.1f} % {side} the cylinder's "
         f"{result['cd_start']:.4f}; {result['calls']} calls in {result['loop_s']:.2f} s -> {out}",
     ]
     if "polish_calls" in result:

@@ -19,7 +19,7 @@ from surrogate.training.presets import Plan
 
 DEVIATION = 0.05  # of the new samples around an optimum, over the width of every range
 BATCH = 8  # of supervised training
-PASSES = 4  # over all samples: the first solves their flows
+PASSES = 12  # over all samples: the first solves their flows
 
 
 class Gap(NamedTuple):

@@ -196,7 +196,7 @@ MISTAKES = [
     f"{OPTIMISE} --reynolds 40 --max-length 0.5",
     f"{OPTIMISE} --reynolds 40 --max-length -2",
     f"{OPTIMISE} --reynolds 40 --min-thickness 3",
-    f"{OPTIMISE} --reynolds 40 --max-length 1.01 --min-thickness 1.29",
+    f"{OPTIMISE} --reynolds 40 --max-length 1.2 --range aspect=2:4",
     f"{OPTIMISE} --reynolds 40 --fidelity draft",
     "optimize_shape --surrogate {damaged} --reynolds 40 --out {folder}/x",
     "optimize_shape --surrogate pretrained --reynolds 40 --out {folder}",

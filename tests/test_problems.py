@@ -202,7 +202,7 @@ def test_conflicts_are_named(pretrained, constraints, message):
 
 def test_a_needle_of_feasible_bodies_is_found(pretrained):
     """Chance finds no such body; repair does."""
-    problem = Problem(pretrained.scene, 20.0, max_length=1.04, min_thickness=1.24)
+    problem = Problem(pretrained.scene, 20.0, max_length=1.002, min_thickness=1.3)
     assert not np.any(np.asarray(satisfied(drawn_bodies(problem.limits), problem.limits)))
     assert len(problem.candidates())
     assert optimise(problem, pretrained).converged
