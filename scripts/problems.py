@@ -5,8 +5,9 @@ import argparse
 from common import fidelity_of, numbers, reynolds_numbers
 
 from shapeopt.constraints import Station
-from shapeopt.objective import AtReynolds, LogNormal, Objective, Robust, Uniform, Weighted
+from shapeopt.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem import Problem
+from shapeopt.uncertainty import LogNormal, Uniform
 from surrogate.body import PARAMETERS, Family
 from surrogate.errors import InvalidInput
 from surrogate.scene import Scene

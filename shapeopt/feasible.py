@@ -105,13 +105,16 @@ def _asked(problem):
             f"min radius {problem.min_radius:g}",
             "every body of the family has somewhere a radius below",
         )
-        least = lambda body: jnp.min(jnp.stack(radii(body)))  # noqa: E731
-        asked.append(_Asked(name, lambda p: {"min_radius": None}, least, fault))
+        asked.append(_Asked(name, lambda p: {"min_radius": None}, _least_radius, fault))
     if problem.within is not None:
         asked.append(_Asked("ranges of the parameters", lambda p: {"within": None}))
     if problem.trust:
         asked.append(_Asked(f"trust {problem.trust:g}", lambda p: {"trust": 0.0}))
     return asked
+
+
+def _least_radius(body):
+    return jnp.min(jnp.stack(radii(body)))
 
 
 def _drop_station(station, problem):

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.special import ndtr, ndtri
 
+from shapeopt.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.arrays import AnyArray
 from surrogate.body import PARAMETERS, ellipse
 from surrogate.errors import InvalidInput
@@ -86,47 +87,6 @@ class Weighted:
 
 
 @dataclasses.dataclass(frozen=True)
-class LogNormal:
-    """log Re is normal about the log of the nominal Re, with standard deviation ``spread``."""
-
-    spread: float
-
-    def __post_init__(self):
-        if not 0 <= self.spread <= 2:
-            raise InvalidInput(f"spread {self.spread:g}: from 0 to 2, of log Re")
-
-    def below(self, reynolds: float, nominal: float) -> float:
-        """Probability of a smaller Re."""
-        return float(ndtr(math.log(reynolds / nominal) / max(self.spread, 1e-12)))
-
-    def quantile(
-        self, probability: Float[np.ndarray, " cases"], nominal: float
-    ) -> Float[np.ndarray, " cases"]:
-        return nominal * np.exp(self.spread * ndtri(probability))
-
-
-@dataclasses.dataclass(frozen=True)
-class Uniform:
-    """Re is uniform within the relative ``spread`` on both sides of the nominal Re."""
-
-    spread: float
-
-    def __post_init__(self):
-        if not 0 <= self.spread < 1:
-            raise InvalidInput(f"spread {self.spread:g}: from 0 to below 1, of Re")
-
-    def below(self, reynolds: float, nominal: float) -> float:
-        """Probability of a smaller Re."""
-        place = (reynolds / nominal - 1) / max(self.spread, 1e-12)
-        return float(np.clip((place + 1) / 2, 0, 1))
-
-    def quantile(
-        self, probability: Float[np.ndarray, " cases"], nominal: float
-    ) -> Float[np.ndarray, " cases"]:
-        return nominal * (1 + self.spread * (2 * probability - 1))
-
-
-@dataclasses.dataclass(frozen=True)
 class Robust:
     """Cd under an uncertain Re and an inexact shape: its mean, or the mean of its worst cases.
 
@@ -171,7 +131,7 @@ class Robust:
                 f"spread {self.spread.spread:g} about Re {self.reynolds:g}: only "
                 f"{100 * kept:.0f} % of it lies within the trained range; at least half must"
             )
-        fractions = _latin_hypercube(self.seed, self.samples, 1 + len(PARAMETERS))
+        fractions = latin_hypercube(self.seed, self.samples, 1 + len(PARAMETERS))
         below, _ = self._ends(scene)
         reynolds = self.spread.quantile(below + kept * fractions[:, 0], self.reynolds)
         reynolds = np.clip(reynolds, *scene.reynolds)  # rounding alone
@@ -244,15 +204,3 @@ def _scenarios(reynolds, weight, shift=None, relative=False, level=0.0):
     return Scenarios(
         *(np.asarray(value, float) for value in values), np.asarray(relative), np.asarray(level)
     )
-
-
-def _latin_hypercube(seed, count, columns):
-    """Uniform in [0, 1), one draw in every count-th part of every column."""
-
-    def column(key):
-        place, inside = jax.random.split(key)
-        draws = jax.random.uniform(inside, (count,), float)
-        return (jax.random.permutation(place, count) + draws) / count
-
-    keys = jax.random.split(jax.random.key(seed), columns)
-    return np.stack([np.asarray(column(key)) for key in keys], axis=1)

@@ -9,9 +9,7 @@ from shapeopt.constraints import Station, margins, satisfied
 from shapeopt.feasible import drawn_bodies
 from shapeopt.geometry import chord, radii, thickness, thickness_at
 from shapeopt.objective import (
-    LogNormal,
     Robust,
-    Uniform,
     Weighted,
     conditional_value_at_risk,
     predicted,
@@ -19,6 +17,7 @@ from shapeopt.objective import (
 from shapeopt.optimise import optimise, optimise_directly
 from shapeopt.problem import Problem
 from shapeopt.search import descend, descend_together, predicted_and_gradient, ranked
+from shapeopt.uncertainty import LogNormal, Uniform
 from surrogate.body import Family, ellipse, family_markers
 from surrogate.errors import InvalidInput
 from surrogate.scene import Scene
