@@ -15,6 +15,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import check_target
 from surrogate.store import RECORD, Surrogate, load_surrogate, save_surrogate
 from surrogate.training.loop import Bench, Trained, make_bench, train
+from surrogate.training.method import Method
 from surrogate.training.presets import METHODS, Plan, preset
 
 
@@ -38,8 +39,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, text)
 
 
-def train_with_bar(plan: Plan, bench: Bench, checkpoint: Path | None = None) -> Trained:
-    """Train with progress on stderr."""
+def train_with_bar(
+    plan: Plan, bench: Bench, checkpoint: Path | None = None, method: Method | None = None
+) -> Trained:
+    """Train with progress on stderr; ``method`` replaces the plan's own."""
     with progress_bar(f"training {plan.method}") as progress:
 
         def report(point, done):
@@ -49,14 +52,16 @@ def train_with_bar(plan: Plan, bench: Bench, checkpoint: Path | None = None) -> 
                 f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
             )
 
-        trained = train(plan, bench, checkpoint, report)
+        trained = train(plan, bench, checkpoint, report, method=method)
     if trained.stopped:
         say(f"{plan.method}: {trained.stopped}; the last good weights are kept")
     return trained
 
 
-def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) -> dict[str, Any]:
-    """Save the surrogate with its record; returns what the command reports."""
+def save(
+    plan: Plan, trained: Trained, out: Path, command: str, setup_s: float, **more: Any
+) -> dict[str, Any]:
+    """Save the surrogate with its record, ``more`` included; returns what the command reports."""
     last = trained.history[-1]
     result = {
         "method": plan.method,
@@ -78,6 +83,7 @@ def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) 
         "failed_samples": last.failed,
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],
+        **more,
     }
     save_surrogate(out, Surrogate(trained.network, plan.scene, record))
     return result

@@ -1,16 +1,25 @@
-"""The search: SLSQP from many starts, on the surrogate or directly on the flow's adjoint."""
+"""Bodies of least objective: by the surrogate, or directly by the flow's adjoint."""
 
 import dataclasses
 import time
-from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import minimize
 
-from shapeopt.problem import Problem, margins
+from shapeopt.feasible import drawn_bodies
+from shapeopt.objective import combine
+from shapeopt.problem import Problem
+from shapeopt.search import (
+    STEPS,
+    Found,
+    descend,
+    descend_together,
+    predicted_and_gradient,
+    ranked,
+)
+from shapeopt.verify import cylinder_drags
 from surrogate.arrays import AnyArray
 from surrogate.body import ellipse
 from surrogate.errors import NotConverged
@@ -19,14 +28,18 @@ from surrogate.flow.steady import preparation_cost
 from surrogate.store import Surrogate
 from surrogate.training.physics import scene_domain
 
-Objective = Callable[[np.ndarray], tuple[float, np.ndarray]]
+STARTS = 32
+OPTIMAL = 1e-3  # KKT residual at which a body counts as the flow's own optimum
+ROUNDS = 4  # of SLSQP on the flow, each to a hundredth of the tolerance before
 
 
 @dataclasses.dataclass(frozen=True)
 class Optimum:
-    """Best body found. ``calls`` counts drags asked for, ``path`` the bodies on the way there.
+    """Best body found; ``drag`` is its objective, a Cd unless the objective is relative.
 
-    ``green_applications`` counts the flow's work: none on the surrogate.
+    ``calls`` counts drags asked for (one per scenario), ``path`` holds the bodies on the way,
+    ``green_applications`` counts the flow's work: none on the surrogate. ``kkt_residual`` is of
+    the model that was searched; ``start`` the objective where the search began.
     """
 
     parameters: Float[AnyArray, " parameters"]
@@ -35,101 +48,130 @@ class Optimum:
     seconds: float
     converged: bool
     path: Float[AnyArray, "steps parameters"]
+    kkt_residual: float
+    start: float
     green_applications: int = 0
 
 
-def optimise(problem: Problem, surrogate: Surrogate, starts: int = 8) -> Optimum:
-    """Least predicted drag: rank all candidates at once, then polish the best by gradients.
+def optimise(problem: Problem, surrogate: Surrogate, finish: int = 3) -> Optimum:
+    """Least predicted objective: all draws ranked, the best moved together, a few finished.
 
     Raises:
       InvalidInput: no body satisfies the constraints.
       NotConverged: no start reached an optimum.
     """
     begin = time.perf_counter()
-    candidates = problem.candidates()
-    reynolds = jnp.asarray(problem.reynolds, float)
-    ranked = np.argsort(_drags(surrogate.network, candidates, reynolds))
+    network, limits, scenarios = surrogate.network, problem.limits, problem.scenarios
+    feasible = problem.candidates()
+    drawn = drawn_bodies(limits)
+    values = np.asarray(ranked(network, drawn, limits, scenarios))
+    starts = drawn[np.argsort(values)[:STARTS]]
+    if np.sum(np.isfinite(values)) < STARTS:
+        starts = feasible[np.arange(STARTS) % len(feasible)]
+    moved, losses = map(np.asarray, descend_together(network, starts, limits, scenarios))
+    best = moved[_apart(moved, losses, limits, finish)]
 
     def objective(parameters):
-        value, gradient = _drag_and_gradient(surrogate.network, parameters, reynolds)
+        value, gradient = predicted_and_gradient(network, parameters, scenarios)
         return float(value), np.asarray(gradient)
 
-    results = [_slsqp(problem, objective, start) for start in candidates[ranked[:starts]]]
-    best = min(results, key=lambda optimum: (not optimum.converged, optimum.drag))
-    if not best.converged:
+    results = [descend(objective, limits, body) for body in best]
+    found = min(results, key=lambda found: (not found.converged, found.value))
+    if not found.converged:
         raise NotConverged("optimisation: none of the starts reached an optimum")
-    calls = len(candidates) + sum(result.calls for result in results)
-    return dataclasses.replace(best, calls=calls, seconds=time.perf_counter() - begin)
+    evaluations = len(drawn) + STARTS * (STEPS + 1) + sum(result.evaluations for result in results)
+    return Optimum(
+        parameters=found.parameters,
+        drag=found.value,
+        calls=evaluations * len(scenarios.weight),
+        seconds=time.perf_counter() - begin,
+        converged=True,
+        path=found.path,
+        kkt_residual=found.kkt_residual,
+        start=objective(found.path[0])[0],
+    )
 
 
-def optimise_directly(problem: Problem) -> Optimum:
-    """The rival: the same search on body flow and adjoint, from the roundest feasible ellipse.
+def optimise_directly(
+    problem: Problem, start: Float[AnyArray, " parameters"] | None = None
+) -> Optimum:
+    """The rival: the same search on body flows and adjoints, one of each per scenario and step.
+
+    Starts from ``start``, or from the roundest feasible ellipse; goes on until the optimality
+    condition holds on the flow.
 
     Raises:
       InvalidInput, NotConverged: as ``optimise``, and where a flow on the way is not found.
     """
     begin = time.perf_counter()
     candidates = problem.candidates()
-    start = candidates[np.argmin(_distance_from_start(problem, candidates))]
-    domain = scene_domain(problem.scene)
-    work = [0]
-
-    def objective(parameters):
-        value, gradient, info = family_drag_and_shape_gradient(
-            domain, jnp.asarray(parameters), jnp.asarray(problem.reynolds, float)
+    if start is None:
+        start = candidates[np.argmin(_distance_from_start(problem, candidates))]
+    flow = _FlowObjective(problem)
+    rounds: list[Found] = []
+    for k in range(ROUNDS):
+        rounds.append(descend(flow, problem.limits, start, 1e-6 * 100.0**-k))
+        start = rounds[-1].parameters
+        if rounds[-1].kkt_residual <= OPTIMAL:
+            break
+    best = rounds[-1]
+    # SLSQP that can no longer tell two drags apart reports failure at the optimum itself.
+    feasible = bool(np.all(np.isfinite(best.parameters))) and best.kkt_residual <= OPTIMAL
+    if not feasible:
+        raise NotConverged(
+            f"direct optimisation: KKT residual {best.kkt_residual:.1e} after "
+            f"{flow.flows} flows; {OPTIMAL:g} is asked"
         )
-        if not (bool(info.converged) and np.all(np.isfinite(gradient))):
-            raise NotConverged(f"direct optimisation: no flow at Re {problem.reynolds:g}")
-        work[0] += int(info.products) + 2 * preparation_cost(domain)
-        return float(value), np.asarray(gradient)
-
-    best = _slsqp(problem, objective, start, tolerance=1e-6)
-    if not best.converged:
-        raise NotConverged("direct optimisation: SLSQP did not reach an optimum")
-    seconds = time.perf_counter() - begin
-    return dataclasses.replace(best, seconds=seconds, green_applications=work[0])
-
-
-def _slsqp(problem: Problem, objective: Objective, start: np.ndarray, tolerance=1e-9) -> Optimum:
-    """SLSQP in parameters scaled to [0, 1]."""
-    begin = time.perf_counter()
-    low, high = problem.scene.family.bounds.T
-    width = high - low
-    path, calls = [start], [0]
-
-    def scaled(z):
-        calls[0] += 1
-        value, gradient = objective(low + width * z)
-        return value, gradient * width
-
-    def constraint(z):
-        value, jacobian = _margins(low + width * z, problem.limits)
-        return np.asarray(value), np.asarray(jacobian) * width
-
-    result = minimize(
-        scaled,
-        (start - low) / width,
-        jac=True,
-        method="SLSQP",
-        bounds=[(0, 1)] * len(low),
-        constraints={
-            "type": "ineq",
-            "fun": lambda z: constraint(z)[0],
-            "jac": lambda z: constraint(z)[1],
-        },
-        callback=lambda z: path.append(low + width * z),
-        options={"ftol": tolerance, "maxiter": 100},
-    )
-    z = np.clip(result.x, 0, 1)
-    feasible = bool(np.all(constraint(z)[0] >= -1e-6))
     return Optimum(
-        parameters=low + width * z,
-        drag=float(result.fun),
-        calls=calls[0],
+        parameters=best.parameters,
+        drag=best.value,
+        calls=flow.flows,
         seconds=time.perf_counter() - begin,
-        converged=bool(result.success) and feasible and bool(np.isfinite(result.fun)),
-        path=np.array(path),
+        converged=True,
+        path=np.concatenate([found.path for found in rounds]),
+        kkt_residual=best.kkt_residual,
+        start=flow.first,
+        green_applications=flow.green_applications,
     )
+
+
+class _FlowObjective:
+    """The objective by body flows, with its gradient; counts the flows and their work."""
+
+    def __init__(self, problem: Problem):
+        self.domain, self.scenarios = scene_domain(problem.scene), problem.scenarios
+        relative = bool(self.scenarios.relative)
+        self.cylinder = cylinder_drags(problem) if relative else np.ones(len(self.scenarios.weight))
+        self.flows, self.green_applications, self.first = 0, 0, float("nan")
+
+    def __call__(self, parameters: np.ndarray) -> tuple[float, np.ndarray]:
+        drags, slopes = [], []
+        for shift, reynolds in zip(self.scenarios.shift, self.scenarios.reynolds, strict=True):
+            drag, slope, info = family_drag_and_shape_gradient(
+                self.domain, jnp.asarray(parameters + shift), jnp.asarray(reynolds)
+            )
+            if not (bool(info.converged) and np.all(np.isfinite(slope))):
+                raise NotConverged(f"direct optimisation: no flow at Re {reynolds:g}")
+            self.flows += 1
+            self.green_applications += int(info.products) + 2 * preparation_cost(self.domain)
+            drags.append(float(drag))
+            slopes.append(np.asarray(slope))
+        value, weights = _combined(np.array(drags), self.cylinder, self.scenarios)
+        if np.isnan(self.first):
+            self.first = float(value)
+        return float(value), np.asarray(weights) @ np.array(slopes)
+
+
+def _apart(bodies, losses, limits, count):
+    """Indices of the best bodies that differ from each other."""
+    width = np.maximum(limits.high - limits.low, 1e-12)
+    chosen: list[int] = []
+    for k in np.argsort(losses):
+        if all(np.max(np.abs(bodies[k] - bodies[j]) / width) > 0.02 for j in chosen):
+            chosen.append(int(k))
+        if len(chosen) == count:
+            break
+    return chosen
 
 
 def _distance_from_start(problem, candidates):
@@ -139,15 +181,5 @@ def _distance_from_start(problem, candidates):
 
 
 @jax.jit
-def _margins(parameters, limits):
-    return margins(parameters, limits), jax.jacfwd(margins)(parameters, limits)
-
-
-@jax.jit
-def _drags(network, candidates, reynolds):
-    return jax.vmap(lambda parameters: network.drag(parameters, reynolds))(candidates)
-
-
-@jax.jit
-def _drag_and_gradient(network, parameters, reynolds):
-    return jax.value_and_grad(network.drag)(parameters, reynolds)
+def _combined(drags, cylinder, scenarios):
+    return jax.value_and_grad(combine)(drags, cylinder, scenarios)

@@ -1,58 +1,80 @@
-"""What is asked for: least drag at a Reynolds number, under constraints on the body."""
+"""What is asked for: an objective to be least, under constraints on the body."""
 
 import dataclasses
 import functools
 import math
-from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 
+from shapeopt.constraints import Limits, Station
+from shapeopt.feasible import explain_conflict, feasible_bodies
+from shapeopt.objective import AtReynolds, Objective, Scenarios
 from surrogate.arrays import AnyArray
-from surrogate.body import LEAST_OPENING, Family, opening
+from surrogate.body import PARAMETERS, Family
 from surrogate.errors import InvalidInput
 from surrogate.scene import Scene
-
-CANDIDATES = 2048
-
-
-class Limits(NamedTuple):
-    """Bounds on a body, in D."""
-
-    max_length: float
-    min_thickness: float
 
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """Minimise Cd at ``reynolds`` over the scene's family; the area is pi/4 by construction.
+    """Minimise an objective over the scene's family; the area is pi/4 by construction.
 
-    ``max_length`` bounds the chord, ``min_thickness`` the greatest thickness, both in D.
+    ``reynolds`` is a number (least Cd there) or an objective. ``max_length`` bounds the chord,
+    ``min_thickness`` the greatest thickness, ``stations`` the thickness at places along the
+    chord, ``min_radius`` the radius of curvature all around, all in D. ``within`` narrows the
+    family's ranges. ``trust`` keeps every shape parameter away from both edges of its trained
+    range by this share of the range's width, since a surrogate is least sure at the edges.
     """
 
     scene: Scene
-    reynolds: float
+    reynolds: float | Objective
     max_length: float | None = None
     min_thickness: float | None = None
+    stations: tuple[Station, ...] = ()
+    min_radius: float | None = None
+    within: Family | None = None
+    trust: float = 0.0
 
     def __post_init__(self):
-        low, high = self.scene.reynolds
-        if not low * (1 - 1e-9) <= self.reynolds <= high * (1 + 1e-9):
-            raise InvalidInput(
-                f"Reynolds number {self.reynolds:g}: the scene covers {low:g} to {high:g}"
-            )
-        for name in ("max_length", "min_thickness"):
-            bound = getattr(self, name)
+        lengths = {name: getattr(self, name) for name in ("max_length", "min_thickness")}
+        lengths["min_radius"] = self.min_radius
+        lengths |= {f"thickness at {s.x:g} c": s.thickness for s in self.stations}
+        for name, bound in lengths.items():
             if bound is not None and not (math.isfinite(bound) and bound > 0):
                 raise InvalidInput(f"{name} {bound:g}: must be a finite length above 0, in D")
+        for station in self.stations:
+            if not 0 < station.x < 1:
+                raise InvalidInput(f"station x/c = {station.x:g}: between 0 (nose) and 1 (tail)")
+        if not 0 <= self.trust < 0.5:
+            raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
+        self._check_ranges()
 
     @property
+    def objective(self) -> Objective:
+        """What is to be least."""
+        plain = isinstance(self.reynolds, int | float)
+        return AtReynolds(float(self.reynolds)) if plain else self.reynolds
+
+    @functools.cached_property
+    def scenarios(self) -> Scenarios:
+        """The objective's cases."""
+        return self.objective.scenarios(self.scene)
+
+    @functools.cached_property
     def limits(self) -> Limits:
-        """The bounds as numbers; what is not bounded cannot be reached."""
+        """All constraints as numbers."""
+        low, high = self._ranges()
         longest = 100.0 if self.max_length is None else self.max_length
-        return Limits(longest, self.min_thickness or 0.0)
+        return Limits(
+            low,
+            high,
+            self.scenarios.shift,
+            np.asarray(float(longest)),
+            np.asarray(self.min_thickness or 0.0),
+            np.array(self.stations, float).reshape(-1, 2),
+            np.asarray(self.min_radius or 0.0),
+        )
 
     def candidates(self) -> Float[AnyArray, "bodies parameters"]:
         """Feasible bodies from all over the family.
@@ -60,67 +82,35 @@ class Problem:
         Raises:
           InvalidInput: there is none; the message names the constraints in conflict.
         """
-        drawn = _everywhere(self.scene.family)
-        feasible = drawn[np.asarray(_feasible(jnp.asarray(drawn), self.limits))]
-        if not len(feasible):
-            raise InvalidInput(self._conflict(drawn))
-        return feasible
+        bodies = feasible_bodies(self.limits)
+        if not len(bodies):
+            raise InvalidInput(explain_conflict(self))
+        return bodies
 
-    def _conflict(self, drawn):
-        lengths = jax.vmap(chord)(jnp.asarray(drawn))
-        heights = jax.vmap(thickness)(jnp.asarray(drawn))
-        if self.max_length is not None and float(lengths.min()) > self.max_length:
-            return (
-                f"max length {self.max_length:g}: every body of the family is longer than "
-                f"{float(lengths.min()):.3g} D"
-            )
-        if self.min_thickness is not None and float(heights.max()) < self.min_thickness:
-            return (
-                f"min thickness {self.min_thickness:g}: every body of the family is thinner than "
-                f"{float(heights.max()):.3g} D"
-            )
-        return (
-            f"max length {self.max_length:g} and min thickness {self.min_thickness:g} contradict "
-            "each other at this area; relax one of them"
-        )
+    def _ranges(self):
+        """Ranges of the parameters after ``within``, ``trust`` and the objective's tolerance."""
+        low, high = self.scene.family.bounds.T
+        inset = np.maximum(self.trust * (high - low), np.abs(self.scenarios.shift).max(axis=0))
+        low, high = low + inset, high - inset
+        if self.within is not None:
+            low = np.maximum(low, self.within.bounds[:, 0])
+            high = np.minimum(high, self.within.bounds[:, 1])
+        return low, high
 
-
-def margins(
-    parameters: Float[AnyArray, " parameters"], limits: Limits
-) -> Float[AnyArray, " constraints"]:
-    """Every constraint as a number that must not be negative."""
-    return jnp.stack(
-        [
-            opening(parameters) - 2 * LEAST_OPENING,
-            limits.max_length - chord(parameters),
-            thickness(parameters) - limits.min_thickness,
-        ]
-    )
-
-
-def chord(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-    """Length of a family body along the stream, in D."""
-    return jnp.sqrt(parameters[0])
-
-
-def thickness(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-    """Greatest thickness of a family body across the stream, in D."""
-    aspect, *betas = parameters
-    t = np.linspace(0, np.pi, 181)
-    y = np.sin(t) + sum(beta * np.sin(k * t) for k, beta in enumerate(betas, start=2))
-    return jnp.max(y) / jnp.sqrt(aspect)
-
-
-@functools.cache
-def _everywhere(family: Family) -> Float[AnyArray, "bodies parameters"]:
-    """Random members of the family, and its plain ellipses."""
-    drawn = np.asarray(family.sample(jax.random.key(0), CANDIDATES))
-    ellipses = np.zeros((33, drawn.shape[1]))
-    ellipses[:, 0] = np.linspace(*family.aspect, 33)
-    inside = [family.contains(ellipse) for ellipse in ellipses]
-    return np.concatenate([ellipses[inside], drawn])
-
-
-@jax.jit
-def _feasible(bodies: Array, limits: Limits) -> Bool[AnyArray, " bodies"]:
-    return jnp.all(jax.vmap(margins, in_axes=(0, None))(bodies, limits) >= 0, axis=1)
+    def _check_ranges(self):
+        if self.within is not None:
+            trained = self.scene.family.bounds
+            for name, (a, b), (low, high) in zip(
+                PARAMETERS, self.within.bounds, trained, strict=True
+            ):
+                if not low - 1e-9 <= a <= b <= high + 1e-9:
+                    raise InvalidInput(
+                        f"range of {name} {a:g} to {b:g}: must lie within the family's, "
+                        f"{low:g} to {high:g}"
+                    )
+        for name, low, high in zip(PARAMETERS, *self._ranges(), strict=True):
+            if low > high:
+                raise InvalidInput(
+                    f"{name}: its range and trust {self.trust:g} (or the tolerance) contradict "
+                    "each other; relax one of them"
+                )

@@ -97,6 +97,32 @@ def test_train_predict_optimise_render(capsys, trained, tmp_path):
         assert Path(picture).stat().st_size > 5000
 
 
+def test_several_reynolds_numbers_polished(capsys, trained, tmp_path):
+    arguments = ["--surrogate", trained, "--reynolds", "5,40", "--weights", "1,3", "--polish"]
+    result = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "run")
+    assert result["cd_start"] == pytest.approx(1.0)
+    ratios = [case["cd_verified"] / case["cd_start"] for case in result["cases"]]
+    assert result["cd_verified"] == pytest.approx(np.average(ratios, weights=[1, 3]))
+    assert result["cd_verified"] <= result["cd_before_polish"] + 1e-9
+    assert result["kkt_residual"] <= 1e-3
+    assert result["polish_calls"] % 2 == 0
+    assert result["reynolds"] == 40
+
+
+def test_refinement_closes_the_gap(capsys, trained, tmp_path):
+    """Optima of a quick surrogate, and the same surrogate trained on around them."""
+    run_folder = tmp_path / "run"
+    answer(capsys, "optimize_shape", "--surrogate", trained, "--reynolds", "1", "--out", run_folder)
+    arguments = ["--surrogate", trained, "--runs", run_folder, "--out", tmp_path / "refined"]
+    result = answer(capsys, "refine_surrogate", *arguments, "--tolerance", "1e-6")
+    assert result["gap_after"] < 0.5 * result["gap_before"]
+    before = json.loads((trained / "surrogate.json").read_text())
+    assert result["drag_error_mean"] < 1.2 * before["drag_error_mean"]
+    record = json.loads((tmp_path / "refined" / "surrogate.json").read_text())
+    assert len(record["added"][1]) == result["samples_added"]
+    assert call("refine_surrogate", *arguments[:-1], tmp_path / "x", "--tolerance", "1") == 2
+
+
 def test_optimise_directly(capsys, tmp_path):
     arguments = ["--surrogate", "none", "--fidelity", "draft", "--reynolds", "40"]
     result = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "direct")
@@ -146,11 +172,31 @@ MISTAKES = [
     "predict_drag --surrogate pretrained --reynolds 9",
     f"{OPTIMISE} --reynolds 45",  # not trained there
     f"{OPTIMISE} --reynolds nan",
-    f"{OPTIMISE} --reynolds 1,40",
+    f"{OPTIMISE} --reynolds 1,40 --weights 1",
+    f"{OPTIMISE} --reynolds 1,40 --weights 1,-1",
+    f"{OPTIMISE} --reynolds 1,40 --spread 0.2",
+    f"{OPTIMISE} --reynolds 20 --weights 2",
+    f"{OPTIMISE} --reynolds 20 --cvar 0.9",  # of no uncertainty
+    f"{OPTIMISE} --reynolds 20 --spread 0.2 --cvar 1",
+    f"{OPTIMISE} --reynolds 1 --spread 1.5 --distribution uniform",
+    f"{OPTIMISE} --reynolds 20 --spread nan",
+    f"{OPTIMISE} --reynolds 20 --tolerance 0.5",
+    f"{OPTIMISE} --reynolds 20 --thickness-at 0.5",
+    f"{OPTIMISE} --reynolds 20 --thickness-at 1.5:0.2",
+    f"{OPTIMISE} --reynolds 20 --range length=1:2",
+    f"{OPTIMISE} --reynolds 20 --range aspect=1:9",
+    f"{OPTIMISE} --reynolds 20 --range aspect=nan:2",
+    f"{OPTIMISE} --reynolds 20 --trust 0.5",
+    f"{OPTIMISE} --reynolds 20 --trust 0.1 --range aspect=1:1.1",
+    f"{OPTIMISE} --reynolds 20 --min-radius 2",
+    "optimize_shape --surrogate none --polish --reynolds 20 --out {folder}/x",
+    "refine_surrogate --surrogate pretrained --runs {missing} --out {folder}/x",
+    "refine_surrogate --surrogate pretrained --runs {damaged} --out {folder}/x",
+    "refine_surrogate --surrogate {damaged} --runs {missing} --out {folder}/x",
     f"{OPTIMISE} --reynolds 40 --max-length 0.5",
     f"{OPTIMISE} --reynolds 40 --max-length -2",
     f"{OPTIMISE} --reynolds 40 --min-thickness 3",
-    f"{OPTIMISE} --reynolds 40 --max-length 1.01 --min-thickness 1.29",
+    f"{OPTIMISE} --reynolds 40 --max-length 1.2 --range aspect=2:4",
     f"{OPTIMISE} --reynolds 40 --fidelity draft",
     "optimize_shape --surrogate {damaged} --reynolds 40 --out {folder}/x",
     "optimize_shape --surrogate pretrained --reynolds 40 --out {folder}",

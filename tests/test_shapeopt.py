@@ -6,10 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from shapeopt.constraints import margins
+from shapeopt.geometry import chord, thickness
 from shapeopt.optimise import optimise
 from shapeopt.payoff import Cost, Design, break_even, payoff
 from shapeopt.plot import plot_payoff
-from shapeopt.problem import Problem, chord, margins, thickness
+from shapeopt.problem import Problem
 from shapeopt.render import Panel, pv, render_evolution, render_flows
 from surrogate.body import family_markers
 from surrogate.errors import InvalidInput

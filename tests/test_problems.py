@@ -1,0 +1,228 @@
+"""Objectives, constraints and the search against what is known exactly."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from shapeopt.constraints import Station, margins, satisfied
+from shapeopt.feasible import drawn_bodies
+from shapeopt.geometry import chord, radii, thickness, thickness_at
+from shapeopt.objective import (
+    Robust,
+    Weighted,
+    conditional_value_at_risk,
+    predicted,
+)
+from shapeopt.optimise import optimise, optimise_directly
+from shapeopt.problem import Problem
+from shapeopt.search import descend, descend_together, predicted_and_gradient, ranked
+from shapeopt.uncertainty import LogNormal, Uniform
+from surrogate.body import Family, ellipse, family_markers
+from surrogate.errors import InvalidInput
+from surrogate.scene import Scene
+from surrogate.store import load_surrogate
+
+BODY = np.array([2.4, 0.12, -0.05, 0.04])
+
+
+@pytest.fixture(scope="module")
+def pretrained():
+    return load_surrogate("pretrained")
+
+
+def test_cvar_is_the_mean_of_the_sorted_tail(generator):
+    losses = generator.normal(size=40)
+    weight = np.full(40, 1 / 40)
+    for level, worst in ((0.0, 40), (0.9, 4), (0.75, 10)):
+        value = float(conditional_value_at_risk(losses, weight, level))
+        assert value == pytest.approx(np.sort(losses)[-worst:].mean())
+
+
+def test_cvar_is_the_least_of_rockafellar_and_uryasev(generator):
+    """Unequal weights: the closed form against the minimum over all thresholds."""
+    losses, weight = generator.normal(size=15), generator.uniform(0.1, 1, 15)
+    weight /= weight.sum()
+    excess = np.maximum(losses[:, None] - losses[None], 0)  # the minimum is at one of the losses
+    least = (losses + weight @ excess / (1 - 0.83)).min()
+    assert float(conditional_value_at_risk(losses, weight, 0.83)) == pytest.approx(least)
+
+
+def test_measures_of_an_ellipse():
+    """Semi-axes a along and b across: radii b^2/a at the ends, a^2/b at the top."""
+    a, b = np.sqrt(3.0) / 2, 1 / (2 * np.sqrt(3.0))
+    body = jnp.asarray(ellipse(3.0))
+    nose, tail, side = radii(body)
+    assert [float(nose), float(tail)] == pytest.approx([b**2 / a] * 2)
+    assert b**2 / a <= float(side) < 1.01 * b**2 / a
+    flat = radii(jnp.asarray(ellipse(1 / 3)))  # a and b change places
+    assert [float(flat.nose), float(flat.side)] == pytest.approx([a**2 / b, b**2 / a])
+    assert float(thickness_at(body, jnp.asarray(0.2))) == pytest.approx(2 * b * 0.8)
+    assert float(chord(body)) == pytest.approx(2 * a)
+    assert float(thickness(body)) == pytest.approx(2 * b)
+
+
+def test_measures_of_a_body_agree_with_its_contour():
+    x, y = np.asarray(family_markers(jnp.asarray(BODY), 20000)).T
+    station = (x - x.min()) / np.ptp(x)
+    upper = y > 0
+    order = np.argsort(station[upper])
+    there = 2 * np.interp(0.3, station[upper][order], y[upper][order])
+    assert float(thickness_at(jnp.asarray(BODY), jnp.asarray(0.3))) == pytest.approx(there, 1e-4)
+    d = np.gradient
+    bend = np.abs(d(x) * d(d(y)) - d(y) * d(d(x))) / (d(x) ** 2 + d(y) ** 2) ** 1.5
+    least = min(map(float, radii(jnp.asarray(BODY))))
+    assert least == pytest.approx(1 / bend[3:-3].max(), rel=2e-2)
+
+
+OBJECTIVES = [
+    30.0,
+    Weighted((1.0, 10.0, 40.0), (1.0, 2.0, 1.0)),
+    Robust(20.0, LogNormal(0.3), tolerance=0.02, level=0.8, samples=16),
+]
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_gradients_by_finite_differences(pretrained, objective):
+    problem = Problem(pretrained.scene, objective, stations=(Station(0.3, 0.2),), min_radius=0.01)
+
+    def value(body):
+        return predicted(pretrained.network, body, problem.scenarios)
+
+    def room(body):
+        return margins(body, problem.limits)
+
+    for function in (value, room):
+        exact = jax.jacfwd(function)(jnp.asarray(BODY))
+        for k, step in enumerate(1e-6 * np.eye(4)):
+            slope = (function(jnp.asarray(BODY + step)) - function(jnp.asarray(BODY - step))) / 2e-6
+            np.testing.assert_allclose(exact[..., k], slope, rtol=1e-4, atol=1e-6)
+
+
+def test_weighted_is_the_mean_of_drags_over_the_cylinders(pretrained):
+    scenarios = Problem(pretrained.scene, OBJECTIVES[1]).scenarios
+    ratios = [
+        float(
+            pretrained.drag(jnp.asarray(BODY), re) / pretrained.drag(jnp.asarray(ellipse(1.0)), re)
+        )
+        for re in (1.0, 10.0, 40.0)
+    ]
+    mean = np.average(ratios, weights=[1, 2, 1])
+    assert float(predicted(pretrained.network, jnp.asarray(BODY), scenarios)) == pytest.approx(mean)
+
+
+def test_one_seed_is_one_set_of_cases(pretrained):
+    def draw(seed):
+        return Robust(20.0, LogNormal(0.3), 0.02, samples=64, seed=seed).scenarios(pretrained.scene)
+
+    first, again, other = draw(1), draw(1), draw(2)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    assert not np.array_equal(first.reynolds, other.reynolds)
+    assert np.log(first.reynolds / 20).std() == pytest.approx(0.3, rel=0.1)
+
+
+@pytest.mark.parametrize("spread", [LogNormal(0.5), Uniform(0.6)])
+def test_cases_outside_the_trained_range_are_cut_off(pretrained, spread):
+    robust = Robust(35.0, spread, tolerance=0.03)
+    problem = Problem(pretrained.scene, robust)
+    assert 0.5 < robust.kept(pretrained.scene) < 1
+    assert np.all((problem.scenarios.reynolds >= 1) & (problem.scenarios.reynolds <= 40))
+    corners = (
+        problem.limits.low + problem.scenarios.shift,
+        problem.limits.high + problem.scenarios.shift,
+    )
+    for corner in corners:
+        assert all(pretrained.scene.family.contains(body) for body in corner)
+    with pytest.raises(InvalidInput, match="half"):
+        Problem(Scene(reynolds=(1.0, 40.0)), Robust(1.0, LogNormal(2.0))).candidates()
+
+
+def test_robust_costs_more_than_its_middle_and_cvar_more_than_the_mean(pretrained):
+    at, mean, worst = (
+        optimise(Problem(pretrained.scene, objective), pretrained).drag
+        for objective in (20.0, Robust(20.0, LogNormal(0.3)), Robust(20.0, LogNormal(0.3), 0, 0.9))
+    )
+    assert at < mean < worst
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_constraints_hold_and_the_optimum_is_stationary(pretrained, objective):
+    problem = Problem(
+        pretrained.scene,
+        objective,
+        max_length=1.6,
+        stations=(Station(0.25, 0.5),),
+        min_radius=0.1,
+        within=Family((1.0, 3.0), (-0.2, 0.2), (-0.1, 0.1), (-0.05, 0.05)),
+        trust=0.05,
+    )
+    optimum = optimise(problem, pretrained)
+    assert np.all(np.asarray(margins(optimum.parameters, problem.limits)) >= -1e-6)
+    low, high = problem.limits.low, problem.limits.high
+    assert np.all((optimum.parameters >= low) & (optimum.parameters <= high))
+    assert np.all(low >= [1.15, -0.2, -0.1, -0.05])
+    assert optimum.kkt_residual < 1e-3
+
+
+def test_kkt_residual_of_a_known_problem(pretrained):
+    """(p - centre)^2 with the centre inside: 0 at the end, and the optimum is the centre."""
+    limits = Problem(pretrained.scene, 20.0).limits
+
+    def bowl(body):
+        return 1 + float(np.sum((body - BODY) ** 2)), 2 * (body - BODY)
+
+    found = descend(bowl, limits, np.asarray(ellipse(2.0)))
+    np.testing.assert_allclose(found.parameters, BODY, atol=1e-5)
+    assert found.kkt_residual < 1e-4
+    assert found.converged
+
+
+CONFLICTS = [
+    ({"max_length": 0.5, "min_thickness": 3.0}, r"max length 0.5: .* 1 D; min thickness 3: .*1.3"),
+    ({"min_radius": 2.0}, "min radius 2: .* 0.5 D"),
+    (
+        {"max_length": 1.01, "min_thickness": 1.25, "min_radius": 0.001, "trust": 0.01},
+        "contradict each other",
+    ),
+    (
+        {"max_length": 1.2, "min_thickness": 0.3, "within": Family((2.0, 4.0))},
+        "max length 1.2 and ranges of the parameters contradict",
+    ),
+]
+
+
+@pytest.mark.parametrize(("constraints", "message"), CONFLICTS)
+def test_conflicts_are_named(pretrained, constraints, message):
+    with pytest.raises(InvalidInput, match=message) as refusal:
+        Problem(pretrained.scene, 20.0, **constraints).candidates()
+    if "contradict" in message:
+        assert "min radius" not in str(refusal.value)  # which has no part in it
+
+
+def test_a_needle_of_feasible_bodies_is_found(pretrained):
+    """Chance finds no such body; repair does."""
+    problem = Problem(pretrained.scene, 20.0, max_length=1.002, min_thickness=1.3)
+    assert not np.any(np.asarray(satisfied(drawn_bodies(problem.limits), problem.limits)))
+    assert len(problem.candidates())
+    assert optimise(problem, pretrained).converged
+
+
+def test_nothing_recompiles_on_another_query(pretrained):
+    compiled = (margins, satisfied, ranked, descend_together, predicted_and_gradient)
+    optimise(Problem(pretrained.scene, 20.0, max_length=1.5), pretrained)
+    before = [function._cache_size() for function in compiled]
+    optimise(Problem(pretrained.scene, 7.0, min_thickness=0.8, trust=0.1), pretrained)
+    optimise(Problem(pretrained.scene, 40.0, 1.3, within=Family((1, 3))), pretrained)
+    assert [function._cache_size() for function in compiled] == before
+
+
+def test_polish_and_direct_agree_on_several_reynolds_numbers(pretrained, tiny_scene):
+    """From another optimum and from the ellipse, the flow's own optimum is one."""
+    weighted = Weighted((5.0, 20.0), (1.0, 1.0))
+    problem = Problem(tiny_scene, weighted, max_length=1.5)
+    direct = optimise_directly(problem)
+    polished = optimise_directly(problem, direct.parameters + np.array([-0.2, 0.05, 0.02, 0]))
+    assert polished.drag == pytest.approx(direct.drag, rel=1e-4)
+    assert max(polished.kkt_residual, direct.kkt_residual) <= 1e-3
+    assert direct.calls % 2 == 0
+    assert polished.drag < polished.start
