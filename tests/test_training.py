@@ -13,7 +13,7 @@ from surrogate.certificate import certify
 from surrogate.errors import InvalidInput
 from surrogate.store import Surrogate, load_surrogate, read_scene, save_surrogate, scene_record
 from surrogate.training import loop
-from surrogate.training.hig import half_inverse
+from surrogate.training.hig import partial_inverse
 from surrogate.training.presets import METHODS, Plan, preset
 
 
@@ -132,7 +132,7 @@ def test_half_inverse_is_the_svd_formula(generator):
     kept = 0.01 * S[0] < S
     expected = Vt.T @ (np.where(kept, S**-0.5, 0.0) * (U.T @ y))
     assert 0 < kept.sum() < 6
-    assert np.allclose(half_inverse(jnp.asarray(jacobian), jnp.asarray(y), 0.01), expected)
+    assert np.allclose(partial_inverse(jnp.asarray(jacobian), jnp.asarray(y), 0.01), expected)
 
 
 def test_surrogate_round_trip_and_damage(plan, bench, tmp_path):
