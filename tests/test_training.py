@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 
 from surrogate.body import Family
-from surrogate.certificate import certify
+from surrogate.certificate import QUICK, THOROUGH, certify
 from surrogate.errors import InvalidInput
+from surrogate.flow.steady import FlowState
+from surrogate.flow.tangent import Effort
 from surrogate.store import Surrogate, load_surrogate, read_scene, save_surrogate, scene_record
 from surrogate.training import loop
-from surrogate.training.hig import partial_inverse
+from surrogate.training.compliance import kept_compliance, oseen_compliances
+from surrogate.training.dp import differentiable_physics
+from surrogate.training.hig import half_inverse_gradients
+from surrogate.training.inverse import partial_inverse, partial_inverse_lanczos
 from surrogate.training.presets import METHODS, Plan, preset
 
 
@@ -46,6 +51,38 @@ def test_every_method_learns(plan, bench, method, iterations, factor):
     work = [point.green_applications for point in trained.history]
     assert work == sorted(work)
     assert work[0] >= bench.physics.count * 12
+
+
+@pytest.mark.parametrize("make", [half_inverse_gradients, differentiable_physics])
+@pytest.mark.parametrize("fidelity", ["exact", "lagged", "frozen"])
+def test_every_fidelity_of_the_physics_learns(plan, bench, make, fidelity):
+    """Frozen physics costs one body flow a sample and then nothing."""
+    steps = {half_inverse_gradients: 4, differentiable_physics: 40}[make]
+    plan = dataclasses.replace(plan, iterations=steps, report_every=1)
+    method = make(fidelity=fidelity, batch=24)
+    trained = loop.train(plan, bench, method=method)
+    assert trained.history[-1].error_mean < 0.9 * initial_error(bench)
+    work = [point.green_applications for point in trained.history]
+    if fidelity == "frozen":
+        assert work[-1] == work[0]
+    else:
+        assert work[-1] > work[0]
+
+
+def test_a_compliance_is_solved_again_only_where_the_traction_has_moved(bench):
+    kept = jax.tree.map(lambda leaf: leaf[0], oseen_compliances(bench.physics))
+    domain, case = bench.physics.domain, bench.physics.case(jnp.array(0))
+    velocity, seat = (leaf[0] for leaf in bench.physics.oseen)
+    near, far = (
+        kept_compliance(domain, case, FlowState(velocity, factor * seat), kept, 0.1, Effort())
+        for factor in (1.05, 1.2)
+    )
+    assert int(near[1].products) == 0
+    assert np.array_equal(near[0].matrix, kept.matrix)
+    assert int(far[1].products) > len(seat)
+    assert np.array_equal(far[0].seat, 1.2 * seat)
+    always, _ = kept_compliance(domain, case, FlowState(velocity, seat), kept, 0.0, Effort())
+    assert not np.array_equal(always.matrix, kept.matrix)
 
 
 def test_same_seed_same_weights_and_another_seed_others(plan, bench):
@@ -135,6 +172,29 @@ def test_half_inverse_is_the_svd_formula(generator):
     assert np.allclose(partial_inverse(jnp.asarray(jacobian), jnp.asarray(y), 0.01), expected)
 
 
+@pytest.mark.parametrize("tau", [0.0, 1e-2, 0.3])
+def test_lanczos_inverts_as_the_dense_svd_does(generator, tau):
+    """Singular values over four decades, a few vanishing, in random directions."""
+    rows, weights = 40, 90
+    U = np.linalg.qr(generator.normal(size=(rows, rows)))[0]
+    V = np.linalg.qr(generator.normal(size=(weights, rows)))[0]
+    S = np.where(np.arange(rows) < 36, np.logspace(0, -4, rows), 0.0 if tau else 1e-4)
+    J, y = jnp.asarray(U * S @ V.T), jnp.asarray(generator.normal(size=rows))
+    power = np.where(tau * S[0] < S, np.maximum(S, 1e-12) ** -0.5, 0.0)
+    expected = V @ (power * (U.T @ y))
+    free = partial_inverse_lanczos(lambda v: J @ v, lambda z: z @ J, y, tau, 0.5, rows)
+    assert np.allclose(free, expected, atol=1e-5 * np.linalg.norm(expected))
+
+
+def test_matrix_free_hig_trains_as_the_dense_one(plan, bench):
+    plan = dataclasses.replace(plan, iterations=4)
+    dense, free = (
+        loop.train(plan, bench, method=half_inverse_gradients(batch=8, tau=1e-2, lanczos=vectors))
+        for vectors in (None, 128)
+    )
+    assert np.allclose(dense.network.weights, free.network.weights, atol=1e-4)
+
+
 def test_surrogate_round_trip_and_damage(plan, bench, tmp_path):
     record = {"method": "sip", "drag_error_mean": 0.5}
     surrogate = Surrogate(bench.network, plan.scene, record)
@@ -166,6 +226,13 @@ def test_surrogate_round_trip_and_damage(plan, bench, tmp_path):
     (tmp_path / "mine" / "thesis.txt").write_text("do not delete")
     with pytest.raises(InvalidInput, match="not empty"):
         save_surrogate(tmp_path / "mine", surrogate)
+
+
+def test_distance_beyond_the_trained_range(plan, bench):
+    surrogate = Surrogate(bench.network, plan.scene, {})
+    assert surrogate.beyond(np.array([2.0, 0.3, 0.0, 0.0]), 40.0) == {}
+    outside = surrogate.beyond(np.array([7.0, -0.6, 0.0, 0.0]), 1 / 40)
+    assert outside == pytest.approx({"aspect": 0.5, "beta2": 0.5, "log Re": 1.0})
 
 
 def test_scenes_survive_json(tiny_scene):
@@ -200,8 +267,11 @@ def test_certificate_improves_on_a_wrong_prediction(plan, bench):
     k = int(np.argmax(loop.drag_errors(trained, bench.held_out, -2 * bench.labels.amplitude[:, 0])))
     body, reynolds = np.asarray(bench.held_out.parameters[k]), float(bench.held_out.reynolds[k])
     solved = -2 * float(bench.labels.amplitude[k, 0])
-    check = certify(surrogate, body, reynolds)
+    check = certify(surrogate, body, reynolds, THOROUGH)
     predicted = float(surrogate.drag(jnp.asarray(body), reynolds))
     assert abs(check.cd_corrected / solved - 1) < abs(predicted / solved - 1) / 3
     assert check.estimated_error == pytest.approx(abs(predicted / check.cd_corrected - 1))
+    quick = certify(surrogate, body, reynolds, QUICK)
+    assert abs(quick.cd_corrected / solved - 1) < abs(predicted / solved - 1) / 3
+    assert quick.certificate_green_applications < check.certificate_green_applications
     assert network.weights.size == trained.weights.size

@@ -15,8 +15,11 @@ from surrogate.flow import steady
 from surrogate.flow.newton import NewtonSettings
 from surrogate.flow.steady import FlowState
 from surrogate.flow.tangent import Effort
+from surrogate.network import DragNetwork
 from surrogate.training.compliance import Kept, kept_compliance, oseen_compliances
-from surrogate.training.method import Method, Progress, keep, per_sample, predict
+from surrogate.training.inverse import partial_inverse, partial_inverse_lanczos
+from surrogate.training.method import Batch, Method, Progress, keep, per_sample, predict
+from surrogate.training.physics import Physics
 from surrogate.training.targets import Fidelity, Targets, improve, inversion, no_targets
 
 
@@ -30,7 +33,7 @@ class State(NamedTuple):
 
 def half_inverse_gradients(
     fidelity: Fidelity = "lagged",
-    batch: int = 24,
+    batch: int = 64,
     eta: float = 1.0,
     decay: float = 60.0,
     tau: float = 1e-3,
@@ -39,6 +42,7 @@ def half_inverse_gradients(
     lag: float = jnp.inf,
     settle: float = 1e-4,
     leave_out: bool = True,
+    lanczos: int | None = None,
     settings: NewtonSettings = NewtonSettings(1e-4, 10, 40),
     effort: Effort = Effort(1e-2, 30),
 ) -> Method:
@@ -49,7 +53,8 @@ def half_inverse_gradients(
     again only where the traction has moved by that much, relatively; infinity keeps the Oseen
     ones. Samples whose flow or tangents fail are left out of the step and restart from their
     Oseen flow (``leave_out``; without it only numbers that are not finite are). ``kappa`` is the
-    exponent of the inversion: 1 Gauss-Newton, -1 gradient descent.
+    exponent of the inversion: 1 Gauss-Newton, -1 gradient descent. ``lanczos`` vectors invert
+    without ever forming the Jacobian of the weights, as large networks need.
     """
 
     def init(network, physics):
@@ -90,16 +95,12 @@ def half_inverse_gradients(
         predicted = predict(network, physics, batch)
         see = exact if fidelity == "exact" else linearised
         slip, targets, kept, valid, products = see(physics, batch, predicted, state)
-        y, physical = _with_goal_row(slip, kept.matrix, goal, physics.oseen.amplitude[batch, 0])
+        y, physical = with_goal_row(slip, kept.matrix, goal, physics.oseen.amplitude[batch, 0])
         valid &= jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(physical), axis=(1, 2))
         y = jnp.where(valid[:, None], y, 0.0)
         physical = jnp.where(valid[:, None, None], physical, 0.0)
-        learned = jax.jacrev(lambda w: predict(network.with_weights(w), physics, batch))(
-            network.weights
-        )
         root = jnp.sqrt(jnp.maximum(jnp.sum(valid), 1.0))
-        jacobian = jnp.einsum("bym,bmw->byw", physical, learned).reshape(y.size, -1) / root
-        step = partial_inverse(jacobian, y.ravel() / root, tau, kappa)
+        step = weight_step(network, physics, batch, y / root, physical / root, tau, kappa, lanczos)
         rate = eta / (1 + state.iteration / decay)
         all_kept = jax.tree.map(lambda old, new: old.at[batch].set(new), state.kept, kept)
         spent = Progress(products, jnp.sum((y / root) ** 2) / 2, jnp.sum(~valid))
@@ -109,12 +110,44 @@ def half_inverse_gradients(
     return Method(init, update, batch)
 
 
+def weight_step(
+    network: DragNetwork,
+    physics: Physics,
+    batch: Batch,
+    y: Float[Array, "batch outputs"],
+    physical: Float[Array, "batch outputs modes"],
+    tau: float,
+    kappa: float,
+    lanczos: int | None = None,
+) -> Float[Array, " weights"]:
+    """The partial inverse of J = dy/da da/dw on y: dense, or by so many Lanczos vectors."""
+
+    def tractions(weights):
+        return predict(network.with_weights(weights), physics, batch)
+
+    if lanczos is None:
+        learned = jax.jacrev(tractions)(network.weights)
+        jacobian = jnp.einsum("bym,bmw->byw", physical, learned).reshape(y.size, -1)
+        return partial_inverse(jacobian, y.ravel(), tau, kappa)
+
+    tangent = jax.linearize(tractions, network.weights)[1]
+    adjoint = jax.linear_transpose(tangent, network.weights)
+
+    def forward(v):
+        return jnp.einsum("bym,bm->by", physical, tangent(v)).ravel()
+
+    def transpose(z):
+        return adjoint(jnp.einsum("bym,by->bm", physical, z.reshape(y.shape)))[0]
+
+    return partial_inverse_lanczos(forward, transpose, y.ravel(), tau, kappa, lanczos)
+
+
 def pick(tree, batch):
     """The samples of a batch."""
     return jax.tree.map(lambda leaf: leaf[batch], tree)
 
 
-def _with_goal_row(slip, compliance, goal, force):
+def with_goal_row(slip, compliance, goal, force):
     """Append the dual-weighted drag error goal * lambda . y / Cd and its derivative in a.
 
     lambda solves C^T lambda = d(2 a_0)/da, so the row's derivative is known without it.
@@ -123,17 +156,3 @@ def _with_goal_row(slip, compliance, goal, force):
     miss = jnp.einsum("bm,bm->b", row, jnp.linalg.solve(compliance, slip[..., None])[..., 0])
     y = jnp.concatenate([slip, miss[:, None]], axis=1)
     return y, jnp.concatenate([compliance, row[:, None]], axis=1)
-
-
-def partial_inverse(
-    jacobian: Float[Array, "rows weights"],
-    y: Float[Array, " rows"],
-    tau: float,
-    kappa: float = 0.5,
-) -> Float[Array, " weights"]:
-    """V S^(-kappa) U^T y from the Gram matrix J J^T = U S^2 U^T, truncated at tau S_max."""
-    squares, U = jnp.linalg.eigh(jacobian @ jacobian.T)
-    S = jnp.sqrt(jnp.maximum(squares, 0.0))
-    kept = tau * S[-1] < S
-    power = jnp.where(kept, jnp.where(kept, S, 1.0) ** -(1 + kappa), 0.0)
-    return jacobian.T @ (U @ (power * (U.T @ y)))

@@ -28,7 +28,7 @@ Fidelity = Literal["exact", "lagged", "frozen"]
 
 
 class Targets(NamedTuple):
-    """Per sample the last flow, the target traction, whether it has one, and whether it is final."""
+    """Per sample the last flow, the target traction, whether there is one, whether it is final."""
 
     flows: Float[Array, "samples 2 nx ny"]
     tractions: Float[Array, "samples modes"]
