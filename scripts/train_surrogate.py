@@ -15,6 +15,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import check_target
 from surrogate.store import RECORD, Surrogate, load_surrogate, save_surrogate
 from surrogate.training.loop import Bench, Trained, make_bench, train
+from surrogate.training.method import Method
 from surrogate.training.presets import METHODS, Plan, preset
 
 
@@ -38,9 +39,15 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, text)
 
 
-def train_with_bar(plan: Plan, bench: Bench, checkpoint: Path | None = None) -> Trained:
-    """Train with progress on stderr."""
-    with progress_bar(f"training {plan.method}") as progress:
+def train_with_bar(
+    plan: Plan,
+    bench: Bench,
+    checkpoint: Path | None = None,
+    method: Method | None = None,
+    title: str | None = None,
+) -> Trained:
+    """Train with progress on stderr; ``method`` and ``title`` replace the plan's own."""
+    with progress_bar(f"training {title or plan.method}") as progress:
 
         def report(point, done):
             progress(
@@ -49,7 +56,7 @@ def train_with_bar(plan: Plan, bench: Bench, checkpoint: Path | None = None) -> 
                 f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
             )
 
-        trained = train(plan, bench, checkpoint, report)
+        trained = train(plan, bench, checkpoint, report, method=method)
     if trained.stopped:
         say(f"{plan.method}: {trained.stopped}; the last good weights are kept")
     return trained
