@@ -34,15 +34,15 @@ MAKERS: dict[str, Callable[..., Method]] = {
     "hig": half_inverse_gradients,
     "supervised": supervised,
 }
-BUDGET = {"dp": 60, "sip": 16, "hig": 12, "supervised": 16}  # iterations
-BATCH = {"dp": 4, "sip": 8, "hig": 32, "supervised": 8}
+BUDGET = {"dp": 40, "sip": 16, "hig": 12, "supervised": 16}  # iterations
+BATCH = {"dp": 4, "sip": 8, "hig": 16, "supervised": 8}
 STEP = {
     "dp": ("learning_rate", 1e-2),
     "sip": ("learning_rate", 3e-3),
     "hig": ("eta", 1.0),
     "supervised": ("learning_rate", 3e-3),
 }
-SAMPLES, HELD_OUT = 48, 24
+SAMPLES, HELD_OUT = 32, 16
 TRAINED, STALLED = 0.5, 0.9  # of the untrained network's error
 
 
@@ -66,7 +66,7 @@ def variants() -> Iterator[Variant]:
     for method, (name, value) in STEP.items():
         for factor in (0.01, 0.1, 1.0, 10.0, 100.0):
             yield Variant("step size, times", method, f"{factor:g}", {name: factor * value})
-        for batch in (1, 4, 16, 48):
+        for batch in (1, 4, 16, 32):
             yield Variant("batch", method, f"{batch}", {"batch": batch})
         for reynolds in ((10.0, 20.0), (1.0, 40.0), (0.1, 45.0)):
             label = f"{reynolds[0]:g} to {reynolds[1]:g}"

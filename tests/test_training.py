@@ -39,7 +39,7 @@ def initial_error(bench):
 
 @pytest.mark.parametrize(
     ("method", "iterations", "factor"),
-    [("sip", 9, 0.4), ("supervised", 9, 0.4), ("hig", 4, 0.9), ("dp", 60, 0.9)],
+    [("sip", 9, 0.4), ("supervised", 9, 0.4), ("hig", 4, 0.4), ("dp", 60, 0.9)],
 )
 def test_every_method_learns(plan, bench, method, iterations, factor):
     trained = loop.train(
@@ -53,8 +53,15 @@ def test_every_method_learns(plan, bench, method, iterations, factor):
     assert work[0] >= bench.physics.count * 12
 
 
-@pytest.mark.parametrize("make", [half_inverse_gradients, differentiable_physics])
-@pytest.mark.parametrize("fidelity", ["exact", "lagged", "frozen"])
+@pytest.mark.parametrize(
+    ("make", "fidelity"),
+    [
+        (half_inverse_gradients, "exact"),  # lagged and exact are the others' presets
+        (half_inverse_gradients, "frozen"),
+        (differentiable_physics, "lagged"),
+        (differentiable_physics, "frozen"),
+    ],
+)
 def test_every_fidelity_of_the_physics_learns(plan, bench, make, fidelity):
     """Frozen physics costs one body flow a sample and then nothing."""
     steps = {half_inverse_gradients: 4, differentiable_physics: 40}[make]

@@ -1,5 +1,6 @@
 """Compliances dy/da that are kept, and solved again only where the traction has moved away."""
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -34,8 +35,11 @@ def kept_compliance(
 ) -> tuple[Kept, Cost]:
     """The kept compliance within ``lag`` of its traction (relative), a solved one beyond.
 
-    Solving costs one tangent solve per mode; lag 0 solves always.
+    Solving costs one tangent solve per mode; lag 0 solves always, infinity never.
     """
+    free = Cost(jnp.array(0), jnp.array(True))
+    if math.isinf(lag):
+        return kept, free
 
     def solved() -> tuple[Kept, Cost]:
         matrix, cost = compliance(domain, case, state, effort)
@@ -44,7 +48,7 @@ def kept_compliance(
     return jax.lax.cond(
         drifted(kept, state.amplitude, lag),
         solved,
-        lambda: (kept, Cost(jnp.array(0), jnp.array(True))),
+        lambda: (kept, free),
     )
 
 

@@ -5,6 +5,7 @@ the update is -eta V S^(-kappa) U^T y / sqrt(B), kappa = 1/2; singular values be
 dropped. Schnell, Holl, Thuerey 2022 (Half-Inverse Gradients for Physical Deep Learning).
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -33,13 +34,13 @@ class State(NamedTuple):
 
 def half_inverse_gradients(
     fidelity: Fidelity = "lagged",
-    batch: int = 64,
+    batch: int = 48,
     eta: float = 1.0,
     decay: float = 60.0,
     tau: float = 1e-3,
     kappa: float = 0.5,
     goal: float = 3.0,
-    lag: float = jnp.inf,
+    lag: float = math.inf,
     settle: float = 1e-4,
     leave_out: bool = True,
     lanczos: int | None = None,
