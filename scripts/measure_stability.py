@@ -42,8 +42,8 @@ STEP = {
     "hig": ("eta", 1.0),
     "supervised": ("learning_rate", 3e-3),
 }
-SAMPLES, HELD_OUT = 32, 16
-TRAINED, STALLED = 0.5, 0.9  # of the untrained network's error
+SAMPLES, HELD_OUT = 64, 16
+TRAINED, STALLED, WORSE = 0.1, 0.9, 1.1  # of the untrained network's error
 
 
 class Variant(NamedTuple):
@@ -66,7 +66,7 @@ def variants() -> Iterator[Variant]:
     for method, (name, value) in STEP.items():
         for factor in (0.01, 0.1, 1.0, 10.0, 100.0):
             yield Variant("step size, times", method, f"{factor:g}", {name: factor * value})
-        for batch in (1, 4, 16, 32):
+        for batch in (1, 4, 16, 64):
             yield Variant("batch", method, f"{batch}", {"batch": batch})
         for reynolds in ((10.0, 20.0), (1.0, 40.0), (0.1, 45.0)):
             label = f"{reynolds[0]:g} to {reynolds[1]:g}"
@@ -138,7 +138,15 @@ def _row(cell: Variant, plan: Plan, bench: Bench) -> dict[str, Any]:
         return row | {"after": None, "outcome": "blew up", "left_out": 0}
     last = trained.history[-1]
     share = last.error_mean / before
-    outcome = "trained" if share < TRAINED else "slow" if share < STALLED else "stalled"
+    outcome = (
+        "trained"
+        if share < TRAINED
+        else "slow"
+        if share < STALLED
+        else "stalled"
+        if share < WORSE
+        else "diverged"
+    )
     return row | {
         "after": finite(last.error_mean),
         "outcome": "blew up" if trained.stopped else outcome,
@@ -146,7 +154,13 @@ def _row(cell: Variant, plan: Plan, bench: Bench) -> dict[str, Any]:
     }
 
 
-COLOURS = {"trained": "#4c9f70", "slow": "#b8d8a0", "stalled": "#e8c468", "blew up": "#c8553d"}
+COLOURS = {
+    "trained": "#4c9f70",
+    "slow": "#b8d8a0",
+    "stalled": "#e8c468",
+    "diverged": "#e08e58",
+    "blew up": "#c8553d",
+}
 
 
 def _plot(rows: list[dict[str, Any]], path: Path) -> None:
@@ -161,13 +175,13 @@ def _plot(rows: list[dict[str, Any]], path: Path) -> None:
         for row in mine:
             x, y = values.index(row["value"]), methods.index(row["method"])
             axis.add_patch(plt.Rectangle((x - 0.5, y - 0.5), 1, 1, color=COLOURS[row["outcome"]]))
-            error = "" if row["after"] is None else f"{100 * row['after']:.2g} %"
+            error = "" if row["after"] is None else f"{100 * row['after']:.3g} %"
             axis.text(x, y, error, ha="center", va="center", fontsize=8)
         axis.set(xlim=(-0.5, len(values) - 0.5), ylim=(len(methods) - 0.5, -0.5), title=panel)
         axis.set_xticks(range(len(values)), values, fontsize=8)
         axis.set_yticks(range(len(methods)), methods)
     handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in COLOURS.values()]
-    figure.legend(handles, list(COLOURS), loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles, list(COLOURS), loc="outside lower center", ncols=5, frameon=False)
     with whole_file(path) as part:
         figure.savefig(part, dpi=140)
     plt.close(figure)

@@ -1,4 +1,4 @@
-"""A prediction checked by the flow: a body flow that starts from it, and trusts its fine modes."""
+"""A prediction checked by the flow: a loose body flow that starts from it."""
 
 import dataclasses
 import functools
@@ -47,13 +47,13 @@ def certify(
     surrogate: Surrogate,
     parameters: AnyArray,
     reynolds: float,
-    thoroughness: Thoroughness = QUICK,
+    thoroughness: Thoroughness = THOROUGH,
 ) -> Certificate:
     """Correct a predicted drag by a loose body flow that starts from the predicted traction.
 
-    What a flow costs most is the response to every traction mode; the fine ones are predicted well
-    and hardly move the drag, so only the coarse ones are solved for. The correction estimates
-    the prediction's error.
+    The correction estimates the prediction's error. Nearly half of a flow's cost is the response to
+    every traction mode, so ``QUICK`` solves for the coarse modes alone and keeps the predicted
+    fine ones; what these get wrong stays in the corrected drag.
 
     Raises:
       NotConverged: the flow was not found.
