@@ -8,12 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate.body import Family
 from surrogate.certificate import QUICK, THOROUGH, certify
 from surrogate.errors import InvalidInput
 from surrogate.flow.steady import FlowState
 from surrogate.flow.tangent import Effort
-from surrogate.store import Surrogate, load_surrogate, read_scene, save_surrogate, scene_record
+from surrogate.store import Surrogate, load_surrogate, save_surrogate
 from surrogate.training import loop
 from surrogate.training.compliance import kept_compliance, oseen_compliances
 from surrogate.training.dp import differentiable_physics
@@ -217,28 +216,11 @@ def test_distance_beyond_the_trained_range(plan, bench):
     assert outside == pytest.approx({"aspect": 0.5, "beta2": 0.5, "log Re": 1.0})
 
 
-def test_scenes_survive_json(tiny_scene):
-    assert read_scene(json.loads(json.dumps(scene_record(tiny_scene)))) == tiny_scene
-    assert "unbounded" in tiny_scene.explain()
-
-
 def test_presets_name_what_is_wrong():
     with pytest.raises(InvalidInput, match="one of dp, sip, hig, supervised"):
         preset("magic", "quick")
     with pytest.raises(InvalidInput, match="budget"):
         preset("dp", "quick", budget_s=-1)
-
-
-def test_pretrained_surrogate_on_unseen_bodies():
-    """A handful of the acceptance test: mean error below 1 %, none above 5 %."""
-    surrogate = load_surrogate("pretrained")
-    domain = loop.scene_domain(surrogate.scene)
-    samples = loop.draw_samples(surrogate.scene, jax.random.key(987), 12)
-    labels = loop.require_converged(loop.solve_labels(domain, samples))
-    errors = loop.drag_errors(surrogate.network, samples, -2 * labels.amplitude[:, 0])
-    assert float(errors.mean()) < 0.01, errors
-    assert float(errors.max()) < 0.05, errors
-    assert surrogate.scene.family == Family()
 
 
 def test_certificate_improves_on_a_wrong_prediction(plan, bench):
