@@ -1,10 +1,11 @@
-"""Which safeguards SIP and HIG need: the same quick training, one safeguard changed at a time.
+"""Safeguards and fidelities of the physics: the quick training, one thing changed at a time.
 
 python scripts/measure_safeguards.py --out out/safeguards
 """
 
 import dataclasses
 import json
+import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,13 +17,15 @@ from surrogate.errors import NotConverged
 from surrogate.files import whole_file
 from surrogate.flow.newton import NewtonSettings
 from surrogate.flow.tangent import Effort
+from surrogate.training.dp import differentiable_physics
 from surrogate.training.hig import half_inverse_gradients
-from surrogate.training.loop import make_bench, train
+from surrogate.training.loop import Bench, make_bench, train
 from surrogate.training.method import Method
-from surrogate.training.presets import preset
+from surrogate.training.presets import Plan, preset
 from surrogate.training.sip import scale_invariant_physics
 
 LOOSE_FLOW = NewtonSettings(tolerance=1e-2, max_steps=2, max_vectors=14)
+EXACT = {"fidelity": "exact", "lag": 0.0, "batch": 24}
 HIG = {
     "as shipped": {},
     "no truncation (tau 0)": {"tau": 0.0},
@@ -31,8 +34,24 @@ HIG = {
     "half steps (eta 0.5)": {"eta": 0.5},
     "fast decay (8)": {"decay": 8.0},
     "no goal row (goal 0)": {"goal": 0.0},
-    "loose flows, failures left out": {"settings": LOOSE_FLOW},
-    "loose flows, failures kept": {"settings": LOOSE_FLOW, "leave_out": False},
+    "small batches (24)": {"batch": 24},
+    "compliance followed (lag 0.1)": {"lag": 0.1},
+    "compliance solved at every visit (lag 0)": {"lag": 0.0},
+    "frozen: linearised at the solved flows": {"fidelity": "frozen"},
+    "frozen, compliance of the solved flows": {"fidelity": "frozen", "lag": 0.1},
+}
+HIG_EXACT = {
+    "exact: non-linear flow, compliance at every visit": {},
+    "exact, compliance kept within 0.1": {"lag": 0.1},
+    "exact, compliance kept within 0.3": {"lag": 0.3},
+    "exact, Oseen compliance": {"lag": math.inf},
+    "exact, loose flows, failures left out": {"settings": LOOSE_FLOW},
+    "exact, loose flows, failures kept": {"settings": LOOSE_FLOW, "leave_out": False},
+}
+DP = {
+    "exact: non-linear flow at every visit": {},
+    "lagged": {"fidelity": "lagged"},
+    "frozen": {"fidelity": "frozen"},
 }
 SIP = {
     "as shipped": {},
@@ -46,22 +65,27 @@ SIP = {
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Train every variant from the same weights on the same bodies; tabulate."""
     arguments = _parser().parse_args(argv)
-    plans = {name: preset(name, "quick", arguments.seed) for name in ("hig", "sip")}
-    bench = make_bench(plans["hig"])
-    variants = [("hig", name, half_inverse_gradients(**kw)) for name, kw in HIG.items()]
-    variants += [("sip", name, scale_invariant_physics(**kw)) for name, kw in SIP.items()]
+    plans = {name: preset(name, "quick", arguments.seed) for name in ("dp", "hig", "sip")}
+    short = dataclasses.replace(plans["hig"], iterations=30)
+    bench = make_bench(short)
+    variants = [(plans["hig"], name, half_inverse_gradients(**kw)) for name, kw in HIG.items()]
+    variants += [
+        (short, name, half_inverse_gradients(**EXACT | kw)) for name, kw in HIG_EXACT.items()
+    ]
+    variants += [(plans["dp"], name, differentiable_physics(**kw)) for name, kw in DP.items()]
+    variants += [(plans["sip"], name, scale_invariant_physics(**kw)) for name, kw in SIP.items()]
     rows = []
     with progress_bar("safeguards") as progress:
-        for k, (method, name, update) in enumerate(variants):
-            rows.append(_row(method, name, plans[method], bench, update))
-            progress((k + 1) / len(variants), f"{method}, {name}: {rows[-1]['outcome']}")
+        for k, (plan, name, update) in enumerate(variants):
+            rows.append(_row(plan, name, bench, update))
+            progress((k + 1) / len(variants), f"{plan.method}, {name}: {rows[-1]['outcome']}")
     with whole_file(Path(arguments.out) / "safeguards.json") as part:
         part.write_text(json.dumps(rows, indent=1) + "\n")
     return emit({"rows": rows}, arguments.json, _text(rows))
 
 
-def _row(name: str, variant: str, plan, bench, method: Method) -> dict[str, Any]:
-    row: dict[str, Any] = {"method": name, "variant": variant}
+def _row(plan: Plan, variant: str, bench: Bench, method: Method) -> dict[str, Any]:
+    row: dict[str, Any] = {"method": plan.method, "variant": variant}
     try:
         trained = train(dataclasses.replace(plan, report_every=1), bench, method=method)
     except NotConverged as problem:

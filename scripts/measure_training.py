@@ -1,175 +1,221 @@
-"""Every method and the rivals a user would pick, on the same bodies: error against work.
+"""Every method and the rivals a user would pick, on the same bodies: error against work and time.
 
     python scripts/measure_training.py --preset quick --out out/quick
-    python scripts/measure_training.py --preset full --out out/full --json
+    python scripts/measure_training.py --preset full --seeds 3 --out out/full --json
 
 Kriging needs scikit-learn: pip install -e '.[bench]'.
 """
 
 import dataclasses
-import itertools
 import json
 import sys
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from common import Parser, emit, markdown, progress_bar, run
-from train_surrogate import train_all
+from rivals import kriging, polynomial
+from train_surrogate import train_all, train_with_bar
+from training_plot import plot_training
 
 from surrogate.errors import InvalidInput
 from surrogate.files import whole_file
-from surrogate.store import Surrogate
+from surrogate.flow.drag import family_drag_and_shape_gradient
+from surrogate.network import DragNetwork
 from surrogate.training.loop import Bench
 from surrogate.training.physics import Samples, require_converged, solve_labels
+from surrogate.training.presets import preset
+from surrogate.training.supervised import supervised
 
 MARKS = (0.03, 0.01, 0.003)
+BASELINES = {  # regressions that a user might try first, with the learning rates that suit them
+    "supervised, traction only": {"goal": 0.0},
+    "supervised, drag only": {"modes": 0.0, "goal": 1.0},
+}
+Reached = dict[str, float | None]
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """Held-out drag errors of one method; ``reached`` maps an error to the work it took."""
+    """Held-out errors of one method and seed; ``reached`` maps a drag error to its price."""
 
     method: str
+    seed: int
     error_mean: float
     error_p95: float
     error_max: float
+    traction: float | None
+    gradient: float | None
     green_applications: int
     seconds: float | None
-    reached: dict[str, int | None]
+    reached: Reached
+    reached_s: Reached
+    history: list[list[float]]
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Train what is not trained yet, fit the rivals, tabulate."""
+    """Train what is not trained yet, fit the rivals, tabulate, plot."""
     arguments = _parser().parse_args(argv)
+    if not 1 <= arguments.seeds <= 20:
+        raise InvalidInput(f"--seeds {arguments.seeds}: from 1 to 20")
     out = Path(arguments.out)
-    fitters = {"polynomial": _polynomial, "kriging": _kriging()}
-    surrogates, bench = train_all(arguments.preset, arguments.seed, out)
-    with progress_bar("rivals and gradients") as progress:
-        rows = [_network_row(name, s, bench) for name, s in surrogates.items()]
-        progress(0.5, "solving the samples for the rivals")
-        labels = require_converged(solve_labels(bench.physics.domain, bench.physics.samples))
-        work = int(np.sum(labels.products))
-        drags = -2 * np.asarray(labels.amplitude[:, 0])
-        rows += [_rival_row(name, fit, bench, drags, work) for name, fit in fitters.items()]
-        progress(1.0)
-    result = {"rows": [dataclasses.asdict(row) for row in rows], "held_out": len(_truth(bench))}
+    fitters = {"polynomial": polynomial, "kriging": kriging()}
+    rows: list[Row] = []
+    for seed in range(arguments.seed, arguments.seed + arguments.seeds):
+        folder = out if seed == arguments.seed else out / f"seed{seed}"
+        rows += _seed_rows(arguments.preset, seed, folder, fitters, arguments.gradients)
+    plot = plot_training([dataclasses.asdict(row) for row in rows], out / "training.png")
+    result = {"rows": [dataclasses.asdict(row) for row in rows], "plot": str(plot)}
     with whole_file(out / "training.json") as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
-    return emit(result, arguments.json, _text(rows))
+    return emit(result, arguments.json, f"{_text(rows)}\n\n-> {plot}")
+
+
+def _seed_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> list[Row]:
+    surrogates, bench = train_all(name, seed, folder)
+    slopes = _gradients(bench, gradients)
+    rows = [
+        _row(method, seed, bench, slopes, s.network, s.record["history"], s.record["setup_s"])
+        for method, s in surrogates.items()
+    ]
+    for method, settings in BASELINES.items():
+        plan = preset("supervised", name, seed)
+        trained = train_with_bar(plan, bench, method=supervised(**settings), title=method)
+        history = [list(point[:5]) for point in trained.history]
+        rows.append(_row(method, seed, bench, slopes, trained.network, history, bench.setup_s))
+    with progress_bar("rivals") as progress:
+        labels = require_converged(solve_labels(bench.physics.domain, bench.physics.samples))
+        progress(0.9, f"{len(labels.products)} samples solved")
+        rows += [_rival_row(rival, seed, fit, bench, labels) for rival, fit in fitters.items()]
+    return rows
 
 
 def _truth(bench: Bench) -> np.ndarray:
     return -2 * np.asarray(bench.labels.amplitude[:, 0])
 
 
-def _network_row(name: str, surrogate: Surrogate, bench: Bench) -> Row:
+def _gradients(bench: Bench, count: int) -> np.ndarray:
+    """Shape gradients of the first held-out bodies by the flow's adjoint, those that converged."""
+    domain, held_out = bench.physics.domain, bench.held_out
+    slopes = []
+    with progress_bar("adjoint gradients") as progress:
+        for k in range(min(count, len(_truth(bench)))):
+            body, reynolds = held_out.parameters[k], held_out.reynolds[k]
+            _, slope, info = family_drag_and_shape_gradient(domain, body, reynolds)
+            slopes.append(np.where(info.converged, slope, np.nan))
+            progress((k + 1) / count)
+    return np.array(slopes)
+
+
+def _row(method, seed, bench: Bench, slopes, network: DragNetwork, history, setup_s) -> Row:
+    """Errors: drag relative; traction in the rms of the held-out modes' spread; gradient relative.
+
+    Both relative over all held-out bodies at once, in the norm of the parameters' ranges.
+    """
     held_out = bench.held_out
-    predicted = np.asarray(jax.vmap(surrogate.network.drag)(*held_out))
-    history = surrogate.record["history"]
-    reached = {
-        f"{mark:g}": next((int(g) for _, _, g, mean, _ in history if mean <= mark), None)
+    predicted = np.asarray(jax.vmap(network)(*held_out))
+    labels = np.asarray(bench.labels.amplitude)
+    scale = np.asarray(jax.vmap(network.scale)(held_out.reynolds))
+    miss = (predicted - labels) / scale
+    few = jax.tree.map(lambda leaf: leaf[: len(slopes)], held_out)
+    learned = np.asarray(jax.vmap(jax.grad(network.drag))(*few))
+    widths = np.asarray(network.high - network.low)[:-1]
+    drags = _truth(bench)[: len(slopes), None]
+    good = np.all(np.isfinite(slopes), axis=1)
+    wrong, right = ((g * widths / drags)[good] for g in (learned - slopes, slopes))
+
+    def price(mark: float, column: int) -> float | None:
+        return next((point[column] for point in history if point[3] <= mark), None)
+
+    _, seconds, work, *_ = history[-1]
+    errors = np.abs(-2 * predicted[:, 0] / _truth(bench) - 1)
+    return Row(
+        method,
+        seed,
+        *_summary(errors),
+        traction=float(np.sqrt(np.mean(miss**2))),
+        gradient=float(np.linalg.norm(wrong) / np.linalg.norm(right)),
+        green_applications=int(work),
+        seconds=seconds + setup_s,
+        reached={f"{mark:g}": price(mark, 2) for mark in MARKS},
+        reached_s={
+            f"{mark:g}": None if (s := price(mark, 1)) is None else s + setup_s for mark in MARKS
+        },
+        history=history,
+    )
+
+
+def _rival_row(method: str, seed: int, fit: Callable, bench: Bench, labels) -> Row:
+    """Fit log Cd on all solved samples; what a fraction of them reaches, a fraction of the work."""
+    inputs, unseen = _inputs(bench, bench.physics.samples), _inputs(bench, bench.held_out)
+    target = np.log(-2 * np.asarray(labels.amplitude[:, 0]))
+    work = int(np.sum(labels.products))
+    history = []
+    for share in (0.125, 0.25, 0.5, 1.0):
+        count = round(share * len(target))
+        predicted = np.exp(fit(inputs[:count], target[:count])(unseen))
+        errors = np.abs(predicted / _truth(bench) - 1)
+        history.append([count, 0.0, round(share * work), float(errors.mean()), float(errors.max())])
+    reached: Reached = {
+        f"{mark:g}": next((point[2] for point in history if point[3] <= mark), None)
         for mark in MARKS
     }
-    work, seconds = surrogate.record["green_applications"], surrogate.record["train_s"]
-    return _row(name, predicted, bench, work, seconds + surrogate.record["setup_s"], reached)
+    nothing: Reached = dict.fromkeys(reached)
+    return Row(method, seed, *_summary(errors), None, None, work, None, reached, nothing, history)
 
 
-def _rival_row(name: str, fit: Callable, bench: Bench, drags: np.ndarray, work: int) -> Row:
-    """Fit log Cd on all solved samples; what a fraction of them reaches, a fraction of the work."""
-    inputs = _inputs(bench, bench.physics.samples)
-    target, unseen = np.log(drags), _inputs(bench, bench.held_out)
-    reached: dict[str, int | None] = {f"{mark:g}": None for mark in MARKS}
-    for share in (0.125, 0.25, 0.5, 1.0):
-        count = round(share * len(drags))
-        predicted = np.exp(fit(inputs[:count], target[:count])(unseen))
-        mean = np.mean(np.abs(predicted / _truth(bench) - 1))
-        for mark in MARKS:
-            if mean <= mark and reached[f"{mark:g}"] is None:
-                reached[f"{mark:g}"] = round(share * work)
-    return _row(name, predicted, bench, work, None, reached)
-
-
-def _row(name, predicted, bench: Bench, work, seconds, reached) -> Row:
-    errors = np.abs(predicted / _truth(bench) - 1)
-    return Row(
-        name,
-        float(errors.mean()),
-        float(np.percentile(errors, 95)),
-        float(errors.max()),
-        int(work),
-        seconds,
-        reached,
-    )
+def _summary(errors: np.ndarray) -> tuple[float, float, float]:
+    return float(errors.mean()), float(np.percentile(errors, 95)), float(errors.max())
 
 
 def _inputs(bench: Bench, samples: Samples) -> np.ndarray:
     """Shape parameters and log Re, scaled to [-1, 1] as the network's are."""
-    raw = np.column_stack([samples.parameters, np.log(samples.reynolds)])
+    raw = np.column_stack([samples.parameters, jnp.log(samples.reynolds)])
     low, high = np.asarray(bench.network.low), np.asarray(bench.network.high)
     return 2 * (raw - low) / (high - low) - 1
 
 
-def _polynomial(x: np.ndarray, y: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Least squares on all monomials of degree 4, or of what the samples can carry."""
-    degree = next(d for d in (4, 3, 2, 1) if len(_powers(x.shape[1], d)) <= 0.7 * len(x))
-    powers = _powers(x.shape[1], degree)
-    weights = np.linalg.lstsq(_monomials(x, powers), y, rcond=None)[0]
-    return lambda z: _monomials(z, powers) @ weights
-
-
-def _powers(variables: int, degree: int) -> np.ndarray:
-    every = itertools.product(range(degree + 1), repeat=variables)
-    return np.array([p for p in every if sum(p) <= degree])
-
-
-def _monomials(x: np.ndarray, powers: np.ndarray) -> np.ndarray:
-    return np.prod(x[:, None, :] ** powers[None], axis=2)
-
-
-def _kriging() -> Callable:
-    """Gaussian process with one length scale per input, fitted by maximum likelihood."""
-    try:
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.gaussian_process import GaussianProcessRegressor
-        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-    except ImportError:
-        raise InvalidInput("kriging needs scikit-learn: pip install -e '.[bench]'") from None
-
-    def fit(x, y):
-        kernel = ConstantKernel(1.0, (1e-3, 1e4)) * RBF(np.full(x.shape[1], 2.0), (0.05, 50))
-        process = GaussianProcessRegressor(
-            kernel + WhiteKernel(1e-6, (1e-12, 1e-2)), normalize_y=True, n_restarts_optimizer=2
-        )
-        process.random_state = 0
-        with warnings.catch_warnings():  # a length scale at its bound, an early end of the search
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            return process.fit(x, y).predict
-
-    return fit
-
-
 def _text(rows: list[Row]) -> str:
-    """A Markdown table."""
-    heads = ["method", "mean", "95 %", "max", "applications of G", "time"]
-    heads += [f"G to {100 * mark:g} %" for mark in MARKS]
+    """A Markdown table: means over the seeds, with half the spread where there are several."""
+    heads = ["method", "drag: mean", "95 %", "max", "traction", "gradient", "G", "time"]
+    heads += [f"G (time) to {100 * mark:g} %" for mark in MARKS]
     lines = []
-    for row in rows:
-        errors = (row.error_mean, row.error_p95, row.error_max)
-        cells = [row.method, *(f"{100 * e:.2f} %" for e in errors), f"{row.green_applications}"]
-        cells.append("" if row.seconds is None else f"{row.seconds:.0f} s")
-        cells += ["-" if g is None else str(g) for g in row.reached.values()]
+    for method in dict.fromkeys(row.method for row in rows):
+        mine = [row for row in rows if row.method == method]
+        columns = ("error_mean", "error_p95", "error_max", "traction", "gradient")
+        cells = [method, *(_percent([getattr(row, c) for row in mine]) for c in columns)]
+        cells.append(f"{np.mean([row.green_applications for row in mine]):.0f}")
+        cells.append(
+            "" if mine[0].seconds is None else f"{np.mean([r.seconds for r in mine]):.0f} s"
+        )
+        for mark in MARKS:
+            key = f"{mark:g}"
+            work, seconds = ([getattr(r, c)[key] for r in mine] for c in ("reached", "reached_s"))
+            if None in work:
+                cells.append("-")
+            else:
+                time = "" if None in seconds else f" ({np.mean(seconds):.0f} s)"
+                cells.append(f"{np.mean(work):.0f}{time}")
         lines.append(cells)
     return markdown(heads, lines)
+
+
+def _percent(values: Sequence[float | None]) -> str:
+    if None in values:
+        return ""
+    spread = f" ± {50 * np.ptp(values):.2f}" if len(values) > 1 else ""
+    return f"{100 * np.mean(values):.2f}{spread} %"
 
 
 def _parser():
     parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("--preset", default="quick", choices=["quick", "full"])
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="the first seed")
+    parser.add_argument("--seeds", type=int, default=1, help="how many seeds")
+    parser.add_argument("--gradients", type=int, default=16, help="bodies with adjoint gradients")
     parser.add_argument("--out", required=True, help="folder of the surrogates and training.json")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser

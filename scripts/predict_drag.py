@@ -14,9 +14,11 @@ import numpy as np
 from common import Parser, add_family_arguments, emit, family_parameters, reynolds_numbers, run
 
 from surrogate.body import PARAMETERS, check_family
-from surrogate.certificate import certify
+from surrogate.certificate import QUICK, THOROUGH, Thoroughness, certify
 from surrogate.errors import InvalidInput
 from surrogate.store import Surrogate, load_surrogate
+
+CHECKS = {"thorough": THOROUGH, "quick": QUICK}
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -28,7 +30,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parameters = np.array(family_parameters(arguments))
     check_family(parameters)
     surrogate = load_surrogate(arguments.surrogate)
-    results = [_predict(surrogate, parameters, value, arguments.certify) for value in reynolds]
+    check = CHECKS[arguments.certify] if arguments.certify else None
+    results = [_predict(surrogate, parameters, value, check) for value in reynolds]
     result = {
         "results": results,
         "surrogate": arguments.surrogate,
@@ -39,7 +42,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _predict(surrogate: Surrogate, parameters, reynolds: float, check: bool) -> dict[str, Any]:
+def _predict(
+    surrogate: Surrogate, parameters, reynolds: float, check: Thoroughness | None
+) -> dict[str, Any]:
     body, re = jnp.asarray(parameters), jnp.asarray(reynolds, float)
     cd, gradient = jax.value_and_grad(surrogate.drag)(body, re)
     known = surrogate.knows(parameters, reynolds)
@@ -48,10 +53,18 @@ def _predict(surrogate: Surrogate, parameters, reynolds: float, check: bool) -> 
         "cd": float(cd),
         "gradient": dict(zip(PARAMETERS, gradient.tolist(), strict=True)),
         "in_trained_range": known,
+        "confidence": _confidence(surrogate.beyond(parameters, reynolds)),
     }
     if check:
-        result |= certify(surrogate, parameters, reynolds)._asdict()
+        result |= certify(surrogate, parameters, reynolds, check)._asdict()
     return result
+
+
+def _confidence(beyond: dict[str, float]) -> str:
+    if not beyond:
+        return "inside"
+    worst = max(beyond, key=lambda name: beyond[name])
+    return f"outside: {worst} by {beyond[worst]:.2g} of its trained range"
 
 
 def _line(r: dict[str, Any]) -> str:
@@ -61,7 +74,7 @@ def _line(r: dict[str, Any]) -> str:
             f"  corrected {r['cd_corrected']:.4f}  estimated error "
             f"{100 * r['estimated_error']:.2f} %  slip {r['slip']:.4f}"
         )
-    return line + ("" if r["in_trained_range"] else "  (outside the trained range)")
+    return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 
 
 def _parser():
@@ -69,7 +82,13 @@ def _parser():
     parser.add_argument("--surrogate", default="pretrained", help="a folder, or pretrained")
     add_family_arguments(parser)
     parser.add_argument("--reynolds", required=True, help="one or several: 1,10,40")
-    parser.add_argument("--certify", action="store_true", help="one coupled Newton step")
+    parser.add_argument(
+        "--certify",
+        nargs="?",
+        const="thorough",
+        choices=CHECKS,
+        help="correct by the flow: thorough (default), or quick at 2/3 of its cost, which is rough",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser
 

@@ -40,10 +40,14 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 
 def train_with_bar(
-    plan: Plan, bench: Bench, checkpoint: Path | None = None, method: Method | None = None
+    plan: Plan,
+    bench: Bench,
+    checkpoint: Path | None = None,
+    method: Method | None = None,
+    title: str | None = None,
 ) -> Trained:
-    """Train with progress on stderr; ``method`` replaces the plan's own."""
-    with progress_bar(f"training {plan.method}") as progress:
+    """Train with progress on stderr; ``method`` and ``title`` replace the plan's own."""
+    with progress_bar(f"training {title or plan.method}") as progress:
 
         def report(point, done):
             progress(
@@ -58,10 +62,8 @@ def train_with_bar(
     return trained
 
 
-def save(
-    plan: Plan, trained: Trained, out: Path, command: str, setup_s: float, **more: Any
-) -> dict[str, Any]:
-    """Save the surrogate with its record, ``more`` included; returns what the command reports."""
+def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) -> dict[str, Any]:
+    """Save the surrogate with its record; returns what the command reports."""
     last = trained.history[-1]
     result = {
         "method": plan.method,
@@ -83,7 +85,6 @@ def save(
         "failed_samples": last.failed,
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],
-        **more,
     }
     save_surrogate(out, Surrogate(trained.network, plan.scene, record))
     return result

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body import Family
+from surrogate.body import PARAMETERS, Family
 from surrogate.errors import InvalidInput
 from surrogate.files import check_target, whole_folder
 from surrogate.network import DragNetwork
@@ -46,6 +46,15 @@ class Surrogate:
         low, high = self.scene.reynolds
         inside = low * (1 - 1e-9) <= reynolds <= high * (1 + 1e-9)
         return inside and self.scene.family.contains(np.asarray(parameters))
+
+    def beyond(self, parameters: AnyArray, reynolds: float) -> dict[str, float]:
+        """How far each parameter, or log Re, lies outside its trained range, in ranges."""
+        bounds = np.concatenate([self.scene.family.bounds, np.log([self.scene.reynolds])])
+        values = np.append(np.asarray(parameters, float), np.log(reynolds))
+        low, high = bounds.T
+        distance = np.maximum(np.maximum(low - values, values - high), 0) / (high - low)
+        names = (*PARAMETERS, "log Re")
+        return {k: float(d) for k, d in zip(names, distance, strict=True) if d > 1e-9}
 
 
 def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:

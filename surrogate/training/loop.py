@@ -200,6 +200,7 @@ class _Clock:
 def _batches(plan, size):
     """Epochs of shuffled batches, each a function of seed and iteration alone."""
     key = jax.random.fold_in(jax.random.key(plan.seed), 1)
+    size = min(size, plan.samples)
     per_epoch = plan.samples // size
 
     def batch(iteration):

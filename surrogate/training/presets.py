@@ -57,8 +57,8 @@ def preset(method: str, name: PresetName, seed: int = 0, budget_s: float | None 
     if not 0 <= seed < 2**31:
         raise InvalidInput(f"seed {seed}: must be a whole number from 0 to 2147483647")
     iterations = {
-        "quick": {"dp": 800, "sip": 160, "hig": 30, "supervised": 160},
-        "full": {"dp": 3000, "sip": 1600, "hig": 100, "supervised": 1600},
+        "quick": {"dp": 1200, "sip": 160, "hig": 60, "supervised": 160},
+        "full": {"dp": 4000, "sip": 1600, "hig": 160, "supervised": 1600},
     }[name][method]
     samples, held_out, fidelity = {"quick": (128, 48, "draft"), "full": (512, 128, "standard")}[
         name

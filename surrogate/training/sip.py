@@ -7,28 +7,22 @@ weighted by the goal. A sample whose drag no longer moves is settled and not inv
 Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
 """
 
-import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float
 
-from surrogate.flow.steady import FlowState
-from surrogate.flow.tangent import Effort, coupled_step
-from surrogate.training.method import Method, Progress, keep, per_sample, predict
+from surrogate.flow.tangent import Effort
+from surrogate.training.method import Method, Progress, predict
+from surrogate.training.targets import Inversion, Targets, improve, inversion, no_targets
 
 
 class State(NamedTuple):
-    """Adam's moments; per sample the last flow, its target traction, whether it has one, and
-    whether that is final."""
+    """Adam's moments, and the targets so far."""
 
     adam: optax.OptState
-    flows: Float[Array, "samples 2 nx ny"]
-    targets: Float[Array, "samples modes"]
-    known: Bool[Array, " samples"]
-    settled: Bool[Array, " samples"]
+    targets: Targets
 
 
 def scale_invariant_physics(
@@ -40,66 +34,52 @@ def scale_invariant_physics(
     effort: Effort = Effort(1e-2, 30),
 ) -> Method:
     """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets."""
+    invert = inversion("lagged", settle, effort)
+    return imitation(invert, batch, network_steps, learning_rate, goal)
+
+
+def imitation(
+    invert: Inversion,
+    batch: int,
+    network_steps: int,
+    learning_rate: float,
+    goal: float,
+    modes: float = 1.0,
+) -> Method:
+    """Invert the solver for a batch, then Adam towards all targets so far.
+
+    The loss weights the squared misses of the modes by ``modes``, of the drag by ``goal**2``.
+    """
     optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
 
     def init(network, physics):
-        none = jnp.zeros(physics.count, bool)
-        start = physics.oseen
-        return State(optimiser.init(network.weights), start.velocity, start.amplitude, none, none)
-
-    def invert(physics, index, amplitude, flow, known):
-        case = physics.case(index)
-        flow = jnp.where(known, flow, jnp.tensordot(amplitude, case.response, axes=1))
-        state, spent = coupled_step(physics.domain, case, FlowState(flow, amplitude), effort)
-        valid = spent.converged & (state.amplitude[0] < 0) & jnp.all(jnp.isfinite(state.amplitude))
-        return state, valid, spent.products
+        return State(optimiser.init(network.weights), no_targets(physics))
 
     def update(network, state, physics, batch, done):
-        flows, targets = state.flows[batch], state.targets[batch]
-        known, settled = state.known[batch], state.settled[batch]
+        predicted = predict(network, physics, batch)
+        targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
+        scale = jax.vmap(network.scale)(physics.samples.reynolds)
+        everyone = jnp.arange(physics.count)
 
-        def visit(index, amplitude, flow, target, known, settled):
-            rest = FlowState(flow, target), jnp.array(True), jnp.array(0)
-            step = functools.partial(invert, physics, index, amplitude, flow, known)
-            return jax.lax.cond(settled, lambda: rest, step)
+        def loss_of(weights):
+            a = predict(network.with_weights(weights), physics, everyone)
+            miss = a - targets.tractions
+            drag = miss[:, 0] / targets.tractions[:, 0]
+            losses = modes * jnp.mean((miss / scale) ** 2, axis=1) + goal**2 * drag**2
+            count = jnp.maximum(jnp.sum(targets.known), 1)
+            return jnp.sum(jnp.where(targets.known, losses, 0.0)) / count / 2
 
-        inverted, valid, products = per_sample(
-            visit, batch, predict(network, physics, batch), flows, targets, known, settled
-        )
-        moved = jnp.abs(inverted.amplitude[:, 0] / targets[:, 0] - 1) > settle
-        kept = keep(valid, inverted, FlowState(flows, targets))
-        flows = state.flows.at[batch].set(kept.velocity)
-        targets = state.targets.at[batch].set(kept.amplitude)
-        settled = state.settled.at[batch].set(settled | (valid & known & ~moved))
-        known = state.known.at[batch].set(valid | known)
-        rate = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
-        network, adam, loss = imitate(
-            network, state.adam, optimiser, physics, targets, known, goal, rate, network_steps
-        )
-        spent = Progress(jnp.sum(products), loss, jnp.sum(~valid))
-        return network, State(adam, flows, targets, known, settled), spent
+        def step(carry, _):
+            weights, adam = carry
+            loss, gradient = jax.value_and_grad(loss_of)(weights)
+            change, adam = optimiser.update(gradient, adam)
+            return (weights + change, adam), loss
+
+        adam = state.adam
+        adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
+        start = network.weights, adam
+        (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
+        spent = Progress(products, losses[-1], jnp.sum(~valid))
+        return network.with_weights(weights), State(adam, targets), spent
 
     return Method(init, update, batch)
-
-
-def imitate(network, adam, optimiser, physics, targets, known, goal, rate, steps):
-    """Adam steps towards target tractions of the samples that have one."""
-    scale = jax.vmap(network.scale)(physics.samples.reynolds)
-    everyone = jnp.arange(physics.count)
-
-    def loss_of(weights):
-        miss = predict(network.with_weights(weights), physics, everyone) - targets
-        modes = jnp.mean((miss / scale) ** 2, axis=1)
-        drag = (miss[:, 0] / targets[:, 0]) ** 2
-        losses = jnp.where(known, modes + goal**2 * drag, 0.0)
-        return jnp.sum(losses) / jnp.maximum(jnp.sum(known), 1) / 2
-
-    def step(carry, _):
-        weights, adam = carry
-        loss, gradient = jax.value_and_grad(loss_of)(weights)
-        change, adam = optimiser.update(gradient, adam)
-        return (weights + change, adam), loss
-
-    adam.hyperparams["learning_rate"] = rate
-    (weights, adam), losses = jax.lax.scan(step, (network.weights, adam), length=steps)
-    return network.with_weights(weights), adam, losses[-1]

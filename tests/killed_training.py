@@ -1,0 +1,26 @@
+"""Run by test_killed: a small training with checkpoints at every report, to be killed."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import surrogate
+from surrogate.scene import Fidelity, Scene
+from surrogate.training import loop
+from surrogate.training.presets import Plan
+
+surrogate.use_compilation_cache()
+folder = Path(sys.argv[1])
+scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
+plan = Plan("sip", scene, samples=24, held_out=4, iterations=60, report_every=1)
+
+
+def announce(point, done):
+    print(point.iteration, flush=True)
+
+
+trained = loop.train(
+    plan, loop.make_bench(plan), folder / "checkpoint.npz", announce, checkpoint_every_s=0.0
+)
+np.save(folder / "weights.npy", np.asarray(trained.network.weights))
