@@ -31,7 +31,7 @@ from surrogate.training.presets import preset
 from surrogate.training.supervised import supervised
 
 MARKS = (0.03, 0.01, 0.003)
-BASELINES = {  # regressions that a user might try first, with the learning rates that suit them
+BASELINES = {  # regressions that a user might try first
     "supervised, traction only": {"goal": 0.0},
     "supervised, drag only": {"modes": 0.0, "goal": 1.0},
 }

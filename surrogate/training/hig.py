@@ -34,7 +34,7 @@ class State(NamedTuple):
 
 def half_inverse_gradients(
     fidelity: Fidelity = "lagged",
-    batch: int = 48,
+    batch: int = 64,
     eta: float = 1.0,
     decay: float = 60.0,
     tau: float = 1e-3,
