@@ -16,7 +16,7 @@ from surrogate.flow import steady
 from surrogate.flow.domain import Domain
 from surrogate.flow.forces import drag_coefficient
 from surrogate.flow.immersed import Modes, spread_modes
-from surrogate.flow.newton import NewtonSettings, root
+from surrogate.flow.newton import NewtonSettings, Problem, root
 from surrogate.flow.steady import FlowState
 from surrogate.network import DragNetwork
 from surrogate.store import Surrogate
@@ -104,7 +104,8 @@ def correction(
         driven = case.kernel(body.spread(amplitude.at[solved].set(0.0)))
         products += 1
 
-    def residual(state):
+    def residual(data, state):
+        case, driven = data
         flow = steady.flow_residual(coarse, case, state) - driven
         return FlowState(flow, steady.slip_residual(coarse, case, state))
 
@@ -114,7 +115,8 @@ def correction(
 
     start = amplitude[solved]
     guess = FlowState(jnp.tensordot(start, case.response, axes=1) + driven, start)
-    state, info = root(residual, guess, steady.eliminate(coarse, case), norm, thoroughness.settings)
+    problem = Problem(residual, (case, driven), steady.eliminate(coarse, case))
+    state, info = root(problem, guess, norm, thoroughness.settings)
     compliance = jax.vmap(case.body.slip)(case.response).T
     return Correction(
         drag_coefficient(state.amplitude),

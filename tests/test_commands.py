@@ -42,7 +42,7 @@ def test_solve_drag(capsys):
     first, second = result["results"]
     assert set(first) == {
         *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "cm", "converged", "iterations"),
-        *("green_applications", "wall_s", "gradient"),
+        *("green_applications", "wall_s", "gradient", "estimated_error", "status"),
     }
     assert first["reynolds"] == 10
     assert first["cd"] > second["cd"] > 1
