@@ -7,6 +7,7 @@ Kriging needs scikit-learn: pip install -e '.[bench]'.
 """
 
 import dataclasses
+import functools
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -28,12 +29,15 @@ from surrogate.network import DragNetwork
 from surrogate.training.loop import Bench
 from surrogate.training.physics import Samples, require_converged, solve_labels
 from surrogate.training.presets import preset
+from surrogate.training.sip import scale_invariant_physics
 from surrogate.training.supervised import supervised
 
 MARKS = (0.03, 0.01, 0.003)
-BASELINES = {  # regressions that a user might try first
-    "supervised, traction only": {"goal": 0.0},
-    "supervised, drag only": {"modes": 0.0, "goal": 1.0},
+VARIANTS = {  # the method as published, and regressions that a user might try
+    "sip, as published": functools.partial(scale_invariant_physics, slopes=0.0),
+    "supervised, traction only": functools.partial(supervised, goal=0.0),
+    "supervised, drag only": functools.partial(supervised, modes=0.0, goal=1.0),
+    "supervised, with slopes": functools.partial(supervised, slopes=0.5),
 }
 Reached = dict[str, float | None]
 
@@ -81,9 +85,9 @@ def _seed_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> l
         _row(method, seed, bench, slopes, s.network, s.record["history"], s.record["setup_s"])
         for method, s in surrogates.items()
     ]
-    for method, settings in BASELINES.items():
-        plan = preset("supervised", name, seed)
-        trained = train_with_bar(plan, bench, method=supervised(**settings), title=method)
+    for method, make in VARIANTS.items():
+        plan = preset(method.split(",")[0], name, seed)
+        trained = train_with_bar(plan, bench, method=make(), title=method)
         history = [list(point[:5]) for point in trained.history]
         rows.append(_row(method, seed, bench, slopes, trained.network, history, bench.setup_s))
     with progress_bar("rivals") as progress:

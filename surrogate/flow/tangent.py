@@ -5,13 +5,17 @@ Krylov vectors are of single precision: the solves are asked for a few digits.
 ``A`` is the coupled Jacobian of body flow, ``J_u = I - G C'(u)`` its flow block.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.domain import Domain
+from surrogate.flow.immersed import Spreading
 from surrogate.flow.krylov import gmres
 from surrogate.flow.newton import single
 from surrogate.flow.steady import (
@@ -54,14 +58,37 @@ def drag_weights(
     domain: Domain, case: Case, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, " modes"], Cost]:
     """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
+    adjoint, cost = _drag_adjoint(domain, case, state, effort)
+    return adjoint.amplitude.astype(float), cost
 
+
+def drag_slope(
+    domain: Domain,
+    case: Case,
+    state: FlowState,
+    body_of: Callable[[Float[AnyArray, " parameters"]], Spreading],
+    parameters: Float[AnyArray, " parameters"],
+    effort: Effort,
+) -> tuple[Float[Array, " parameters"], Cost]:
+    """dCd/d(parameters) of a body flow at ``state``, one adjoint solve."""
+    adjoint, cost = _drag_adjoint(domain, case, state, effort)
+
+    def moved(parameters):
+        here = eqx.tree_at(lambda c: c.body, case, body_of(parameters))
+        return _residual(domain, here, state)
+
+    pull = jax.vjp(moved, parameters)[1]
+    return pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))[0], cost
+
+
+def _drag_adjoint(domain, case, state, effort):
     inverse = single(eliminate(domain, case))
     case, state = single((case, state))
     adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
     precondition = jax.linear_transpose(inverse, state)
     goal = FlowState(jnp.zeros_like(state.velocity), jnp.zeros_like(state.amplitude).at[0].set(2.0))
     result = gmres(lambda z: precondition(adjoint(z)[0])[0], precondition(goal)[0], *effort)
-    return result.x.amplitude.astype(float), Cost(result.steps, result.converged)
+    return result.x, Cost(result.steps, result.converged)
 
 
 def slip_adjoint(

@@ -32,10 +32,14 @@ def scale_invariant_physics(
     goal: float = 30.0,
     settle: float = 1e-4,
     effort: Effort = Effort(1e-2, 30),
+    slopes: float = 0.5,
 ) -> Method:
-    """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets."""
-    invert = inversion("lagged", settle, effort)
-    return imitation(invert, batch, network_steps, learning_rate, goal)
+    """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets.
+
+    ``slopes`` 0 leaves out the shape gradients of settled samples, as published.
+    """
+    invert = inversion("lagged", settle, effort, slopes=slopes > 0)
+    return imitation(invert, batch, network_steps, learning_rate, goal, slopes=slopes)
 
 
 def imitation(
@@ -45,10 +49,13 @@ def imitation(
     learning_rate: float,
     goal: float,
     modes: float = 1.0,
+    slopes: float = 0.0,
 ) -> Method:
     """Invert the solver for a batch, then Adam towards all targets so far.
 
-    The loss weights the squared misses of the modes by ``modes``, of the drag by ``goal**2``.
+    The loss weights the squared misses of the modes by ``modes``, of the drag by ``goal**2``, of
+    its shape gradient over half a range by ``(slopes goal)**2``: what the adjoint of a settled
+    flow tells of its neighbours (Sobolev training, Czarnecki et al. 2017).
     """
     optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
 
@@ -67,7 +74,16 @@ def imitation(
             drag = miss[:, 0] / targets.tractions[:, 0]
             losses = modes * jnp.mean((miss / scale) ** 2, axis=1) + goal**2 * drag**2
             count = jnp.maximum(jnp.sum(targets.known), 1)
-            return jnp.sum(jnp.where(targets.known, losses, 0.0)) / count / 2
+            total = jnp.sum(jnp.where(targets.known, losses, 0.0))
+            if slopes:
+                total += (slopes * goal) ** 2 * slope_misses(weights)
+            return total / count / 2
+
+        def slope_misses(weights):
+            log_drag = jax.grad(lambda p, re: jnp.log(network.with_weights(weights).drag(p, re)))
+            widths = (network.high - network.low)[:-1] / 2
+            miss = widths * (jax.vmap(log_drag)(*physics.samples) - targets.slopes)
+            return jnp.sum(jnp.where(targets.settled[:, None], miss, 0.0) ** 2)
 
         def step(carry, _):
             weights, adam = carry

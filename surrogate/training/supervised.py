@@ -16,10 +16,11 @@ def supervised(
     goal: float = 30.0,
     modes: float = 1.0,
     settings: NewtonSettings = NewtonSettings(1e-5, 15, 40),
+    slopes: float = 0.0,
 ) -> Method:
     """Body flows of a batch where labels are missing, then Adam on all labels so far.
 
     ``goal`` 0 regresses on the traction alone, ``modes`` 0 on the drag alone.
     """
-    invert = inversion("frozen", settings=settings)
-    return imitation(invert, batch, network_steps, learning_rate, goal, modes)
+    invert = inversion("frozen", settings=settings, slopes=slopes > 0)
+    return imitation(invert, batch, network_steps, learning_rate, goal, modes, slopes)

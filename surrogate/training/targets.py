@@ -17,10 +17,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from surrogate.body import family_markers
 from surrogate.flow import steady
+from surrogate.flow.forces import drag_coefficient
+from surrogate.flow.immersed import spread_modes
 from surrogate.flow.newton import NewtonSettings
 from surrogate.flow.steady import FlowState
-from surrogate.flow.tangent import Effort, coupled_step
+from surrogate.flow.tangent import Cost, Effort, coupled_step, drag_slope
 from surrogate.training.method import Batch, keep, per_sample
 from surrogate.training.physics import Physics
 
@@ -28,18 +31,23 @@ Fidelity = Literal["exact", "lagged", "frozen"]
 
 
 class Targets(NamedTuple):
-    """Per sample the last flow, the target traction, whether there is one, whether it is final."""
+    """Per sample the last flow, the target traction, whether there is one, whether it is final.
+
+    ``slopes`` are d log Cd / d(parameters) of final samples, where they were asked for.
+    """
 
     flows: Float[Array, "samples 2 nx ny"]
     tractions: Float[Array, "samples modes"]
+    slopes: Float[Array, "samples parameters"]
     known: Bool[Array, " samples"]
     settled: Bool[Array, " samples"]
 
 
 class Answer(NamedTuple):
-    """One inversion: flow and traction, whether they are good and final, applications of G."""
+    """One inversion: flow, traction, slope; whether they are good and final; applications of G."""
 
     state: FlowState
+    slope: Float[Array, " parameters"]
     valid: Bool[Array, ""]
     final: Bool[Array, ""]
     products: Int[Array, ""]
@@ -53,11 +61,27 @@ def inversion(
     settle: float = 1e-4,
     effort: Effort = Effort(1e-2, 30),
     settings: NewtonSettings = NewtonSettings(1e-5, 15, 40),
+    slopes: bool = False,
 ) -> Inversion:
     """The inverse solver of a fidelity: ``(physics, index, prediction, stored, known) -> Answer``.
 
-    ``settle`` is the relative change of drag below which a lagged sample is final.
+    ``settle`` is the relative change of drag below which a lagged sample is final. With ``slopes``
+    a final sample also gets its shape gradient, by one adjoint solve.
     """
+
+    def with_slope(physics, index, state, valid, final, products):
+        parameters = physics.samples.parameters[index]
+
+        def adjoint():
+            slope, spent = log_drag_slope(physics, index, state, Effort(1e-3, 40))
+            good = spent.converged & jnp.all(jnp.isfinite(slope))
+            return jnp.where(good, slope, 0.0), good, spent.products
+
+        def none():
+            return jnp.zeros_like(parameters), valid, jnp.zeros_like(products)
+
+        slope, good, spent = jax.lax.cond(final & slopes, adjoint, none)
+        return Answer(state, slope, valid, final & good, products + spent)
 
     def step(physics, index, predicted, stored, known):
         case = physics.case(index)
@@ -66,11 +90,13 @@ def inversion(
         traction = state.amplitude
         valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
         unmoved = jnp.abs(traction[0] / stored.amplitude[0] - 1) <= settle
-        return Answer(state, valid, valid & known & unmoved, spent.products)
+        final = valid & known & unmoved
+        return with_slope(physics, index, state, valid, final, spent.products)
 
     def solve(physics, index, predicted, stored, known):
         state, info = steady.body_flow(physics.domain, physics.case(index), settings=settings)
-        return Answer(state, info.converged, info.converged, info.products)
+        converged = info.converged
+        return with_slope(physics, index, state, converged, converged, info.products)
 
     match fidelity:
         case "lagged":
@@ -82,7 +108,23 @@ def inversion(
 def no_targets(physics: Physics) -> Targets:
     """Nothing known: Oseen flows and tractions."""
     none = jnp.zeros(physics.count, bool)
-    return Targets(physics.oseen.velocity, physics.oseen.amplitude, none, none)
+    slopes = jnp.zeros_like(physics.samples.parameters)
+    return Targets(physics.oseen.velocity, physics.oseen.amplitude, slopes, none, none)
+
+
+def log_drag_slope(
+    physics: Physics, index: Array, state: FlowState, effort: Effort
+) -> tuple[Float[Array, " parameters"], Cost]:
+    """d log Cd / d(parameters) of a sample whose body flow is ``state``."""
+    domain = physics.domain
+
+    def body_of(parameters):
+        markers = family_markers(parameters, domain.nodes)
+        return spread_modes(domain.lattice, domain.modes, domain.box, markers)
+
+    parameters = physics.samples.parameters[index]
+    slope, cost = drag_slope(domain, physics.case(index), state, body_of, parameters, effort)
+    return slope / drag_coefficient(state.amplitude), cost
 
 
 def improve(
@@ -96,17 +138,17 @@ def improve(
 
     Returns the targets, which inversions were good, and the applications of G spent.
     """
-    flows, tractions, known, settled = jax.tree.map(lambda leaf: leaf[batch], targets)
+    flows, tractions, slopes, known, settled = jax.tree.map(lambda leaf: leaf[batch], targets)
 
-    def visit(index, predicted, flow, traction, known, settled):
+    def visit(index, predicted, flow, traction, slope, known, settled):
         stored = FlowState(flow, traction)
-        rest = Answer(stored, *map(jnp.asarray, (True, True, 0)))
+        rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
         return jax.lax.cond(
             settled, lambda: rest, lambda: invert(physics, index, predicted, stored, known)
         )
 
-    answer = per_sample(visit, batch, predicted, flows, tractions, known, settled)
+    answer = per_sample(visit, batch, predicted, flows, tractions, slopes, known, settled)
     state = keep(answer.valid, answer.state, FlowState(flows, tractions))
-    new = (*state, known | answer.valid, settled | answer.final)
+    new = (*state, answer.slope, known | answer.valid, settled | answer.final)
     targets = Targets(*(a.at[batch].set(b) for a, b in zip(targets, new, strict=True)))
     return targets, answer.valid, jnp.sum(answer.products)
