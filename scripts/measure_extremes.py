@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
 import matplotlib
 from common import Parser, emit, markdown, progress_bar, run
 
@@ -75,6 +76,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
                     _cell(panel.name, row, column, panel.flow(value, other))
                     for column, other in panel.columns.items()
                 ]
+                jax.clear_caches()  # Linux grants a process so many memory maps, and these add up
         progress(1.0)
     picture = _draw(panels, cells, out / "extremes.png")
     silent = sum(cell.outcome == "silently wrong" for cell in cells)
@@ -90,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 def _panels() -> list[Panel]:
     standard = FIDELITIES["standard"]
-    reynolds = {f"Re {re:g}": re for re in (1e-3, 1e-2, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)}
+    reynolds = {f"Re {re:g}": re for re in (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)}
     aspects = {f"aspect {a:g}": a for a in (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)}
     maps = [
         Panel(name, aspects, reynolds, functools.partial(Flow, fidelity=FIDELITIES[name]))
@@ -100,10 +102,10 @@ def _panels() -> list[Panel]:
     maps.append(Panel("cells per D, Re 10", cells, aspects, lambda f, a: Flow(a, 10.0, f)))
     windows = {
         f"{u} + {d} by {h}": dataclasses.replace(standard, upstream=u, downstream=d, height=h)
-        for u, d, h in ((2.5, 2.5, 4), (3, 4, 5), (4, 6, 6), (4, 8, 8), (6, 12, 8), (8, 20, 12))
+        for u, d, h in ((2.5, 2.5, 4), (3, 4, 5), (4, 8, 8), (6, 12, 8))
     }
     maps.append(Panel("window, cylinder", windows, reynolds, lambda f, re: Flow(1.0, re, f)))
-    tunnels = {f"H = {h:g}": h for h in (1.5, 2.3, 2.5, 3.0, 4.0, 8.0, 100.0)}
+    tunnels = {f"H = {h:g}": h for h in (1.5, 2.3, 3.0, 6.0, 100.0)}
     maps.append(
         Panel(
             "tunnel, cylinder",

@@ -70,12 +70,27 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     rows: list[Row] = []
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
         folder = out if seed == arguments.seed else out / f"seed{seed}"
-        rows += _seed_rows(arguments.preset, seed, folder, fitters, arguments.gradients)
+        rows += _kept_rows(arguments.preset, seed, folder, fitters, arguments.gradients)
     plot = plot_training([dataclasses.asdict(row) for row in rows], out / "training.png")
     result = {"rows": [dataclasses.asdict(row) for row in rows], "plot": str(plot)}
     with whole_file(out / "training.json") as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
     return emit(result, arguments.json, f"{_text(rows)}\n\n-> {plot}")
+
+
+def _kept_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> list[Row]:
+    """The rows of a seed, measured once and kept in its folder."""
+    kept = folder / "rows.json"
+    if kept.is_file():
+        record = json.loads(kept.read_text())
+        if record["asked"] != [name, seed, gradients]:
+            raise InvalidInput(f"{kept}: is of another preset or seed; choose another --out")
+        return [Row(**row) for row in record["rows"]]
+    rows = _seed_rows(name, seed, folder, fitters, gradients)
+    record = {"asked": [name, seed, gradients], "rows": [dataclasses.asdict(row) for row in rows]}
+    with whole_file(kept) as part:
+        part.write_text(json.dumps(record) + "\n")
+    return rows
 
 
 def _seed_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> list[Row]:

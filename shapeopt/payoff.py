@@ -3,6 +3,13 @@
 import dataclasses
 import math
 import statistics
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+Unit = Literal["seconds", "green_applications"]
+RESAMPLES = 2000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,8 +41,27 @@ class Design:
 
 
 @dataclasses.dataclass(frozen=True)
+class Campaign:
+    """One trained surrogate (one seed) and the stream of queries it answered."""
+
+    training: Cost
+    drag_error_mean: float
+    drag_error_max: float
+    designs: Sequence[Design]
+
+
+@dataclasses.dataclass(frozen=True)
+class BreakEven:
+    """Designs after which the training has paid, with a 95 % interval; infinite if never."""
+
+    designs: float
+    low: float
+    high: float
+
+
+@dataclasses.dataclass(frozen=True)
 class Payoff:
-    """Break-even of one method over a stream of designs; infinite where it never pays."""
+    """Break-even of one method over a stream of designs, its seeds taken together."""
 
     method: str
     training: Cost
@@ -45,36 +71,54 @@ class Payoff:
     gap_max: float
     per_design: Cost
     per_direct: Cost
-    designs_to_pay_seconds: float
-    designs_to_pay_green: float
+    seconds: BreakEven
+    green_applications: BreakEven
 
 
-def payoff(
-    method: str, training: Cost, errors: tuple[float, float], designs: list[Design]
-) -> Payoff:
-    """K T_direct = T_train + K (T_loop + T_verify), solved for K by mean costs per design."""
-    own = _mean([design.cost for design in designs])
-    direct = _mean([design.direct_cost for design in designs])
+def payoff(method: str, campaigns: Sequence[Campaign], seed: int = 0) -> Payoff:
+    """K T_direct = T_train + K (T_loop + T_verify), solved for K by mean costs.
+
+    The interval is a bootstrap over seeds and, within each, over queries (Efron 1979).
+    """
+    designs = [design for campaign in campaigns for design in campaign.designs]
     gaps = [design.gap for design in designs]
     return Payoff(
         method=method,
-        training=training,
-        drag_error_mean=errors[0],
-        drag_error_max=errors[1],
+        training=_mean([campaign.training for campaign in campaigns]),
+        drag_error_mean=statistics.fmean(campaign.drag_error_mean for campaign in campaigns),
+        drag_error_max=max(campaign.drag_error_max for campaign in campaigns),
         gap_mean=statistics.fmean(gaps),
         gap_max=max(gaps),
-        per_design=own,
-        per_direct=direct,
-        designs_to_pay_seconds=break_even(training.seconds, own.seconds, direct.seconds),
-        designs_to_pay_green=break_even(
-            training.green_applications, own.green_applications, direct.green_applications
-        ),
+        per_design=_mean([design.cost for design in designs]),
+        per_direct=_mean([design.direct_cost for design in designs]),
+        seconds=_break_even(campaigns, "seconds", seed),
+        green_applications=_break_even(campaigns, "green_applications", seed),
     )
 
 
 def break_even(training: float, own: float, direct: float) -> float:
     """Number of designs after which training + K own <= K direct."""
     return training / (direct - own) if direct > own else math.inf
+
+
+def _break_even(campaigns, unit: Unit, seed) -> BreakEven:
+    generator = np.random.default_rng(seed)
+    bills = np.array([getattr(campaign.training, unit) for campaign in campaigns])
+    saved = np.array(
+        [
+            [getattr(design.direct_cost, unit) - getattr(design.cost, unit) for design in c.designs]
+            for c in campaigns
+        ]
+    )
+    seeds, queries = saved.shape
+
+    def resampled():
+        chosen = generator.integers(seeds, size=seeds)
+        asked = generator.integers(queries, size=queries)
+        return break_even(bills[chosen].mean(), 0.0, saved[np.ix_(chosen, asked)].mean())
+
+    low, high = np.quantile([resampled() for _ in range(RESAMPLES)], [0.025, 0.975], method="lower")
+    return BreakEven(break_even(bills.mean(), 0.0, saved.mean()), float(low), float(high))
 
 
 def _mean(costs):

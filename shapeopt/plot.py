@@ -39,4 +39,4 @@ def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
 
 
 def _crossing(payoff, unit):
-    return payoff.designs_to_pay_seconds if unit == "seconds" else payoff.designs_to_pay_green
+    return getattr(payoff, unit).designs

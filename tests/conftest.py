@@ -7,6 +7,7 @@ from jaxtyping import install_import_hook
 
 hook = install_import_hook(["surrogate", "shapeopt"], "typecheck.check")
 
+import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
@@ -29,6 +30,13 @@ def cylinder_domain():
     from surrogate.flow.domain import make_domain
 
     return make_domain(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def memory_maps():
+    """Drop a module's compiled code: Linux grants a process 65530 maps, a solver takes hundreds."""
+    yield
+    jax.clear_caches()
 
 
 @pytest.fixture

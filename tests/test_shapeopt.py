@@ -9,9 +9,10 @@ import pytest
 from shapeopt.constraints import margins
 from shapeopt.geometry import chord, thickness
 from shapeopt.optimise import optimise
-from shapeopt.payoff import Cost, Design, break_even, payoff
+from shapeopt.payoff import Campaign, Cost, Design, break_even, payoff
 from shapeopt.plot import plot_payoff
 from shapeopt.problem import Problem
+from shapeopt.queries import query_stream
 from shapeopt.render import Panel, pv, render_evolution, render_flows
 from surrogate.body import family_markers
 from surrogate.errors import InvalidInput
@@ -78,15 +79,24 @@ def example_payoffs():
         Design(Cost(1, 10), 1.01, Cost(3, 110), 1.0),
         Design(Cost(1, 10), 1.03, Cost(5, 90), 1.0),
     ]
-    return [payoff("sip", Cost(30, 900), (0.01, 0.02), designs)]
+    return [payoff("sip", [Campaign(Cost(30, 900), 0.01, 0.02, designs)])]
 
 
 def test_payoff_of_known_designs():
     p = example_payoffs()[0]
     assert p.gap_mean == pytest.approx(0.02)
     assert p.gap_max == pytest.approx(0.03)
-    assert p.designs_to_pay_seconds == pytest.approx(10.0)
-    assert p.designs_to_pay_green == pytest.approx(10.0)
+    assert p.seconds.designs == pytest.approx(10.0)
+    assert p.green_applications.designs == pytest.approx(10.0)
+    assert p.seconds.low == pytest.approx(30 / 4)  # both queries the dearer one
+    assert p.seconds.high == pytest.approx(30 / 2)
+
+
+def test_queries_are_solvable_and_repeat(pretrained):
+    first, again = (query_stream(pretrained.scene, 3, 4) for _ in range(2))
+    assert [q.reynolds for q in first] == [q.reynolds for q in again]
+    assert len({q.reynolds for q in first}) == 4
+    assert all(len(q.candidates()) for q in first)
 
 
 def assert_picture(path, least_colours=200):
