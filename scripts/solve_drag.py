@@ -21,7 +21,7 @@ from common import (
 )
 
 from surrogate.errors import InvalidInput
-from surrogate.flow.trust import judge, solve_shape
+from surrogate.flow.trust import fitted_domain, judge, solve_shape
 from surrogate.scene import Fidelity, parse_stream
 
 
@@ -34,6 +34,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     shape = shape_of(arguments)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
+    for value in reynolds:
+        fitted_domain(shape, stream, fidelity, value)  # refuses what cannot be solved
     results = []
     with progress_bar("body flow") as progress:
         for k, value in enumerate(reynolds):

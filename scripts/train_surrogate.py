@@ -62,8 +62,10 @@ def train_with_bar(
     return trained
 
 
-def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) -> dict[str, Any]:
-    """Save the surrogate with its record; returns what the command reports."""
+def save(
+    plan: Plan, trained: Trained, out: Path, command: str, setup_s: float, **more: Any
+) -> dict[str, Any]:
+    """Save the surrogate with its record, and ``more`` in it; returns what the command reports."""
     last = trained.history[-1]
     result = {
         "method": plan.method,
@@ -85,6 +87,7 @@ def save(plan: Plan, trained: Trained, out: Path, command: str, setup_s: float) 
         "failed_samples": last.failed,
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],
+        **more,
     }
     save_surrogate(out, Surrogate(trained.network, plan.scene, record))
     return result

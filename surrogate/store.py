@@ -24,7 +24,7 @@ from surrogate.scene import Fidelity, Scene, Tunnel, Unbounded
 
 FORMAT = 1
 RECORD = "surrogate.json"
-PRETRAINED = Path(__file__).parent / "pretrained" / "default"
+PRETRAINED = Path(__file__).parent / "pretrained"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,12 +83,15 @@ def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
 
 
 def load_surrogate(name: str | Path) -> Surrogate:
-    """Load a folder, or the one that ships with the package: ``"pretrained"``.
+    """Load a folder, or one that ships with the package.
+
+    ``"pretrained"`` is the most accurate of these, ``"pretrained:METHOD"`` that of a method.
 
     Raises:
       InvalidInput: it is missing, damaged, or not a surrogate.
     """
-    folder = PRETRAINED if str(name) == "pretrained" else Path(name)
+    kind, _, method = str(name).partition(":")
+    folder = PRETRAINED / (method or "default") if kind == "pretrained" else Path(name)
     if not folder.is_dir():
         raise InvalidInput(f"surrogate {folder}: no such folder; train_surrogate.py makes one")
     weights = folder / "weights.npz"

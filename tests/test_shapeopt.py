@@ -13,10 +13,9 @@ from shapeopt.payoff import Campaign, Cost, Design, break_even, payoff
 from shapeopt.plot import plot_payoff
 from shapeopt.problem import Problem
 from shapeopt.queries import query_stream
-from shapeopt.render import Panel, pv, render_evolution, render_flows
+from shapeopt.render import pv
 from surrogate.body import family_markers
 from surrogate.errors import InvalidInput
-from surrogate.flow.drag import solve
 from surrogate.store import load_surrogate
 
 
@@ -99,20 +98,8 @@ def test_queries_are_solvable_and_repeat(pretrained):
     assert all(len(q.candidates()) for q in first)
 
 
-def assert_picture(path, least_colours=200):
+def test_payoff_plot_is_not_blank(tmp_path, capfd):
+    path = plot_payoff(example_payoffs(), tmp_path / "payoff.png")
     pixels = pv.read(path).active_scalars
-    assert len(np.unique(pixels, axis=0)) > least_colours, "blank"
-    assert pixels.std() > 10
-
-
-def test_pictures_are_not_blank(cylinder_domain, tmp_path, capfd):
-    markers = np.asarray(family_markers(jnp.array([1.0, 0, 0, 0]), 96))
-    solution = solve(cylinder_domain, markers, jnp.asarray(20.0))
-    panel = Panel(cylinder_domain, markers, solution, "Re 20")
-    assert_picture(render_flows([[panel, panel]], tmp_path / "flow.png"))
-    bodies = np.array([[1.0, 0, 0, 0], [2.0, 0.1, 0, 0]])
-    gif = render_evolution(bodies, ["start", "end"], tmp_path / "evolution.gif")
-    assert gif.read_bytes().startswith(b"GIF8")
-    assert_picture(plot_payoff(example_payoffs(), tmp_path / "payoff.png"), 50)
+    assert len(np.unique(pixels, axis=0)) > 50
     assert capfd.readouterr().err == ""
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["evolution.gif", "flow.png", "payoff.png"]

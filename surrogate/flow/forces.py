@@ -71,16 +71,6 @@ def friction_coefficient(
     return -2 / reynolds * sum(w * values for w, values in zip(weights, probed, strict=True))
 
 
-def pressure_coefficient(
-    domain: Domain, markers: Float[AnyArray, "nodes 2"], amplitude: Float[AnyArray, " modes"]
-) -> Float[AnyArray, " nodes"]:
-    """Cp along the contour from the normal traction, its mean removed."""
-    unit, speed = _frame(markers)
-    traction = _traction(domain, markers, amplitude)
-    pressure = -2 * jnp.sum(traction * unit, axis=1) / speed
-    return pressure - jnp.average(pressure, weights=speed)
-
-
 def vorticity(lattice: Lattice, velocity: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "nx ny"]:
     """dv/dx - du/dy at the upper right corner of every cell."""
     u, v = velocity

@@ -7,6 +7,7 @@ import numpy as np
 
 from surrogate.body import Shape
 from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow.domain import Domain
 from surrogate.flow.drag import DragReport, body_domain, report
 from surrogate.scene import Fidelity, Stream
 
@@ -24,17 +25,26 @@ class Trust(NamedTuple):
     status: Literal["accurate", "degraded"]
 
 
+def fitted_domain(shape: Shape, stream: Stream, fidelity: Fidelity, reynolds: float) -> Domain:
+    """Grid and window for a body.
+
+    Raises:
+      InvalidInput: the body does not fit grid or stream.
+    """
+    outline = shape.draw(NODES_TO_FIT)
+    return body_domain(stream, fidelity, outline, shape.symmetric, reynolds)
+
+
 def solve_shape(
     shape: Shape, stream: Stream, fidelity: Fidelity, reynolds: float, gradient: bool = False
 ) -> DragReport:
     """Drag of a body on a grid and window fit for it; the ``gradient`` is for family bodies.
 
     Raises:
-      InvalidInput: the body does not fit grid or stream.
+      InvalidInput: as ``fitted_domain``.
       NotConverged: the flow was not found.
     """
-    outline = shape.draw(NODES_TO_FIT)
-    domain = body_domain(stream, fidelity, outline, shape.symmetric, reynolds)
+    domain = fitted_domain(shape, stream, fidelity, reynolds)
     parameters = np.array(shape.parameters) if gradient else None
     return report(domain, shape.draw(domain.nodes), reynolds, parameters)
 
