@@ -201,13 +201,12 @@ def test_mirrored_body_has_the_mirrored_lift(stream):
     assert a.cd == pytest.approx(b.cd, rel=1e-9)
 
 
-def test_drag_does_not_jitter_as_the_body_moves_through_the_grid(cylinder_domain):
-    h = cylinder_domain.lattice.step[0]
-    body = family_markers(CYLINDER, 128)
+def test_drag_does_not_jitter_as_the_body_moves_through_the_grid():
+    domain = make_domain(Unbounded(), FIDELITIES["standard"], (1.5, 1.5), symmetric=True)
+    h = domain.lattice.step[0]
+    body = family_markers(CYLINDER, domain.nodes)
     drags = [
-        float(
-            solve(cylinder_domain, body + h * jnp.array(shift), jnp.asarray(20.0)).coefficients.drag
-        )
+        float(solve(domain, body + h * jnp.array(shift), jnp.asarray(20.0)).coefficients.drag)
         for shift in ((0, 0), (0.25, 0), (0.5, 0), (0.75, 0), (1, 0))
     ]
     drift = np.polyval(np.polyfit(np.arange(5), drags, 1), np.arange(5))  # nearer the inlet
