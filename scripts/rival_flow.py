@@ -37,7 +37,7 @@ def solve_by_finite_elements(
     outline, half = SplineGeometry(), box / 2
     outline.AddRectangle((-half, -half), (half, half), bcs=["side", "outlet", "side", "inlet"])
     outline.AddCircle((0, 0), r=0.5, leftdomain=0, rightdomain=1, bc="body", maxh=wall)
-    mesh = ng.Mesh(outline.GenerateMesh(maxh=8.0, grading=0.25))
+    mesh = ng.Mesh(outline.GenerateMesh(maxh=box / 8, grading=0.25))
     mesh.Curve(order)
     start = time.perf_counter()
     velocities = ng.VectorH1(mesh, order=order, dirichlet="inlet|side|body")
