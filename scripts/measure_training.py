@@ -70,7 +70,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     rows: list[Row] = []
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
         folder = out if seed == arguments.seed else out / f"seed{seed}"
-        rows += _kept_rows(arguments.preset, seed, folder, fitters, arguments.gradients)
+        rivals = fitters if seed == arguments.seed else None
+        rows += _kept_rows(arguments.preset, seed, folder, rivals, arguments.gradients)
     plot = plot_training([dataclasses.asdict(row) for row in rows], out / "training.png")
     result = {"rows": [dataclasses.asdict(row) for row in rows], "plot": str(plot)}
     with whole_file(out / "training.json") as part:
@@ -94,12 +95,15 @@ def _kept_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> l
 
 
 def _seed_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> list[Row]:
+    """The four methods; variants and rivals, for which there are ``fitters``, on the first seed."""
     surrogates, bench = train_all(name, seed, folder)
     slopes = _gradients(bench, gradients)
     rows = [
         _row(method, seed, bench, slopes, s.network, s.record["history"], s.record["setup_s"])
         for method, s in surrogates.items()
     ]
+    if fitters is None:
+        return rows
     for method, make in VARIANTS.items():
         plan = preset(method.split(",")[0], name, seed)
         trained = train_with_bar(plan, bench, method=make(), title=method)
