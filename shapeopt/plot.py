@@ -25,11 +25,11 @@ def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
         axis.plot(designs, [k * direct for k in designs], "k--", label="direct (adjoint)")
         for payoff in payoffs:
             bill, each = getattr(payoff.training, unit), getattr(payoff.per_design, unit)
-            (line,) = axis.plot(designs, [bill + k * each for k in designs], label=payoff.method)
             k = _crossing(payoff, unit)
+            label = f"{payoff.method}, pays after {k:.0f}" if math.isfinite(k) else payoff.method
+            (line,) = axis.plot(designs, [bill + k * each for k in designs], label=label)
             if math.isfinite(k):
                 axis.plot(k, k * direct, "o", color=line.get_color())
-                axis.annotate(f"{k:.0f}", (k, k * direct), (6, -12), textcoords="offset points")
         axis.set(xscale="log", yscale="log", xlabel="designs", ylabel=f"cumulative {label}")
         axis.legend(frameon=False)
     with whole_file(path) as part:
