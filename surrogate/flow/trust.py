@@ -12,13 +12,14 @@ from surrogate.flow.drag import DragReport, body_domain, report
 from surrogate.scene import Fidelity, Stream
 
 NODES_TO_FIT = 400
+TALLEST = 1.5  # D across the stream: beyond, no promise was measured
 
 
 class Trust(NamedTuple):
     """``estimated_error`` of the drag, relative; None where the coarser flow does not exist.
 
     ``accurate`` says that it is within what the fidelity promises, ``degraded`` that it is not,
-    or that there is no estimate.
+    that there is no estimate, or that the body is taller than any the promise was measured on.
     """
 
     estimated_error: float | None
@@ -56,7 +57,8 @@ def judge(drag: float, shape: Shape, stream: Stream, fidelity: Fidelity, reynold
     it; in two thirds of the window that of the window is about three times as large. The two are
     added up, lest they cancel.
     """
-    fitted = fidelity.reaching(reynolds, float(np.ptp(shape.draw(NODES_TO_FIT)[:, 1])))
+    height = float(np.ptp(shape.draw(NODES_TO_FIT)[:, 1]))
+    fitted = fidelity.reaching(reynolds, height)
     coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
     try:
         rough, cramped = (
@@ -66,4 +68,5 @@ def judge(drag: float, shape: Shape, stream: Stream, fidelity: Fidelity, reynold
         return Trust(None, "degraded")
     of_grid = abs(rough - drag) / ((fitted.cells / coarser.cells) ** 2 - 1)
     error = (of_grid + abs(cramped - rough) / 2) / drag
-    return Trust(error, "accurate" if error <= fidelity.promise else "degraded")
+    within = error <= fidelity.promise and height <= TALLEST
+    return Trust(error, "accurate" if within else "degraded")
