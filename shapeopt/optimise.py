@@ -153,7 +153,7 @@ class _FlowObjective:
             if not (bool(info.converged) and np.all(np.isfinite(slope))):
                 raise NotConverged(f"direct optimisation: no flow at Re {reynolds:g}")
             self.flows += 1
-            self.green_applications += int(info.products) + 2 * preparation_cost(self.domain)
+            self.green_applications += int(info.products) + preparation_cost(self.domain)
             drags.append(float(drag))
             slopes.append(np.asarray(slope))
         value, weights = _combined(np.array(drags), self.cylinder, self.scenarios)

@@ -16,7 +16,13 @@ from surrogate.contour import naca4, smooth_contour
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow import steady, tangent
 from surrogate.flow.domain import make_domain
-from surrogate.flow.drag import body_domain, family_drag_and_gradient, report, solve
+from surrogate.flow.drag import (
+    body_domain,
+    family_drag_and_gradient,
+    family_drag_and_shape_gradient,
+    report,
+    solve,
+)
 from surrogate.flow.forces import drag_coefficient
 from surrogate.flow.krylov import gmres
 from surrogate.flow.newton import NewtonSettings
@@ -91,6 +97,21 @@ def test_drag_converges_at_second_order_for_a_slender_body():
     assert min(rates) > 1.6, f"errors {errors}, rates {rates}"
 
 
+EXACT = NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8)
+
+
+@pytest.mark.parametrize("reynolds", [1.0, 40.0])
+def test_quick_shape_gradient_has_three_digits(reynolds, cylinder_domain):
+    domain = dataclasses.replace(cylinder_domain, box=(30, 24))
+    re = jnp.asarray(reynolds)
+    drag, (expected, _), _ = family_drag_and_gradient(domain, LENS, re, EXACT)
+    quick, slope, info = family_drag_and_shape_gradient(domain, LENS, re)
+    assert bool(info.converged)
+    assert float(quick) == pytest.approx(float(drag), rel=1e-5)
+    miss = float(jnp.linalg.norm(slope - expected) / jnp.linalg.norm(expected))
+    assert miss < 2e-3, f"miss {miss:.1e}"
+
+
 @pytest.mark.parametrize("reynolds", [1.0, 40.0])
 def test_gradient_passes_the_taylor_test(reynolds, cylinder_domain):
     """Halve the step four times; the remainder must fall at second order, in shape and Re."""
@@ -100,7 +121,7 @@ def test_gradient_passes_the_taylor_test(reynolds, cylinder_domain):
     def evaluate(step):
         moved = LENS + step * direction[:4]
         drag, (shape, slope), info = family_drag_and_gradient(
-            domain, moved, jnp.asarray(reynolds + step * direction[4])
+            domain, moved, jnp.asarray(reynolds + step * direction[4]), EXACT
         )
         assert bool(info.converged)
         return float(drag), float(shape @ direction[:4] + slope * direction[4])
@@ -115,7 +136,7 @@ def test_gradient_passes_the_taylor_test(reynolds, cylinder_domain):
 def test_gradient_agrees_with_central_differences_over_a_sweep_of_steps(cylinder_domain):
     """The difference falls with the step squared until the solver's tolerance takes over."""
     domain = dataclasses.replace(cylinder_domain, box=(30, 24))
-    evaluate = functools.partial(family_drag_and_gradient, domain)
+    evaluate = functools.partial(family_drag_and_gradient, domain, settings=EXACT)
     _, (shape, slope), _ = evaluate(LENS, jnp.asarray(10.0))
     for k, expected in enumerate([*shape, slope]):
         direction = jnp.zeros(5).at[k].set(1.0)
@@ -138,7 +159,7 @@ def driven(cylinder_domain):
         lambda: steady.prepare(cylinder_domain, family_markers(CYLINDER, 96), 20.0 * jnp.ones(()))
     )()
     solved, _ = steady.body_flow(cylinder_domain, case)
-    tight = NewtonSettings(tolerance=1e-11)
+    tight = NewtonSettings(tolerance=1e-11, linear_tolerance=1e-8)
 
     def slip(amplitude):
         velocity, _ = steady.forced_flow(cylinder_domain, case, amplitude, settings=tight)

@@ -14,18 +14,20 @@ from surrogate.flow.krylov import gmres
 Operator = Callable[[PyTree], PyTree]
 
 
-ROUND = 1e-3  # relative residual of one single-precision solve in iterative refinement
 SINGLE = 1e-5  # least relative residual asked of a single-precision Krylov solve
 
 
 class NewtonSettings(NamedTuple):
-    """``tolerance`` bounds the preconditioned residual relative to the solution."""
+    """``tolerance`` bounds the preconditioned residual relative to the solution.
 
-    tolerance: float = 1e-8
+    ``linear_tolerance`` bounds the same of tangent and adjoint solves.
+    """
+
+    tolerance: float = 1e-6
     max_steps: int = 25
     max_vectors: int = 40
-    forcing: float = 0.1
-    linear_tolerance: float = 1e-6
+    forcing: float = 0.2
+    linear_tolerance: float = 1e-4
 
 
 class NewtonInfo(NamedTuple):
@@ -135,10 +137,11 @@ def _refined_gmres(double, rough, b, settings):
 
     def improve(state):
         x, residual, rounds = state
+        needed = 0.7 * settings.linear_tolerance * size / optax.tree.norm(residual)
         change = gmres(
             lambda v: rough_inverse(rough_matvec(v)),
             single(residual),
-            jnp.float32(ROUND),
+            jnp.maximum(needed, SINGLE).astype(jnp.float32),
             settings.max_vectors,
         )
         x = jax.tree.map(jnp.add, x, change.x)

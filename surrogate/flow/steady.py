@@ -16,7 +16,14 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.domain import Domain
 from surrogate.flow.far import far_response, far_velocity
 from surrogate.flow.immersed import Spreading, spread_modes
-from surrogate.flow.newton import Identity, NewtonInfo, NewtonSettings, Problem, root
+from surrogate.flow.newton import (
+    Identity,
+    NewtonInfo,
+    NewtonSettings,
+    Problem,
+    root,
+    single,
+)
 from surrogate.flow.oseen import Kernel, SymmetricKernel, oseen_kernel
 
 DEFAULT = NewtonSettings()
@@ -26,8 +33,8 @@ PIN = 0.1  # velocity per unit of uniform pressure
 class Case(eqx.Module):
     """One body in one stream, ready to be solved.
 
-    ``response`` holds G B (the Oseen velocity of every mode): it preconditions, and its cost is
-    one application of G per mode.
+    ``response`` holds G B (the Oseen velocity of every mode) in single precision: it only
+    preconditions and starts, and its cost is one application of G per mode.
     """
 
     kernel: Kernel | SymmetricKernel
@@ -51,9 +58,9 @@ def prepare(
     lift = not domain.modes.symmetric
     far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
     body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
-    densities = jax.vmap(body.spread)(jnp.eye(domain.modes.count))
-    response = jax.lax.stop_gradient(jax.lax.map(kernel, densities))
-    return Case(kernel, far, body, response)
+    respond, rough = single(jax.lax.stop_gradient((kernel, body)))
+    densities = jax.vmap(rough.spread)(jnp.eye(domain.modes.count, dtype=jnp.float32))
+    return Case(kernel, far, body, jax.vmap(respond)(densities))
 
 
 def preparation_cost(domain: Domain) -> int:

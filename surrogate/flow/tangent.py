@@ -5,7 +5,6 @@ Krylov vectors are of single precision: the solves are asked for a few digits.
 ``A`` is the coupled Jacobian of body flow, ``J_u = I - G C'(u)`` its flow block.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,8 +13,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.body import family_markers
 from surrogate.flow.domain import Domain
-from surrogate.flow.immersed import Spreading
+from surrogate.flow.immersed import spread_modes
 from surrogate.flow.krylov import gmres
 from surrogate.flow.newton import single
 from surrogate.flow.steady import (
@@ -66,19 +66,20 @@ def drag_slope(
     domain: Domain,
     case: Case,
     state: FlowState,
-    body_of: Callable[[Float[AnyArray, " parameters"]], Spreading],
     parameters: Float[AnyArray, " parameters"],
     effort: Effort,
 ) -> tuple[Float[Array, " parameters"], Cost]:
-    """dCd/d(parameters) of a body flow at ``state``, one adjoint solve."""
+    """dCd/d(parameters) of a family body whose flow is ``state``, one adjoint solve."""
     adjoint, cost = _drag_adjoint(domain, case, state, effort)
 
     def moved(parameters):
-        here = eqx.tree_at(lambda c: c.body, case, body_of(parameters))
-        return _residual(domain, here, state)
+        markers = family_markers(parameters, domain.nodes)
+        body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
+        return _residual(domain, eqx.tree_at(lambda c: c.body, case, body), state)
 
     pull = jax.vjp(moved, parameters)[1]
-    return pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))[0], cost
+    slope = pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))[0]
+    return slope, cost._replace(products=cost.products + 1)
 
 
 def _drag_adjoint(domain, case, state, effort):

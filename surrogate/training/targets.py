@@ -17,10 +17,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.body import family_markers
 from surrogate.flow import steady
 from surrogate.flow.forces import drag_coefficient
-from surrogate.flow.immersed import spread_modes
 from surrogate.flow.newton import NewtonSettings
 from surrogate.flow.steady import FlowState
 from surrogate.flow.tangent import Cost, Effort, coupled_step, drag_slope
@@ -116,14 +114,8 @@ def log_drag_slope(
     physics: Physics, index: Array, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, " parameters"], Cost]:
     """d log Cd / d(parameters) of a sample whose body flow is ``state``."""
-    domain = physics.domain
-
-    def body_of(parameters):
-        markers = family_markers(parameters, domain.nodes)
-        return spread_modes(domain.lattice, domain.modes, domain.box, markers)
-
     parameters = physics.samples.parameters[index]
-    slope, cost = drag_slope(domain, physics.case(index), state, body_of, parameters, effort)
+    slope, cost = drag_slope(physics.domain, physics.case(index), state, parameters, effort)
     return slope / drag_coefficient(state.amplitude), cost
 
 
