@@ -2,6 +2,7 @@
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --certify
+python scripts/predict_drag.py --surrogate out/sip --flows out/flows.npz --aspect 2 --reynolds 20
 """
 
 import sys
@@ -14,11 +15,10 @@ import numpy as np
 from common import Parser, add_family_arguments, emit, family_parameters, reynolds_numbers, run
 
 from surrogate.body import PARAMETERS, check_family
-from surrogate.certificate import QUICK, THOROUGH, Thoroughness, certify
+from surrogate.certificate import certify
 from surrogate.errors import InvalidInput
+from surrogate.reduced import ReducedFlow, load_reduced
 from surrogate.store import Surrogate, load_surrogate
-
-CHECKS = {"thorough": THOROUGH, "quick": QUICK}
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -30,8 +30,11 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parameters = np.array(family_parameters(arguments))
     check_family(parameters)
     surrogate = load_surrogate(arguments.surrogate)
-    check = CHECKS[arguments.certify] if arguments.certify else None
-    results = [_predict(surrogate, parameters, value, check) for value in reynolds]
+    flows = _flows(arguments.flows, surrogate) if arguments.certify == "quick" else None
+    results = [_predict(surrogate, parameters, value) for value in reynolds]
+    if arguments.certify:
+        for row in results:
+            row |= certify(surrogate, parameters, row["reynolds"], flows)._asdict()
     result = {
         "results": results,
         "surrogate": arguments.surrogate,
@@ -42,22 +45,27 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _predict(
-    surrogate: Surrogate, parameters, reynolds: float, check: Thoroughness | None
-) -> dict[str, Any]:
+def _flows(path: str | None, surrogate: Surrogate) -> ReducedFlow | None:
+    """The reduced flows asked for; else those that ship, if they are of the surrogate's scene."""
+    flows = load_reduced() if path is None else load_reduced(path)
+    if flows.scene == surrogate.scene:
+        return flows
+    if path is not None:
+        raise InvalidInput(f"--flows {path}: of another scene than {surrogate.record['out']}")
+    return None
+
+
+def _predict(surrogate: Surrogate, parameters, reynolds: float) -> dict[str, Any]:
     body, re = jnp.asarray(parameters), jnp.asarray(reynolds, float)
     cd, gradient = jax.value_and_grad(surrogate.drag)(body, re)
     known = surrogate.knows(parameters, reynolds)
-    result = {
+    return {
         "reynolds": reynolds,
         "cd": float(cd),
         "gradient": dict(zip(PARAMETERS, gradient.tolist(), strict=True)),
         "in_trained_range": known,
         "confidence": _confidence(surrogate.beyond(parameters, reynolds)),
     }
-    if check:
-        result |= certify(surrogate, parameters, reynolds, check)._asdict()
-    return result
 
 
 def _confidence(beyond: dict[str, float]) -> str:
@@ -72,7 +80,8 @@ def _line(r: dict[str, Any]) -> str:
     if "cd_corrected" in r:
         line += (
             f"  corrected {r['cd_corrected']:.4f}  estimated error "
-            f"{100 * r['estimated_error']:.2f} %  slip {r['slip']:.4f}"
+            f"{100 * r['estimated_error']:.3f} %  slip {r['slip']:.4f}  by {r['by']}, "
+            f"{r['certificate_green_applications']} applications of G"
         )
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 
@@ -85,10 +94,12 @@ def _parser():
     parser.add_argument(
         "--certify",
         nargs="?",
-        const="thorough",
-        choices=CHECKS,
-        help="correct by the flow: thorough (default), or quick at 2/3 of its cost, which is rough",
+        const="quick",
+        choices=["quick", "thorough"],
+        help="correct by the flow equations: quick (default) by reduced flows where there are any "
+        "and they suffice, thorough by a loose body flow",
     )
+    parser.add_argument("--flows", help="reduced flows by reduce_flow.py; those that ship")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser
 

@@ -23,7 +23,7 @@ from surrogate.flow.tangent import Effort, drag_slope
 from surrogate.scene import Fidelity, Stream, check_stream
 
 THINNEST = 2.5  # cells across the mean thickness
-ADJOINT = Effort(1e-4, 40)
+ADJOINT = Effort(2e-4, 40)
 
 
 class Solution(NamedTuple):

@@ -5,6 +5,8 @@ flux outside the window is quadratic in the force and its response inside the wi
 ``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, made on a coarse grid.
 """
 
+from collections.abc import Callable
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -49,7 +51,7 @@ def _ring(lattice, coarse, inner, reynolds, height, lift):
     if lift:
         u_y = kernel(_unit_force(coarse, 1))
         sources += [(outside(u_x + u_y) - outside(u_x - u_y)) / 2, outside(u_y)]
-    refine = _refinement(lattice, coarse)
+    refine = refinement(lattice, coarse)
     return jnp.stack([refine(kernel(source)) for source in sources])
 
 
@@ -81,8 +83,11 @@ def _resampled_cutoff(lattice, coarse, band):
     return window
 
 
-def _refinement(lattice, coarse):
-    """Interpolation from coarse to fine faces by cubic splines, as small dense matrices."""
+def refinement(lattice: Lattice, coarse: Lattice) -> Callable:
+    """Interpolation of a field from the faces of ``coarse`` to those of ``lattice``.
+
+    By cubic splines, as small dense matrices; the other way round it samples.
+    """
     matrices = [
         (_spline(xf, xc), _spline(yf, yc, parity if coarse.symmetric else 0))
         for (xf, yf), (xc, yc), parity in zip(lattice.faces(), coarse.faces(), (1, -1), strict=True)

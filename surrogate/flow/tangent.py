@@ -58,7 +58,7 @@ def drag_weights(
     domain: Domain, case: Case, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, " modes"], Cost]:
     """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
-    adjoint, cost = _drag_adjoint(domain, case, state, effort)
+    adjoint, cost = drag_adjoint(domain, case, state, effort)
     return adjoint.amplitude.astype(float), cost
 
 
@@ -70,7 +70,7 @@ def drag_slope(
     effort: Effort,
 ) -> tuple[Float[Array, " parameters"], Cost]:
     """dCd/d(parameters) of a family body whose flow is ``state``, one adjoint solve."""
-    adjoint, cost = _drag_adjoint(domain, case, state, effort)
+    adjoint, cost = drag_adjoint(domain, case, state, effort)
 
     def moved(parameters):
         markers = family_markers(parameters, domain.nodes)
@@ -82,7 +82,10 @@ def drag_slope(
     return slope, cost._replace(products=cost.products + 1)
 
 
-def _drag_adjoint(domain, case, state, effort):
+def drag_adjoint(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[FlowState, Cost]:
+    """lambda in single precision: a Newton step from x adds lambda . F(x) to the drag."""
     inverse = single(eliminate(domain, case))
     case, state = single((case, state))
     adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
