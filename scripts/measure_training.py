@@ -37,7 +37,7 @@ VARIANTS = {  # the method as published, and regressions that a user might try
     "sip, as published": functools.partial(scale_invariant_physics, slopes=0.0),
     "supervised, traction only": functools.partial(supervised, goal=0.0),
     "supervised, drag only": functools.partial(supervised, modes=0.0, goal=1.0),
-    "supervised, with slopes": functools.partial(supervised, slopes=0.5),
+    "supervised, with slopes": functools.partial(supervised, slopes=1.0),
 }
 Reached = dict[str, float | None]
 
@@ -70,8 +70,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     rows: list[Row] = []
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
         folder = out if seed == arguments.seed else out / f"seed{seed}"
-        rivals = fitters if seed == arguments.seed else None
-        rows += _kept_rows(arguments.preset, seed, folder, rivals, arguments.gradients)
+        rows += _kept_rows(arguments.preset, seed, folder, fitters, arguments.gradients)
     plot = plot_training([dataclasses.asdict(row) for row in rows], out / "training.png")
     result = {"rows": [dataclasses.asdict(row) for row in rows], "plot": str(plot)}
     with whole_file(out / "training.json") as part:
@@ -95,15 +94,13 @@ def _kept_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> l
 
 
 def _seed_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> list[Row]:
-    """The four methods; variants and rivals, for which there are ``fitters``, on the first seed."""
+    """The four methods, their variants, and the rivals."""
     surrogates, bench = train_all(name, seed, folder)
     slopes = _gradients(bench, gradients)
     rows = [
         _row(method, seed, bench, slopes, s.network, s.record["history"], s.record["setup_s"])
         for method, s in surrogates.items()
     ]
-    if fitters is None:
-        return rows
     for method, make in VARIANTS.items():
         plan = preset(method.split(",")[0], name, seed)
         trained = train_with_bar(plan, bench, method=make(), title=method)
@@ -112,7 +109,9 @@ def _seed_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> l
     with progress_bar("rivals") as progress:
         labels = require_converged(solve_labels(bench.physics.domain, bench.physics.samples))
         progress(0.9, f"{len(labels.products)} samples solved")
-        rows += [_rival_row(rival, seed, fit, bench, labels) for rival, fit in fitters.items()]
+        rows += [
+            _rival_row(rival, seed, fit, bench, labels, slopes) for rival, fit in fitters.items()
+        ]
     return rows
 
 
@@ -145,10 +144,6 @@ def _row(method, seed, bench: Bench, slopes, network: DragNetwork, history, setu
     miss = (predicted - labels) / scale
     few = jax.tree.map(lambda leaf: leaf[: len(slopes)], held_out)
     learned = np.asarray(jax.vmap(jax.grad(network.drag))(*few))
-    widths = np.asarray(network.high - network.low)[:-1]
-    drags = _truth(bench)[: len(slopes), None]
-    good = np.all(np.isfinite(slopes), axis=1)
-    wrong, right = ((g * widths / drags)[good] for g in (learned - slopes, slopes))
 
     def price(mark: float, column: int) -> float | None:
         return next((point[column] for point in history if point[3] <= mark), None)
@@ -160,7 +155,7 @@ def _row(method, seed, bench: Bench, slopes, network: DragNetwork, history, setu
         seed,
         *_summary(errors),
         traction=float(np.sqrt(np.mean(miss**2))),
-        gradient=float(np.median(np.linalg.norm(wrong, axis=1) / np.linalg.norm(right, axis=1))),
+        gradient=_gradient_error(learned, slopes, bench),
         green_applications=int(work),
         seconds=seconds + setup_s,
         reached={f"{mark:g}": price(mark, 2) for mark in MARKS},
@@ -171,7 +166,24 @@ def _row(method, seed, bench: Bench, slopes, network: DragNetwork, history, setu
     )
 
 
-def _rival_row(method: str, seed: int, fit: Callable, bench: Bench, labels) -> Row:
+def _gradient_error(learned: np.ndarray, slopes: np.ndarray, bench: Bench) -> float:
+    widths = np.asarray(bench.network.high - bench.network.low)[:-1]
+    good = np.all(np.isfinite(slopes), axis=1)
+    wrong, right = (g[good] * widths for g in (learned - slopes, slopes))
+    return float(np.median(np.linalg.norm(wrong, axis=1) / np.linalg.norm(right, axis=1)))
+
+
+def _fitted_gradients(predict: Callable, unseen: np.ndarray, bench: Bench) -> np.ndarray:
+    """dCd/d(parameters) of a fitted log Cd, by central differences over a thousandth of a range."""
+    widths = np.asarray(bench.network.high - bench.network.low)[:-1]
+    step = 2e-3 * np.eye(unseen.shape[1])[: len(widths)]
+    ahead, behind = (
+        np.stack([predict(unseen + way * side) for side in step], axis=1) for way in (1, -1)
+    )
+    return np.exp(predict(unseen))[:, None] * (ahead - behind) / (2e-3 * widths)
+
+
+def _rival_row(method: str, seed: int, fit: Callable, bench: Bench, labels, slopes) -> Row:
     """Fit log Cd on all solved samples; what a fraction of them reaches, a fraction of the work."""
     inputs, unseen = _inputs(bench, bench.physics.samples), _inputs(bench, bench.held_out)
     target = np.log(-2 * np.asarray(labels.amplitude[:, 0]))
@@ -179,7 +191,8 @@ def _rival_row(method: str, seed: int, fit: Callable, bench: Bench, labels) -> R
     history = []
     for share in (0.125, 0.25, 0.5, 1.0):
         count = round(share * len(target))
-        predicted = np.exp(fit(inputs[:count], target[:count])(unseen))
+        predict = fit(inputs[:count], target[:count])
+        predicted = np.exp(predict(unseen))
         errors = np.abs(predicted / _truth(bench) - 1)
         history.append([count, 0.0, round(share * work), float(errors.mean()), float(errors.max())])
     reached: Reached = {
@@ -187,7 +200,10 @@ def _rival_row(method: str, seed: int, fit: Callable, bench: Bench, labels) -> R
         for mark in MARKS
     }
     nothing: Reached = dict.fromkeys(reached)
-    return Row(method, seed, *_summary(errors), None, None, work, None, reached, nothing, history)
+    learned = _fitted_gradients(predict, unseen[: len(slopes)], bench)
+    gradient = _gradient_error(learned, slopes, bench)
+    summary = _summary(errors)
+    return Row(method, seed, *summary, None, gradient, work, None, reached, nothing, history)
 
 
 def _summary(errors: np.ndarray) -> tuple[float, float, float]:

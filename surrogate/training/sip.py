@@ -32,7 +32,7 @@ def scale_invariant_physics(
     goal: float = 30.0,
     settle: float = 1e-4,
     effort: Effort = Effort(1e-2, 30),
-    slopes: float = 0.5,
+    slopes: float = 1.0,
 ) -> Method:
     """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets.
 
