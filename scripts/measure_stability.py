@@ -42,7 +42,7 @@ STEP = {
     "hig": ("eta", 1.0),
     "supervised": ("learning_rate", 3e-3),
 }
-SAMPLES, HELD_OUT = 64, 16
+HELD_OUT = 16
 TRAINED, STALLED, WORSE = 0.1, 0.9, 1.1  # of the untrained network's error
 
 
@@ -55,6 +55,7 @@ class Variant(NamedTuple):
     settings: dict[str, Any]
     reynolds: tuple[float, float] = (1.0, 40.0)
     single: bool = False
+    samples: int = 64
 
 
 def variants() -> Iterator[Variant]:
@@ -66,8 +67,10 @@ def variants() -> Iterator[Variant]:
     for method, (name, value) in STEP.items():
         for factor in (0.01, 0.1, 1.0, 10.0, 100.0):
             yield Variant("step size, times", method, f"{factor:g}", {name: factor * value})
-        for batch in (1, 4, 16, 64):
-            yield Variant("batch", method, f"{batch}", {"batch": batch})
+        for batch in (1, 4, 16, 64, 256):
+            large = {"lanczos": 128} if method == "hig" and batch > 64 else {}
+            settings = {"batch": batch} | large
+            yield Variant("batch (of 256)", method, f"{batch}", settings, samples=256)
         for reynolds in ((10.0, 20.0), (1.0, 40.0), (0.1, 45.0)):
             label = f"{reynolds[0]:g} to {reynolds[1]:g}"
             yield Variant("Reynolds range", method, label, {}, reynolds)
@@ -94,9 +97,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     with progress_bar("stability") as progress:
         for k, cell in enumerate(cells):
             plan = _plan(cell, arguments.seed)
-            if cell.reynolds not in benches:
-                benches[cell.reynolds] = make_bench(plan)
-            rows.append(_row(cell, plan, benches[cell.reynolds]))
+            ground = cell.reynolds, cell.samples
+            if ground not in benches:
+                benches[ground] = make_bench(plan)
+            rows.append(_row(cell, plan, benches[ground]))
             name = f"{cell.method}, {cell.panel} {cell.value}"
             progress((k + 1) / len(cells), f"{name}: {rows[-1]['outcome']}")
     out = Path(arguments.out)
@@ -112,7 +116,7 @@ def _plan(cell: Variant, seed: int) -> Plan:
     return dataclasses.replace(
         plan,
         scene=dataclasses.replace(plan.scene, reynolds=cell.reynolds),
-        samples=SAMPLES,
+        samples=cell.samples,
         held_out=HELD_OUT,
         iterations=_iterations(cell),
         report_every=1,
