@@ -42,7 +42,10 @@ def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> in
     except NotConverged as problem:
         status, message = NOT_CONVERGED, str(problem)
     except KeyboardInterrupt:
-        status, message = 130, "interrupted; the same command goes on where it stopped"
+        status, message = (
+            130,
+            "interrupted; trainings go on where they stopped, by the same command",
+        )
     name = Path(sys.argv[0]).name
     print(f"{name}: {' '.join(message.split())}", file=sys.stderr)
     return status

@@ -15,7 +15,7 @@ import numpy as np
 from common import Parser, emit, markdown, progress_bar, run
 
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import whole_file
+from surrogate.files import check_folder, whole_file
 from surrogate.flow.drag import family_drag_and_shape_gradient
 from surrogate.scene import FIDELITIES, Scene
 from surrogate.store import load_surrogate
@@ -30,6 +30,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     if not 4 <= arguments.bodies <= 1000:
         raise InvalidInput(f"--bodies {arguments.bodies}: from 4 to 1000")
+    check_folder(arguments.out)
     scene = Scene()
     unseen = jax.random.split(jax.random.key(0), 3)[1]
     bodies = draw_samples(scene, unseen, arguments.bodies)

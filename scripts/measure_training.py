@@ -22,8 +22,8 @@ from rivals import kriging, polynomial
 from train_surrogate import train_all, train_with_bar
 from training_plot import plot_training
 
-from surrogate.errors import InvalidInput
-from surrogate.files import whole_file
+from surrogate.errors import InvalidInput, NotConverged
+from surrogate.files import check_folder, whole_file
 from surrogate.flow.drag import family_drag_and_shape_gradient
 from surrogate.network import DragNetwork
 from surrogate.training.loop import Bench
@@ -65,7 +65,11 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     if not 1 <= arguments.seeds <= 20:
         raise InvalidInput(f"--seeds {arguments.seeds}: from 1 to 20")
+    unseen = preset("dp", arguments.preset, arguments.seed).held_out
+    if not 1 <= arguments.gradients <= unseen:
+        raise InvalidInput(f"--gradients {arguments.gradients}: from 1 to {unseen}")
     out = Path(arguments.out)
+    check_folder(out)
     fitters = {"polynomial": polynomial, "kriging": kriging()}
     rows: list[Row] = []
     for seed in range(arguments.seed, arguments.seed + arguments.seeds):
@@ -124,7 +128,7 @@ def _gradients(bench: Bench, count: int) -> np.ndarray:
     domain, held_out = bench.physics.domain, bench.held_out
     slopes = []
     with progress_bar("adjoint gradients") as progress:
-        for k in range(min(count, len(_truth(bench)))):
+        for k in range(count):
             body, reynolds = held_out.parameters[k], held_out.reynolds[k]
             _, slope, info = family_drag_and_shape_gradient(domain, body, reynolds)
             slopes.append(np.where(info.converged, slope, np.nan))
@@ -169,6 +173,8 @@ def _row(method, seed, bench: Bench, slopes, network: DragNetwork, history, setu
 def _gradient_error(learned: np.ndarray, slopes: np.ndarray, bench: Bench) -> float:
     widths = np.asarray(bench.network.high - bench.network.low)[:-1]
     good = np.all(np.isfinite(slopes), axis=1)
+    if not good.any():
+        raise NotConverged("no adjoint gradient of an unseen body converged")
     wrong, right = (g[good] * widths for g in (learned - slopes, slopes))
     return float(np.median(np.linalg.norm(wrong, axis=1) / np.linalg.norm(right, axis=1)))
 

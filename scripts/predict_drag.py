@@ -2,9 +2,11 @@
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --certify
-python scripts/predict_drag.py --surrogate out/sip --flows out/flows.npz --aspect 2 --reynolds 20
+python scripts/predict_drag.py --surrogate out/sip --certify --flows out/flows.npz --aspect 2 \
+    --reynolds 20
 """
 
+import argparse
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -30,7 +32,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parameters = np.array(family_parameters(arguments))
     check_family(parameters)
     surrogate = load_surrogate(arguments.surrogate)
-    flows = _flows(arguments.flows, surrogate) if arguments.certify == "quick" else None
+    if arguments.flows and arguments.certify != "quick":
+        raise InvalidInput("--flows: is for --certify quick")
+    flows = _flows(arguments, surrogate) if arguments.certify == "quick" else None
     results = [_predict(surrogate, parameters, value) for value in reynolds]
     if arguments.certify:
         for row in results:
@@ -45,13 +49,14 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _flows(path: str | None, surrogate: Surrogate) -> ReducedFlow | None:
+def _flows(arguments: argparse.Namespace, surrogate: Surrogate) -> ReducedFlow | None:
     """The reduced flows asked for; else those that ship, if they are of the surrogate's scene."""
+    path = arguments.flows
     flows = load_reduced() if path is None else load_reduced(path)
     if flows.scene == surrogate.scene:
         return flows
     if path is not None:
-        raise InvalidInput(f"--flows {path}: of another scene than {surrogate.record['out']}")
+        raise InvalidInput(f"--flows {path}: of another scene than {arguments.surrogate}")
     return None
 
 
@@ -80,7 +85,7 @@ def _line(r: dict[str, Any]) -> str:
     if "cd_corrected" in r:
         line += (
             f"  corrected {r['cd_corrected']:.4f}  estimated error "
-            f"{100 * r['estimated_error']:.3f} %  slip {r['slip']:.4f}  by {r['by']}, "
+            f"{100 * r['estimated_error']:.3f} %  by {r['by']}, "
             f"{r['certificate_green_applications']} applications of G"
         )
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
@@ -97,7 +102,7 @@ def _parser():
         const="quick",
         choices=["quick", "thorough"],
         help="correct by the flow equations: quick (default) by reduced flows where there are any "
-        "and they suffice, thorough by a loose body flow",
+        "and they suffice, thorough by a body flow",
     )
     parser.add_argument("--flows", help="reduced flows by reduce_flow.py; those that ship")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

@@ -13,7 +13,8 @@ import jax
 from common import Parser, command_line, emit, progress_bar, run
 
 from surrogate.errors import InvalidInput
-from surrogate.reduced import reduce_flow, save_reduced
+from surrogate.files import check_folder
+from surrogate.reduced import FEWEST, reduce_flow, save_reduced
 from surrogate.training.physics import draw_samples
 from surrogate.training.presets import preset
 
@@ -23,11 +24,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     plan = preset("sip", arguments.preset, arguments.seed)
     count = plan.samples // 2 if arguments.bodies is None else arguments.bodies
-    if not 32 <= count <= 4096:
-        raise InvalidInput(f"--bodies {count}: from 32 to 4096")
+    if not FEWEST <= count <= 4096:
+        raise InvalidInput(f"--bodies {count}: from {FEWEST} to 4096")
     out = Path(arguments.out)
     if out.suffix != ".npz" or out.is_dir():
         raise InvalidInput(f"--out {out}: must name a file that ends in .npz")
+    check_folder(out.parent)
     samples = draw_samples(plan.scene, jax.random.split(jax.random.key(plan.seed), 3)[0], count)
     start = time.perf_counter()
     with progress_bar("solving flows and adjoints") as progress:

@@ -56,6 +56,15 @@ def check_target(folder: str | Path, record: str) -> None:
         raise InvalidInput(f"{folder}: is not empty and has no {record}; choose another --out")
 
 
+def check_folder(folder: str | Path) -> None:
+    """Make the folder of what a long job will write, before the job.
+
+    Raises:
+      InvalidInput: it cannot be made, or is not writable.
+    """
+    _make_folder(Path(folder))
+
+
 def _make_folder(folder):
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,7 @@ import dataclasses
 import functools
 import json
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,16 +36,18 @@ from surrogate.training.physics import Samples, scene_domain
 
 FORMAT = 1
 SHIPPED = PRETRAINED / "flows.npz"
+BROKEN = (OSError, KeyError, TypeError, ValueError, AttributeError, EOFError)
 BETA_SCALE = 0.6  # distance of a range of a beta against one of the aspect or log Re
+FEWEST = 32  # samples: the quadratic part alone takes 21
 FAR_NODES = 16  # Reynolds numbers of the far field, which knows no shape
 
 
 class Fields(NamedTuple):
-    """On the window's faces: u', the adjoint velocity mu = G^T lambda_u, the far response."""
+    """On the stored faces: u', the adjoint velocity mu = G^T lambda_u, the far response."""
 
-    velocity: Float[AnyArray, "2 nx ny"]
-    adjoint: Float[AnyArray, "2 nx ny"]
-    far: Float[AnyArray, "2 nx ny"]
+    velocity: Float[AnyArray, "*bodies 2 nx ny"]
+    adjoint: Float[AnyArray, "*bodies 2 nx ny"]
+    far: Float[AnyArray, "*bodies 2 nx ny"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,12 +68,20 @@ class Basis:
         return self.mean + np.tensordot(self._interpolant(inputs), self.modes, axes=1)
 
 
+class Bases(NamedTuple):
+    """One for each of ``Fields``."""
+
+    velocity: Basis
+    adjoint: Basis
+    far: Basis
+
+
 @dataclasses.dataclass(frozen=True)
 class ReducedFlow:
     """What is known of the flows of a scene, and the record of how it came about."""
 
     scene: Scene
-    bases: Fields
+    bases: Bases
     record: dict[str, Any]
 
     def guess(self, samples: Samples) -> Fields:
@@ -81,7 +92,7 @@ class ReducedFlow:
 
 
 def stored_lattice(lattice: Lattice) -> Lattice:
-    """Every second face of a window, where that divides it: what is kept of a field."""
+    """Every second face of a window where that divides it, else every face: what is kept."""
     (nx, ny), (dx, dy) = lattice.shape, lattice.step
     if nx % 2 or ny % 2 or lattice.inlet % 2:
         return lattice
@@ -99,9 +110,14 @@ def reduce_flow(
     """Solve flow and adjoint of every sample, keep ``rank`` modes; returns applications of G too.
 
     Raises:
+      InvalidInput: too few samples, or a range of the scene is a single point.
       NotConverged: a flow or an adjoint was not found.
     """
     domain, count = scene_domain(scene), len(samples.reynolds)
+    if count < FEWEST:
+        raise InvalidInput(f"{count} samples: reduced flows need {FEWEST} or more")
+    if np.any(np.ptp(np.array([*scene.family.bounds, scene.reynolds]), axis=1) <= 0):
+        raise InvalidInput("scene: every range must be wider than a point for reduced flows")
     fields: tuple[list, list] = ([], [])
     work = 0
     for k, sample in enumerate(zip(*samples, strict=True)):
@@ -116,7 +132,8 @@ def reduce_flow(
     waves = -np.cos(np.pi * (np.arange(FAR_NODES) + 0.5) / FAR_NODES)
     reynolds = np.exp(np.interp(waves, (-1, 1), np.log(scene.reynolds)))
     far = np.array([_far(domain, jnp.asarray(re)) for re in reynolds])
-    bases = Fields(
+    work += 2 * FAR_NODES * len(domain.far)
+    bases = Bases(
         _decompose(inputs, np.array(fields[0]), rank),
         _decompose(inputs, np.array(fields[1]), rank),
         _decompose(waves[:, None], far, 8),
@@ -166,7 +183,7 @@ def save_reduced(path: str | Path, reduced: ReducedFlow) -> None:
     """Write one file, whole or not at all; modes in half precision."""
     arrays = {
         f"{name}_{part}": array.astype(kind)
-        for name, basis in zip(Fields._fields, reduced.bases, strict=True)
+        for name, basis in zip(Bases._fields, reduced.bases, strict=True)
         for part, array, kind in (
             ("inputs", basis.inputs, float),
             ("coefficients", basis.coefficients, float),
@@ -175,8 +192,8 @@ def save_reduced(path: str | Path, reduced: ReducedFlow) -> None:
         )
     }
     record = {**reduced.record, "format": FORMAT, "scene": scene_record(reduced.scene)}
-    with whole_file(path) as part:
-        np.savez_compressed(part, record=np.array(json.dumps(record)), **arrays)
+    with whole_file(path) as part, part.open("wb") as file:
+        np.savez_compressed(file, record=np.array(json.dumps(record)), **arrays)
 
 
 def load_reduced(path: str | Path = SHIPPED) -> ReducedFlow:
@@ -194,12 +211,24 @@ def load_reduced(path: str | Path = SHIPPED) -> ReducedFlow:
             parts = ("inputs", "coefficients", "mean", "modes")
             bases = [
                 Basis(*(saved[f"{name}_{part}"].astype(float) for part in parts))
-                for name in Fields._fields
+                for name in Bases._fields
             ]
+        _check(scene, bases)
     except FileNotFoundError:
         raise InvalidInput(f"flows {path}: no such file; reduce_flow.py makes one") from None
-    except (OSError, KeyError, TypeError, ValueError, EOFError, zipfile.BadZipFile) as problem:
+    except (*BROKEN, zipfile.BadZipFile, zlib.error) as problem:
         if isinstance(problem, InvalidInput):
             raise
         raise InvalidInput(f"flows {path}: damaged, or not reduced flows") from None
-    return ReducedFlow(scene, Fields(*bases), record)
+    return ReducedFlow(scene, Bases(*bases), record)
+
+
+def _check(scene, bases):
+    """Raise ValueError unless arrays fit each other and the scene's window."""
+    shape = (2, *stored_lattice(scene_domain(scene).lattice).shape)
+    for basis in bases:
+        pair = len(basis.inputs), len(basis.modes)
+        fits = basis.mean.shape == shape == basis.modes.shape[1:]
+        finite = all(np.all(np.isfinite(array)) for array in dataclasses.astuple(basis))
+        if not (fits and finite and basis.coefficients.shape == pair):
+            raise ValueError

@@ -105,7 +105,7 @@ class Scene:
                 f"for drags within {100 * f.promise:g} % over Re 0.5 to 45 and aspect 0.5 to 5; "
                 "longer wakes get a longer window.",
                 f"Traction: {2 * f.harmonics + 1} modes.",
-                "One body flow costs about 30 to 70 applications of G, its gradient about 25 more.",
+                "One body flow costs about 30 to 60 applications of G, its shape gradient 5 to 20.",
                 "Left out: the third dimension, unsteadiness (bluff bodies shed vortices beyond "
                 f"Re {ONSET_OF_SHEDDING:g}), compressibility, roughness.",
             ]

@@ -117,7 +117,7 @@ def load_surrogate(name: str | Path) -> Surrogate:
 
 def scene_record(scene: Scene) -> dict[str, Any]:
     """A scene as plain JSON."""
-    stream = "unbounded" if scene.stream == Unbounded() else f"tunnel:{scene.stream.height:g}"
+    stream = "unbounded" if scene.stream == Unbounded() else f"tunnel:{scene.stream.height!r}"
     return {**dataclasses.asdict(scene), "stream": stream}
 
 

@@ -217,6 +217,8 @@ MISTAKES = [
     "reduce_flow --bodies 4 --out {folder}/x.npz",
     "reduce_flow --out {folder}/x",
     f"predict_drag --certify --flows {{missing}} {BODY} --reynolds 9",
+    f"predict_drag --flows {{missing}} {BODY} --reynolds 9",
+    "measure_training --gradients 0 --out {folder}/x",
     f"predict_drag --certify --flows {{crossing}} {BODY} --reynolds 9",
 ]
 

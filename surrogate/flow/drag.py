@@ -54,6 +54,7 @@ def family_drag_and_gradient(
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
     settings: NewtonSettings = steady.DEFAULT,
+    guess: steady.FlowState | None = None,
 ) -> tuple[
     Float[AnyArray, ""], tuple[Float[AnyArray, " parameters"], Float[AnyArray, ""]], NewtonInfo
 ]:
@@ -64,7 +65,7 @@ def family_drag_and_gradient(
 
     def drag(parameters, reynolds):
         case = steady.prepare(domain, family_markers(parameters, domain.nodes), reynolds)
-        state, info = steady.body_flow(domain, case, settings=settings)
+        state, info = steady.body_flow(domain, case, guess, settings)
         return drag_coefficient(state.amplitude), info
 
     (cd, info), gradient = jax.value_and_grad(drag, argnums=(0, 1), has_aux=True)(
@@ -95,22 +96,22 @@ def solve_with_continuation(
 ) -> Solution:
     """``solve``; where Newton from the Oseen flow fails, approach Re from below in 2, 4, 8 steps.
 
-    The work of all attempts is counted.
+    The work of all attempts is counted, their preparations included.
 
     Raises:
       NotConverged: the flow was not found; no number is returned.
     """
-    products = 0
+    spent = 0
     for depth in range(halvings + 1):
         guess, steps = None, 2**depth
         for k in range(1, steps + 1):
             solution = solve(domain, markers, jnp.asarray(reynolds * k / steps), guess)
-            products += int(solution.info.products)
+            spent += int(solution.info.products) + steady.preparation_cost(domain)
             if not bool(solution.info.converged):
                 break
             guess = solution.state
         else:
-            return solution._replace(info=solution.info._replace(products=jnp.asarray(products)))
+            return solution._replace(info=solution.info._replace(products=jnp.asarray(spent)))
     raise NotConverged(
         f"body flow at Re {reynolds:g} did not converge: residual "
         f"{float(solution.info.residual):.1e} after {int(solution.info.steps)} Newton steps; "
@@ -171,6 +172,8 @@ def report(
 ) -> DragReport:
     """Solve and report; ``parameters`` (family bodies) asks for the gradient as well.
 
+    ``green_applications`` are those of the drag, the gradient's left out.
+
     Raises:
       NotConverged: as ``solve_with_continuation``.
     """
@@ -179,9 +182,12 @@ def report(
     gradient = None
     if parameters is not None:
         _, (shape, slope), info = family_drag_and_gradient(
-            domain, jnp.asarray(parameters), jnp.asarray(reynolds, float)
+            domain,
+            jnp.asarray(parameters),
+            jnp.asarray(reynolds, float),
+            guess=solution.state,
         )
-        if not (bool(info.converged) and np.all(np.isfinite(shape))):
+        if not (bool(info.converged) and np.all(np.isfinite([*shape, slope]))):
             raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
         gradient = dict(zip(PARAMETERS, map(float, shape), strict=True)) | {
             "reynolds": float(slope)
@@ -196,7 +202,7 @@ def report(
         cm=float(c.moment),
         converged=True,
         iterations=int(solution.info.steps),
-        green_applications=int(solution.info.products) + steady.preparation_cost(domain),
+        green_applications=int(solution.info.products),
         wall_s=time.perf_counter() - start,
         gradient=gradient,
     )

@@ -67,7 +67,7 @@ def gmres(
         jnp.eye(m, dtype=flat_b.dtype),
         zeros((m, 2)).at[:, 0].set(1.0),
         zeros(m + 1).at[0].set(1.0),
-        (norm_b > 0).astype(flat_b.dtype),
+        (norm_b != 0).astype(flat_b.dtype),
     )
     k, basis, triangle, _, rhs, error = jax.lax.while_loop(unfinished, advance, start)
     weights = jax.scipy.linalg.solve_triangular(

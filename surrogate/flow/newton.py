@@ -31,7 +31,7 @@ class NewtonSettings(NamedTuple):
 
 
 class NewtonInfo(NamedTuple):
-    """``products`` counts applications of the operator, ``steps`` accepted Newton steps."""
+    """``products`` counts applications of the operator, ``steps`` Newton steps."""
 
     converged: Bool[Array, ""]
     steps: Int[Array, ""]

@@ -193,7 +193,7 @@ def _powers(base, exponent):
     small = size < 1e-30
     magnitude = jnp.exp(exponent * jnp.log(jnp.where(small, 1.0, size)))
     signed = magnitude * jnp.where((base < 0) & (exponent % 2 == 1), -1.0, 1.0)
-    return jnp.where(small, exponent == 0, signed)
+    return jnp.where(small, jnp.where(exponent == 1, base, exponent == 0), signed)
 
 
 def _both_ways(upstream, downstream):

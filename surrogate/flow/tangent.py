@@ -2,7 +2,7 @@
 
 Each returns the number of applications of G it spent, so that methods can be compared by work.
 Krylov vectors are of single precision: the solves are asked for a few digits.
-``A`` is the coupled Jacobian of body flow, ``J_u = I - G C'(u)`` its flow block.
+``A`` is the coupled Jacobian of body flow.
 """
 
 from typing import NamedTuple
@@ -46,7 +46,6 @@ def coupled_step(
     domain: Domain, case: Case, state: FlowState, effort: Effort
 ) -> tuple[FlowState, Cost]:
     """One Newton step of body flow: x - A^+ F(x), the inverse simulator's step."""
-
     value = _residual(domain, case, state)
     inverse = eliminate(domain, case)
     jacobian, rough = _coupled(domain, *single((case, state))), single(inverse)
@@ -99,7 +98,6 @@ def slip_adjoint(
     domain: Domain, case: Case, state: FlowState, weights: Float[Array, " modes"], effort: Effort
 ) -> tuple[Float[Array, " modes"], Cost]:
     """(dy/da)^T weights for the slip y of a forced flow: one adjoint solve."""
-
     case, state, weights = single((case, state, weights))
 
     def respond(amplitude):
