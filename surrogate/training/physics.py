@@ -15,7 +15,7 @@ from surrogate.errors import NotConverged
 from surrogate.flow import steady
 from surrogate.flow.domain import Domain, make_domain
 from surrogate.flow.steady import Case, FlowState
-from surrogate.scene import Scene, check_stream
+from surrogate.scene import Scene
 
 
 class Samples(NamedTuple):
@@ -42,14 +42,9 @@ class Physics(eqx.Module):
 
 
 def scene_domain(scene: Scene) -> Domain:
-    """The domain that holds every body of a scene at every Re of it.
-
-    Raises:
-      InvalidInput: the largest bodies do not fit the window or the tunnel.
-    """
+    """The domain that holds every body of a scene at every Re of it."""
     extent = scene.family.extent
     fidelity = scene.fidelity.reaching(scene.reynolds[1], extent[1])
-    check_stream(scene.stream, fidelity, np.array(extent))
     return make_domain(scene.stream, fidelity, extent, symmetric=True)
 
 
