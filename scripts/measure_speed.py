@@ -124,7 +124,7 @@ def _rival() -> dict[str, Any]:
         ours = float(solve(domain, markers, re).coefficients.drag)
         seconds, others = [], []
         for _ in range(3):
-            seconds.append(_median(lambda re=re: solve(domain, markers, re), 3))
+            seconds.append(_median(lambda re=re: solve(domain, markers, re), 15))
             try:
                 others.append(solve_by_finite_elements(reynolds))
             except InvalidInput:
