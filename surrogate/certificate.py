@@ -11,13 +11,14 @@ from surrogate.arrays import AnyArray
 from surrogate.body import check_family, family_markers, family_shape
 from surrogate.flow import steady
 from surrogate.flow.domain import Domain
+from surrogate.flow.drag import report
 from surrogate.flow.far import refinement
 from surrogate.flow.forces import drag_coefficient
 from surrogate.flow.immersed import Spreading, spread_modes
 from surrogate.flow.lattice import Lattice
 from surrogate.flow.oseen import oseen_kernel
 from surrogate.flow.steady import Case, FlowState
-from surrogate.flow.trust import solve_shape
+from surrogate.flow.trust import fitted_domain
 from surrogate.network import DragNetwork
 from surrogate.reduced import Fields, ReducedFlow, stored_lattice
 from surrogate.scene import check_reynolds
@@ -52,7 +53,7 @@ def certify(
     """Correct a predicted drag: by a reduced flow where it may be trusted, else by a body flow.
 
     The reduced flow must be of the surrogate's scene, the body inside the trained ranges, and the
-    correction settled.
+    correction settled. Outside the ranges the body flow is solved on a grid that fits the body.
 
     Raises:
       InvalidInput: no such body or Reynolds number, or the body does not fit the scene's grid.
@@ -62,12 +63,12 @@ def certify(
     check_reynolds(reynolds, allow_unsteady=True)
     scene = surrogate.scene
     body, re = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-    spent = 0
+    domain, spent = scene_domain(scene), 0
     fits = reduced is not None and reduced.scene == scene
     if fits and surrogate.knows(parameters, reynolds):
         one = Samples(body[None], re[None])
         guess = jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), reduced.guess(one))
-        check = reduced_correction(scene_domain(scene), surrogate.network, guess, body, re)
+        check = reduced_correction(domain, surrogate.network, guess, body, re)
         if float(check.remaining) <= SETTLED and float(check.corrected) > 0:
             return Certificate(
                 float(check.corrected),
@@ -78,7 +79,10 @@ def certify(
                 "reduced flow",
             )
         spent = int(check.products)
-    solved = solve_shape(family_shape(parameters), scene.stream, scene.fidelity, reynolds)
+    shape = family_shape(parameters)
+    if not surrogate.knows(parameters, reynolds):
+        domain = fitted_domain(shape, scene.stream, scene.fidelity, reynolds)
+    solved = report(domain, shape.draw(domain.nodes), reynolds)
     error = abs(float(surrogate.drag(body, re)) / solved.cd - 1)
     return Certificate(solved.cd, error, None, None, solved.green_applications + spent, "body flow")
 
