@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from surrogate.body import ellipse, family_shape
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.immersed import retraction
+from surrogate.flow.immersed import bspline, retraction, ripple
 from surrogate.flow.trust import judge, solve_shape
 from surrogate.scene import FIDELITIES, Tunnel, Unbounded
 
@@ -30,6 +30,15 @@ def test_retraction_is_the_integral_it_stands_for(degrees):
     smeared = (spline(k * unit[0]) * spline(k * unit[1])) ** 2 / eigenvalue
     expected = (np.sum(1 / k**2 - smeared) * step + 1 / k[-1]) / np.pi
     assert float(retraction(unit[None])[0]) == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.2, 0.35, 0.5, 0.9])
+def test_retraction_between_two_rows_is_the_mean_it_stands_for(offset):
+    rows = np.arange(-3, 5)
+    weights = np.asarray(bspline(rows - offset))
+    expected = weights @ np.abs(rows[:, None] - rows) @ weights / 2
+    found = float(retraction(np.array([[0.0, 1.0]]))[0] + ripple(np.array(offset)))
+    assert found == pytest.approx(expected, abs=3e-4)
 
 
 def test_a_resolved_body_is_accurate_and_says_how_much():

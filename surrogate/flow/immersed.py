@@ -5,7 +5,7 @@ import dataclasses
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body import moments
@@ -90,8 +90,7 @@ def spread_modes(
 ) -> Spreading:
     """Spread all modes from the contour, the markers pulled inward a little."""
     normal = outward(markers)
-    unit = normal / jnp.linalg.norm(normal, axis=1, keepdims=True)
-    seats = markers - _retreat(markers, np.sqrt(np.prod(lattice.step))) * unit
+    seats = _seats(lattice, markers, normal)
     below = 0 if lattice.symmetric else box[1] // 2  # rows of the box under the centre line
     centre = 0 if lattice.symmetric else lattice.shape[1] // 2
     corner, rows = (lattice.inlet - box[0] // 2, centre - below), below + box[1] // 2
@@ -110,7 +109,7 @@ def spread_modes(
 
 
 def retraction(unit: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, " nodes"]:
-    """Cells by which to pull markers inward so that a uniform shear flow vanishes on the wall.
+    """Cells by which to pull markers inward, on average, for a shear flow to vanish on the wall.
 
     A sheet of tangential force smeared by the spline B drives a ramp smeared likewise, whose
     B-mean at the sheet is not zero but shear times, on the lattice,
@@ -122,18 +121,40 @@ def retraction(unit: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, " nodes"]:
     return axis + (diagonal - axis) * 4 * (unit[:, 0] * unit[:, 1]) ** 2
 
 
-def _retreat(markers, step):
+def ripple(offset: Float[AnyArray, "..."]) -> Float[Array, "..."]:
+    """What R along an axis adds to its mean where the sheet lies ``offset`` cells off a row.
+
+    R = E|J - K| / 2 for rows J, K of the tangential velocity drawn with the spline's weights: from
+    320/1152 on a row to 335/1152 between two, very nearly a cosine. Without it the drag wriggles
+    as a flat side moves through the grid; along oblique walls it averages out.
+    """
+    return -5 / 768 * jnp.cos(2 * np.pi * offset)
+
+
+def _seats(lattice, markers, normal):
+    """The markers pulled inward, each by the retraction of its place in the grid."""
+    step = np.array(lattice.step)
+    speed = jnp.linalg.norm(normal, axis=1, keepdims=True)
+    unit = normal / speed
+    half_width = moments(markers)[0] / (np.pi * jnp.mean(speed))
+
+    def pulled(cells):
+        return markers - _retreat(cells, step, half_width) * unit
+
+    mean = retraction(unit)[:, None]
+    offset = pulled(mean) / step - 0.5  # faces of the tangential velocity: half a cell off 0
+    return pulled(mean + jnp.sum(ripple(offset) * unit**2, axis=1, keepdims=True))
+
+
+def _retreat(cells, step, half_width):
     """Distance by which to pull the markers inward, with what the fluid inside the body adds.
 
     The sheet drags the fluid inside along at -shear R h; in a body of half width l that fluid
     recirculates (Stokes flow in a slab or a disc: slope 3/l of its wall speed), which lowers the
     jump of the shear, so that R becomes R + 3 R^2 h / l to second order. l is 2 area / perimeter.
     """
-    normal = outward(markers)
-    speed = jnp.linalg.norm(normal, axis=1, keepdims=True)
-    half_width = moments(markers)[0] / (np.pi * jnp.mean(speed))
-    cells = retraction(normal / speed)[:, None]
-    return step * (cells + 3 * cells**2 * step / half_width)
+    h = np.sqrt(np.prod(step))
+    return h * (cells + 3 * cells**2 * h / half_width)
 
 
 def bspline(r: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:
