@@ -86,10 +86,14 @@ def _kept_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> l
     """The rows of a seed, measured once and kept in its folder."""
     kept = folder / "rows.json"
     if kept.is_file():
-        record = json.loads(kept.read_text())
-        if record["asked"] != [name, seed, gradients]:
+        try:
+            record = json.loads(kept.read_text())
+            asked, rows = record["asked"], [Row(**row) for row in record["rows"]]
+        except (OSError, ValueError, KeyError, TypeError):
+            raise InvalidInput(f"{kept}: is damaged or of another program; remove it") from None
+        if asked != [name, seed, gradients]:
             raise InvalidInput(f"{kept}: is of another preset or seed; choose another --out")
-        return [Row(**row) for row in record["rows"]]
+        return rows
     rows = _seed_rows(name, seed, folder, fitters, gradients)
     record = {"asked": [name, seed, gradients], "rows": [dataclasses.asdict(row) for row in rows]}
     with whole_file(kept) as part:

@@ -219,6 +219,7 @@ MISTAKES = [
     f"predict_drag --certify --flows {{missing}} {BODY} --reynolds 9",
     f"predict_drag --flows {{missing}} {BODY} --reynolds 9",
     "measure_training --gradients 0 --out {folder}/x",
+    "measure_training --preset quick --seeds 1 --out {damaged}",
     f"predict_drag --certify --flows {{crossing}} {BODY} --reynolds 9",
 ]
 
@@ -229,7 +230,7 @@ def test_mistakes_get_exit_2_and_one_clear_line(capsys, tmp_path, mistake):
     np.savetxt(tmp_path / "eight.csv", np.stack([np.sin(t), np.sin(2 * t)], axis=1), delimiter=",")
     damaged = tmp_path / "damaged"
     damaged.mkdir()
-    for name in ("surrogate.json", "weights.npz", "run.json"):
+    for name in ("surrogate.json", "weights.npz", "run.json", "rows.json"):
         (damaged / name).write_text("{}")
     names = {
         "crossing": tmp_path / "eight.csv",
