@@ -113,8 +113,12 @@ def shape_of(arguments: argparse.Namespace) -> Shape:
     if not abs(arguments.incidence) <= 180:
         raise InvalidInput(f"--incidence {arguments.incidence:g}: from -180 to 180 degrees")
     if arguments.aspect is not None:
+        if arguments.keep_size:
+            raise InvalidInput("--keep-size: goes with --contour or --naca")
         return family_shape(np.array(family_parameters(arguments)), arguments.incidence)
-    points = read_contour(arguments.contour) if arguments.contour else naca4(arguments.naca)
+    if any(getattr(arguments, name) for name in PARAMETERS[1:]):
+        raise InvalidInput("body: --beta2, --beta3 and --beta4 go with --aspect")
+    points = naca4(arguments.naca) if arguments.contour is None else read_contour(arguments.contour)
 
     def draw(nodes):
         contour = smooth_contour(points, nodes, arguments.keep_size)

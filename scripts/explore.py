@@ -5,22 +5,19 @@ python scripts/explore.py --surrogate pretrained --out explore.html
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from common import Parser, emit, run
 
 from shapeopt.explore import write_page
-from surrogate.errors import InvalidInput
+from surrogate.files import check_file
 from surrogate.store import load_surrogate
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, write the page."""
     arguments = _parser().parse_args(argv)
-    out = Path(arguments.out)
-    if out.suffix != ".html" or out.is_dir():
-        raise InvalidInput(f"--out {out}: must name a file that ends in .html")
+    out = check_file(arguments.out, ".html")
     write_page(load_surrogate(arguments.surrogate), out)
     result = {"out": str(out), "bytes": out.stat().st_size, "surrogate": arguments.surrogate}
     return emit(result, arguments.json, f"-> {out} ({result['bytes'] / 1024:.0f} KiB)")

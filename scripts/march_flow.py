@@ -25,14 +25,18 @@ from common import (
 
 from shapeopt.render import render_march
 from surrogate.body import Shape
+from surrogate.contour import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import whole_file
+from surrogate.files import check_folder, whole_file
+from surrogate.flow.drag import THINNEST
 from surrogate.flow.march import Box, march, prepare, start, strouhal
 from surrogate.flow.trust import solve_shape
 from surrogate.scene import FIDELITIES, ONSET_OF_SHEDDING, Tunnel
 
 FRAMES = 60
 NODES = 200
+LONGEST = 4.0  # body, in D: its markers stay closer than the cells
+LEAST_REYNOLDS = 1.0
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -43,7 +47,11 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
     sheds = re > ONSET_OF_SHEDDING
-    duration = arguments.time or (160.0 if sheds else 60.0)
+    duration = arguments.time
+    if duration is None:
+        duration = 160.0 if sheds else 60.0
+    if re < LEAST_REYNOLDS:
+        raise InvalidInput(f"--reynolds {re:g}: a march takes small steps there; from 1")
     if not 5 <= duration <= 2000:
         raise InvalidInput(f"--time {duration:g}: from 5 to 2000 D / U")
     if not 6 <= arguments.height <= 64:
@@ -51,11 +59,18 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     shape = shape_of(arguments)
     box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
     markers = shape.draw(NODES)
+    length, height = np.ptp(markers, axis=0)
+    if max(length, 2 * height) > LONGEST or mean_thickness(markers) * box.cells < THINNEST:
+        raise InvalidInput(
+            f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D, and "
+            f"{THINNEST:g} cells thick, can be marched"
+        )
+    check_folder(out)
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
         "reynolds": re,
-        "blockage": 1 / arguments.height,
+        "blockage": float(height / arguments.height),
         "time": duration,
         "cd": float(drag[-1]),
         "cd_mean": float(drag[late:].mean()),

@@ -16,6 +16,7 @@ import matplotlib
 import numpy as np
 from common import Parser, emit, markdown, progress_bar, run
 
+from surrogate.errors import InvalidInput
 from surrogate.files import whole_file
 from surrogate.network import make_network
 from surrogate.scene import FIDELITIES, Scene
@@ -34,6 +35,8 @@ TAU, KAPPA, GOAL, REPEATS = 1e-3, 0.5, 3.0, 3
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Build the real chain dy/da da/dw on networks of growing width, time both inverses."""
     arguments = _parser().parse_args(argv)
+    if not (1 <= arguments.batch <= 512 and min(arguments.vectors) >= 1):
+        raise InvalidInput("--batch: from 1 to 512; --vectors: from 1")
     scene = Scene(fidelity=FIDELITIES["draft"])
     samples = draw_samples(scene, jax.random.key(0), arguments.batch)
     physics = prepare_physics(scene_domain(scene), samples)

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from common import Parser, emit, markdown, progress_bar, run
 
+from surrogate.errors import InvalidInput
 from surrogate.store import Surrogate, load_surrogate
 from surrogate.training.physics import draw_samples
 
@@ -21,6 +22,8 @@ ALONE, REPEATS = 2000, 20
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Time compiled calls on arrays that are in place; compilation is left out."""
     arguments = _parser().parse_args(argv)
+    if not 1 <= arguments.batch <= 10**6:
+        raise InvalidInput(f"--batch {arguments.batch}: from 1 to 1000000")
     surrogate = load_surrogate(arguments.surrogate)
     with progress_bar("speed") as progress:
         rows = _measure(surrogate, arguments.batch)

@@ -33,6 +33,7 @@ from surrogate.training.sip import scale_invariant_physics
 from surrogate.training.supervised import supervised
 
 MARKS = (0.03, 0.01, 0.003)
+GRADIENTS = 64  # held-out bodies whose shape gradients are compared
 VARIANTS = {  # the method as published, and regressions that a user might try
     "sip, as published": functools.partial(scale_invariant_physics, slopes=0.0),
     "supervised, traction only": functools.partial(supervised, goal=0.0),
@@ -66,15 +67,19 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     if not 1 <= arguments.seeds <= 20:
         raise InvalidInput(f"--seeds {arguments.seeds}: from 1 to 20")
     unseen = preset("dp", arguments.preset, arguments.seed).held_out
-    if not 1 <= arguments.gradients <= unseen:
-        raise InvalidInput(f"--gradients {arguments.gradients}: from 1 to {unseen}")
+    gradients = min(GRADIENTS, unseen) if arguments.gradients is None else arguments.gradients
+    if not 1 <= gradients <= unseen:
+        raise InvalidInput(f"--gradients {gradients}: from 1 to {unseen}")
     out = Path(arguments.out)
     check_folder(out)
-    fitters = {"polynomial": polynomial, "kriging": kriging()}
+    seeds = range(arguments.seed, arguments.seed + arguments.seeds)
+    folders = [out if seed == arguments.seed else out / f"seed{seed}" for seed in seeds]
+    asked = [[arguments.preset, seed, gradients] for seed in seeds]
+    kept = [_kept_rows(folder, question) for folder, question in zip(folders, asked, strict=True)]
+    fitters = {"polynomial": polynomial} | ({} if all(kept) else {"kriging": kriging()})
     rows: list[Row] = []
-    for seed in range(arguments.seed, arguments.seed + arguments.seeds):
-        folder = out if seed == arguments.seed else out / f"seed{seed}"
-        rows += _kept_rows(arguments.preset, seed, folder, fitters, arguments.gradients)
+    for folder, question, known in zip(folders, asked, kept, strict=True):
+        rows += known or _measured_rows(folder, question, fitters)
     plot = plot_training([dataclasses.asdict(row) for row in rows], out / "training.png")
     result = {"rows": [dataclasses.asdict(row) for row in rows], "plot": str(plot)}
     with whole_file(out / "training.json") as part:
@@ -82,21 +87,27 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, f"{_text(rows)}\n\n-> {plot}")
 
 
-def _kept_rows(name: str, seed: int, folder: Path, fitters, gradients: int) -> list[Row]:
-    """The rows of a seed, measured once and kept in its folder."""
+def _kept_rows(folder: Path, asked: list) -> list[Row]:
+    """The rows that an earlier run left in a seed's folder; none where it left none."""
     kept = folder / "rows.json"
-    if kept.is_file():
-        try:
-            record = json.loads(kept.read_text())
-            asked, rows = record["asked"], [Row(**row) for row in record["rows"]]
-        except (OSError, ValueError, KeyError, TypeError):
-            raise InvalidInput(f"{kept}: is damaged or of another program; remove it") from None
-        if asked != [name, seed, gradients]:
-            raise InvalidInput(f"{kept}: is of another preset or seed; choose another --out")
-        return rows
+    if not kept.is_file():
+        return []
+    try:
+        record = json.loads(kept.read_text())
+        found, rows = record["asked"], [Row(**row) for row in record["rows"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InvalidInput(f"{kept}: is damaged or of another program; remove it") from None
+    if found != asked:
+        raise InvalidInput(f"{kept}: is of another preset or seed; choose another --out")
+    return rows
+
+
+def _measured_rows(folder: Path, asked: list, fitters) -> list[Row]:
+    """The rows of preset, seed and number of gradients, measured and kept."""
+    name, seed, gradients = asked
     rows = _seed_rows(name, seed, folder, fitters, gradients)
-    record = {"asked": [name, seed, gradients], "rows": [dataclasses.asdict(row) for row in rows]}
-    with whole_file(kept) as part:
+    record = {"asked": asked, "rows": [dataclasses.asdict(row) for row in rows]}
+    with whole_file(folder / "rows.json") as part:
         part.write_text(json.dumps(record) + "\n")
     return rows
 
@@ -262,7 +273,9 @@ def _parser():
     parser.add_argument("--preset", default="quick", choices=["quick", "full"])
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
     parser.add_argument("--seeds", type=int, default=1, help="how many seeds")
-    parser.add_argument("--gradients", type=int, default=64, help="bodies with adjoint gradients")
+    parser.add_argument(
+        "--gradients", type=int, help=f"bodies with adjoint gradients ({GRADIENTS})"
+    )
     parser.add_argument("--out", required=True, help="folder of the surrogates and training.json")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser

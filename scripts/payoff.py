@@ -146,7 +146,7 @@ def _pictures(payoffs, surrogate, queries, directs, method, out: Path) -> dict[s
     with progress_bar("rendering") as progress:
         rows = []
         for k in (0, len(queries) - 1):
-            folder = _save(surrogate, queries[k], directs[k], out / f"{method}-{k}")
+            folder = _save(surrogate, queries[k], directs[k], out, f"{method}-{k}")
             rows.append(before_and_after(load_run(folder)))
         plot = plot_payoff(payoffs, out / "payoff.png")
         shapes = render_flows(rows, out / "shapes.png")
@@ -154,7 +154,7 @@ def _pictures(payoffs, surrogate, queries, directs, method, out: Path) -> dict[s
     return {"shapes": str(shapes), "plot": str(plot)}
 
 
-def _save(surrogate: Surrogate, problem: Problem, direct: Optimum, folder: Path) -> Path:
+def _save(surrogate: Surrogate, problem: Problem, direct: Optimum, out: Path, name: str) -> Path:
     """The run of one query, as optimize_shape.py leaves it."""
     optimum, reynolds = optimise(problem, surrogate), problem.objective.nominal
     record = {
@@ -164,13 +164,13 @@ def _save(surrogate: Surrogate, problem: Problem, direct: Optimum, folder: Path)
         "cd_surrogate": optimum.drag,
         "cd_verified": verify(surrogate.scene, optimum.parameters, reynolds).cd,
         "cd_direct": direct.drag,
-        "surrogate": surrogate.record["method"],
+        "surrogate": str(out / surrogate.record["method"]),
         "scene": scene_record(surrogate.scene),
         "path": optimum.path.tolist(),
         "command": command_line(),
     }
-    save_run(folder, record, optimum.parameters)
-    return folder
+    save_run(out / name, record, optimum.parameters)
+    return out / name
 
 
 def _query(problem: Problem) -> dict[str, float | None]:

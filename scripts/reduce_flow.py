@@ -6,14 +6,13 @@ python scripts/reduce_flow.py --preset full --out out/flows.npz
 import sys
 import time
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import jax
 from common import Parser, command_line, emit, progress_bar, run
 
 from surrogate.errors import InvalidInput
-from surrogate.files import check_folder
+from surrogate.files import check_file
 from surrogate.reduced import FEWEST, reduce_flow, save_reduced
 from surrogate.training.physics import draw_samples
 from surrogate.training.presets import preset
@@ -26,10 +25,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     count = plan.samples // 2 if arguments.bodies is None else arguments.bodies
     if not FEWEST <= count <= 4096:
         raise InvalidInput(f"--bodies {count}: from {FEWEST} to 4096")
-    out = Path(arguments.out)
-    if out.suffix != ".npz" or out.is_dir():
-        raise InvalidInput(f"--out {out}: must name a file that ends in .npz")
-    check_folder(out.parent)
+    out = check_file(arguments.out, ".npz")
     samples = draw_samples(plan.scene, jax.random.split(jax.random.key(plan.seed), 3)[0], count)
     start = time.perf_counter()
     with progress_bar("solving flows and adjoints") as progress:

@@ -35,14 +35,14 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     records = [load_run(folder) for folder in arguments.runs]
     tolerance = arguments.tolerance
     if tolerance is None:
-        tolerance = surrogate.record["drag_error_mean"]
+        tolerance = surrogate.recorded("drag_error_mean")
     before = [gap for gap in gaps(surrogate, records) if gap.error > tolerance]
     if not before:
         raise InvalidInput(
             f"refinement: no run differs from the flow by more than {100 * tolerance:.2g} %; "
             "a smaller --tolerance would find some"
         )
-    key = jax.random.fold_in(jax.random.key(surrogate.record["seed"]), len(before))
+    key = jax.random.fold_in(jax.random.key(surrogate.recorded("seed")), len(before))
     added = samples_around(surrogate.scene, before, arguments.around, key)
     with progress_bar("preparing flows") as progress:
         plan, bench = widened(surrogate, added)
@@ -63,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         command_line(),
         bench.setup_s,
         refined_from=str(arguments.surrogate),
-        samples=surrogate.record["samples"],  # of the first training; the others are in "added"
+        samples=surrogate.recorded("samples"),  # of the first training; the others are in "added"
         added=[part.tolist() for part in everything],
         **closed,
     )

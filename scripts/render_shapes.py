@@ -8,7 +8,6 @@ python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out 
 
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -21,15 +20,14 @@ from shapeopt.render import render_evolution, render_flows
 from shapeopt.runs import load_run
 from shapeopt.sheets import before_and_after, surfaces_of
 from surrogate.errors import InvalidInput
+from surrogate.files import check_file
 from surrogate.store import load_surrogate
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, solve the flows to be shown, render."""
     arguments = _parser().parse_args(argv)
-    out = Path(arguments.out)
-    if out.suffix not in (".png", ".gif"):
-        raise InvalidInput(f"--out {out}: must end in .png or .gif")
+    out = check_file(arguments.out, ".png", ".gif")
     if out.suffix == ".gif" and (arguments.surface or arguments.family):
         raise InvalidInput(f"--out {out}: --surface and --family make a .png")
     records = [load_run(folder) for folder in arguments.runs]
@@ -62,6 +60,8 @@ def _verified(records):
     for record in records:
         if record.get("cd_verified") is None or record.get("cd_start") is None:
             raise InvalidInput(f"--family: the run at Re {record['reynolds']:g} is not verified")
+        if len(record.get("cases", [])) > 1:
+            raise InvalidInput("--family: shows the drag at one Re a run; one here is of several")
     return records
 
 

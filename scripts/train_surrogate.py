@@ -25,11 +25,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     plan = preset(arguments.method, arguments.preset, arguments.seed, arguments.budget_seconds)
     out = Path(arguments.out)
     check_target(out, RECORD)
+    place = out.resolve()
     say(plan.scene.explain())
     with progress_bar("preparing flows") as progress:
         bench = make_bench(plan)
         progress(1.0, f"{plan.samples} bodies, {plan.held_out} held out, {bench.setup_s:.0f} s")
-    trained = train_with_bar(plan, bench, out.with_name(out.name + ".checkpoint.npz"))
+    trained = train_with_bar(plan, bench, place.with_name(place.name + ".checkpoint.npz"))
     result = save(plan, trained, out, command_line(), bench.setup_s)
     text = (
         f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
@@ -111,12 +112,20 @@ def train_all(name: str, seed: int, out: Path) -> tuple[dict[str, Surrogate], Be
             trained = train_with_bar(plan, bench, out / f"{method}.checkpoint.npz")
             save(plan, trained, out / method, command_line(), bench.setup_s)
         surrogates[method] = load_surrogate(out / method)
-        record = surrogates[method].record
-        if (record["samples"], record["seed"]) != (plan.samples, seed):
+        if not is_of(plan, surrogates[method]):
             raise InvalidInput(
-                f"{out / method}: is of another preset or seed; choose another --out"
+                f"{out / method}: is of another method, preset or seed; choose another --out"
             )
     return surrogates, bench
+
+
+def is_of(plan: Plan, surrogate: Surrogate) -> bool:
+    """Whether this is what the plan's training leaves: a whole one, and not refined since."""
+    record = surrogate.record
+    asked = (plan.method, plan.samples, plan.held_out, plan.seed)
+    found = tuple(record.get(key) for key in ("method", "samples", "held_out", "seed"))
+    whole = record.get("stopped") or record.get("iterations") == plan.iterations
+    return found == asked and surrogate.scene == plan.scene and whole and "added" not in record
 
 
 def _parser():

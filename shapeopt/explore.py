@@ -82,11 +82,12 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
 
 def _lead(surrogate):
     """How right the numbers are, as it was measured."""
-    record = surrogate.record
+    recorded = surrogate.recorded
     return (
         "Every number comes from a trained network that runs in this page: "
-        f"{100 * record['drag_error_mean']:.2f} % off on average, "
-        f"{100 * record['drag_error_max']:.2f} % at worst, on {record['held_out']} unseen bodies."
+        f"{100 * recorded('drag_error_mean'):.2f} % off on average, "
+        f"{100 * recorded('drag_error_max'):.2f} % at worst, on {recorded('held_out')} unseen "
+        "bodies."
     )
 
 
@@ -104,7 +105,7 @@ def _provenance(surrogate):
     return (
         f"Steady laminar flow in {stream}; drag per unit span over \N{GREEK SMALL LETTER RHO}"
         "U\N{SUPERSCRIPT TWO}D / 2, D the diameter of the cylinder of the same area, Re = U D / "
-        f"\N{GREEK SMALL LETTER NU}. Trained by the method {surrogate.record['method']} on Re "
+        f"\N{GREEK SMALL LETTER NU}. Trained by the method {surrogate.recorded('method')} on Re "
         f"{low:g} to {high:g}, {bounds}; the sliders end there. Errors are against the flow solver."
     )
 

@@ -94,10 +94,12 @@ def tunnel_with_drag(scene: Scene, reynolds: float, target: float) -> Tunnel:
     a, b = 1 / 64, 1 / 96
     excess_a, excess_b = excess(1 / a), excess(1 / b)
     for _ in range(6):
-        if abs(excess_b) < 1e-3 * target:
-            return Tunnel(round(1 / b, 1))
+        if abs(excess_b) < 1e-3 * target or excess_a == excess_b:
+            break
         a, b = b, b - excess_b * (b - a) / (excess_b - excess_a)
         if not 1e-3 <= b <= 1 / 12:
             break
         excess_a, excess_b = excess_b, excess(1 / b)
+    if abs(excess_b) < 1e-3 * target and 1e-3 <= b <= 1 / 12:
+        return Tunnel(round(1 / b, 1))
     raise NotConverged(f"no tunnel gives the cylinder Cd {target:g} at Re {reynolds:g}")

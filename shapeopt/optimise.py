@@ -22,7 +22,7 @@ from shapeopt.search import (
 from shapeopt.verify import cylinder_drags
 from surrogate.arrays import AnyArray
 from surrogate.body import ellipse
-from surrogate.errors import NotConverged
+from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.drag import family_drag_and_shape_gradient
 from surrogate.flow.steady import preparation_cost
 from surrogate.store import Surrogate
@@ -57,9 +57,11 @@ def optimise(problem: Problem, surrogate: Surrogate, finish: int = 3) -> Optimum
     """Least predicted objective: all draws ranked, the best moved together, a few finished.
 
     Raises:
-      InvalidInput: no body satisfies the constraints.
+      InvalidInput: no body satisfies the constraints, or the surrogate is of another scene.
       NotConverged: no start reached an optimum.
     """
+    if surrogate.scene != problem.scene:
+        raise InvalidInput("optimisation: problem and surrogate are of different scenes")
     begin = time.perf_counter()
     network, limits, scenarios = surrogate.network, problem.limits, problem.scenarios
     feasible = problem.candidates()
@@ -97,8 +99,8 @@ def optimise_directly(
 ) -> Optimum:
     """The rival: the same search on body flows and adjoints, one of each per scenario and step.
 
-    Starts from ``start``, or from the roundest feasible ellipse; goes on until the optimality
-    condition holds on the flow.
+    Starts from ``start``, or from the feasible body nearest to the ellipse of aspect 2; goes on
+    until the optimality condition holds on the flow.
 
     Raises:
       InvalidInput, NotConverged: as ``optimise``, and where a flow on the way is not found.
@@ -116,11 +118,10 @@ def optimise_directly(
             break
     best = rounds[-1]
     # SLSQP that can no longer tell two drags apart reports failure at the optimum itself.
-    feasible = bool(np.all(np.isfinite(best.parameters))) and best.kkt_residual <= OPTIMAL
-    if not feasible:
+    if not (best.feasible and np.isfinite(best.value) and best.kkt_residual <= OPTIMAL):
         raise NotConverged(
-            f"direct optimisation: KKT residual {best.kkt_residual:.1e} after "
-            f"{flow.flows} flows; {OPTIMAL:g} is asked"
+            f"direct optimisation: KKT residual {best.kkt_residual:.1e} after {flow.flows} flows, "
+            f"{'' if best.feasible else 'not '}within the constraints; {OPTIMAL:g} is asked"
         )
     return Optimum(
         parameters=best.parameters,

@@ -78,7 +78,7 @@ class Payoff:
 def payoff(method: str, campaigns: Sequence[Campaign], seed: int = 0) -> Payoff:
     """K T_direct = T_train + K (T_loop + T_verify), solved for K by mean costs.
 
-    The interval is a bootstrap over seeds and, within each, over queries (Efron 1979).
+    The interval is a bootstrap over seeds and over the queries they share (Efron 1979).
     """
     designs = [design for campaign in campaigns for design in campaign.designs]
     gaps = [design.gap for design in designs]

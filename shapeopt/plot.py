@@ -15,7 +15,7 @@ from surrogate.files import whole_file
 def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
     """Draw wall seconds and applications of G against the number of designs."""
     figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
-    for axis, unit, label in zip(
+    for axis, unit, quantity in zip(
         axes, ("seconds", "green_applications"), ("wall seconds", "applications of G"), strict=True
     ):
         crossings = [k for p in payoffs if math.isfinite(k := _crossing(p, unit))]
@@ -30,7 +30,7 @@ def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
             (line,) = axis.plot(designs, [bill + k * each for k in designs], label=label)
             if math.isfinite(k):
                 axis.plot(k, k * direct, "o", color=line.get_color())
-        axis.set(xscale="log", yscale="log", xlabel="designs", ylabel=f"cumulative {label}")
+        axis.set(xscale="log", yscale="log", xlabel="designs", ylabel=f"cumulative {quantity}")
         axis.legend(frameon=False)
     with whole_file(path) as part:
         figure.savefig(part, dpi=140)

@@ -70,12 +70,9 @@ def widened(surrogate: Surrogate, added: Samples) -> tuple[Plan, Bench]:
       InvalidInput: the surrogate's record does not say how it was trained.
       NotConverged: a held-out flow was not found.
     """
+    samples, held_out, seed = map(surrogate.recorded, ("samples", "held_out", "seed"))
+    first = Plan("supervised", surrogate.scene, samples, held_out, 1, seed=seed)
     record = surrogate.record
-    try:
-        first = Plan("supervised", surrogate.scene, record["samples"], record["held_out"], 1)
-        first = dataclasses.replace(first, seed=record["seed"])
-    except KeyError:
-        raise InvalidInput("surrogate: its record lacks samples, held_out or seed") from None
     earlier = [Samples(*(np.array(part) for part in record["added"]))] if "added" in record else []
     extra = joined([*earlier, added])
     bench = make_bench(first)
@@ -95,9 +92,10 @@ def _cases(record) -> Iterator[tuple[np.ndarray, float, float]]:
     """Body, Re and verified Cd of a run; runs of one Re alone have no list of cases."""
     try:
         if "cases" not in record:
-            parameters = np.array([record["parameters"][name] for name in PARAMETERS])
-            yield parameters, record["reynolds"], record["cd_verified"]
+            parameters = np.array([record["parameters"][name] for name in PARAMETERS], float)
+            yield parameters, float(record["reynolds"]), float(record["cd_verified"])
         for case in record.get("cases", []):
-            yield np.array(case["parameters"]), case["reynolds"], case["cd_verified"]
-    except (KeyError, TypeError):
+            parameters = np.array(case["parameters"], float)
+            yield parameters, float(case["reynolds"]), float(case["cd_verified"])
+    except (KeyError, TypeError, ValueError):
         raise InvalidInput("refinement: a run lacks its verified drags") from None

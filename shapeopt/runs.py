@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
 from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.surface import SURFACE_POINTS, solve_surface
@@ -50,12 +51,15 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     try:
         record = json.loads((folder / RECORD).read_text())
-        [record["parameters"][name] for name in PARAMETERS]
-        record["reynolds"], record["scene"], record["path"]
-        return record
+        read_scene(record["scene"]), str(record["surrogate"])
+        body = [record["parameters"][name] for name in PARAMETERS]
+        steps = np.array([*record["path"], [*body]], float)
+        if np.all(np.isfinite(steps)) and record["reynolds"] > 0:
+            return record
+        raise ValueError
     except OSError:
         raise InvalidInput(
             f"run {folder}: no run.json there; optimize_shape.py makes one"
         ) from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError):
         raise InvalidInput(f"run {folder}: run.json is damaged or of another program") from None

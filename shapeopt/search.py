@@ -23,12 +23,13 @@ ValueAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class Found(NamedTuple):
-    """Where SLSQP ended; ``kkt_residual`` as in ``kkt_residual``."""
+    """Where SLSQP ended, whether within the constraints; ``kkt_residual`` as the function."""
 
     parameters: Float[AnyArray, " parameters"]
     value: float
     evaluations: int
     kkt_residual: float
+    feasible: bool
     converged: bool
     path: Float[AnyArray, "steps parameters"]
 
@@ -77,6 +78,7 @@ def descend(
         value=float(value),
         evaluations=last["calls"],
         kkt_residual=kkt_residual(z, value, gradient, space, jacobian),
+        feasible=feasible,
         converged=bool(result.success) and feasible and bool(np.isfinite(value)),
         path=np.array(path),
     )

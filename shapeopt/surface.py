@@ -35,11 +35,6 @@ class Surface(NamedTuple):
         return float(-2 * np.pi * np.mean(self.cp * self._outward[:, 0]))
 
     @property
-    def friction_drag(self) -> float:
-        """Cd of the friction alone."""
-        return float(2 * np.pi * np.mean(self.cf * self._outward[:, 1]))
-
-    @property
     def _outward(self):
         return np.asarray(outward(jnp.asarray(self.markers)))
 

@@ -109,7 +109,7 @@ def reduced_correction(
     """The drag that a coupled Newton step would remove, the adjoint being known beforehand.
 
     A step of Newton's method on F(x) = 0, x = (u', a), changes the drag by lambda . F with
-    A^T lambda = dCd/dx: to second order in the error of x, times that of lambda. With
+    A^T lambda = -dCd/dx: to second order in the error of x, times that of lambda. With
     lambda_u = C'(u)^T mu - S^T lambda_a, mu guessed and lambda_a from the no-slip condition of the
     adjoint, lambda . F = lambda_a . slip(u' - F_u) + mu . C'(u) F_u. Sweeps
     u' <- G(B a + C(u')) + far, a <- a - K^-1 slip, K = S G B, make x better first. One

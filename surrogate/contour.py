@@ -27,17 +27,17 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
         reason = getattr(problem, "strerror", None) or "it is not a text file"
         raise InvalidInput(f"contour {path}: cannot be read ({reason})") from None
     rows = [line.replace(",", " ").split() for line in lines if line.strip()]
-    if rows and not _numbers(rows[0]):
+    if rows and _numbers(rows[0]) is None:
         rows = rows[1:]  # the title of a Selig file, or a CSV header
     points = [_numbers(row) for row in rows]
-    if not points or any(p is None or len(p) != 2 for p in points):
+    if not points or any(p is None or len(p) != 2 or not np.all(np.isfinite(p)) for p in points):
         raise InvalidInput(f"contour {path}: every row must be two finite numbers, x and y")
     return np.array(points)
 
 
 def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
     """NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
-    if len(code) != 4 or not code.isdigit() or code[2:] == "00":
+    if len(code) != 4 or not code.isdecimal() or code[2:] == "00":
         raise InvalidInput(
             f"NACA {code}: four digits with a thickness above 00 are needed, as 0012"
         )
@@ -76,15 +76,23 @@ def smooth_contour(
     rounded by the truncated Fourier series.
 
     Raises:
-      InvalidInput: fewer than 8 points, no area, or the contour crosses itself.
+      InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
     """
-    points = _distinct(np.asarray(points, float))
+    points = np.asarray(points, float)
+    size = np.ptp(points, axis=0).max()
+    if not 1e-9 < size < 1e9:
+        raise InvalidInput(f"contour: its size is {size:g}; from 1e-9 to 1e9 can be scaled")
+    points = _distinct(points)
     if len(points) < 8:
         raise InvalidInput(f"contour: {len(points)} distinct points; at least 8 are needed")
+    if np.linalg.svd(points - points.mean(axis=0))[1][1] < 1e-9 * size:
+        raise InvalidInput("contour: it encloses no area")
     if crosses_itself(points):
-        raise InvalidInput("contour: it crosses itself; list the points once around, in order")
+        raise InvalidInput(
+            "contour: it crosses or touches itself; list the points once around, in order"
+        )
     area, centroid = (np.asarray(value) for value in moments(points))
-    if abs(area) < 1e-9 * np.ptp(points, axis=0).max() ** 2:
+    if not abs(area) > 1e-9 * size**2:
         raise InvalidInput("contour: it encloses no area")
     points = points if area > 0 else points[::-1]
     points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
@@ -95,7 +103,7 @@ def smooth_contour(
 
 
 def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
-    """Whether two edges of the closed polygon that are not neighbours intersect."""
+    """Whether two edges of the closed polygon that are not neighbours cross or touch."""
     if len(points) > 1000:
         points = points[:: len(points) // 1000 + 1]
     start, end = points, np.roll(points, -1, axis=0)
@@ -108,7 +116,12 @@ def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
 
     p, q, r, s = start[:, None], end[:, None], start[None], end[None]
     apart = (side(p, q, r) * side(p, q, s) < 0) & (side(r, s, p) * side(r, s, q) < 0)
-    return bool(apart.any())
+    along = np.sum((p - r) * (s - r), axis=-1) / np.sum((s - r) ** 2, axis=-1)
+    foot = r + np.clip(along, 0, 1)[..., None] * (s - r)
+    away = np.linalg.norm(p - foot, axis=-1)  # of each corner from each edge
+    count = np.arange(len(points))
+    away[count, count] = away[count, count - 1] = np.inf  # the edges that meet there
+    return bool(apart.any() or np.any(away < 1e-9 * np.ptp(points)))
 
 
 def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> float:
@@ -119,10 +132,9 @@ def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> float:
 
 def _numbers(row):
     try:
-        values = [float(word) for word in row]
+        return [float(word) for word in row]
     except ValueError:
         return None
-    return values if np.all(np.isfinite(values)) else None
 
 
 def _distinct(points):

@@ -31,12 +31,11 @@ from surrogate.flow.far import far_response, refinement
 from surrogate.flow.lattice import Lattice
 from surrogate.flow.tangent import drag_adjoint
 from surrogate.scene import Scene
-from surrogate.store import PRETRAINED, read_scene, scene_record
+from surrogate.store import BROKEN, PRETRAINED, read_scene, scene_record
 from surrogate.training.physics import Samples, scene_domain
 
 FORMAT = 1
 SHIPPED = PRETRAINED / "flows.npz"
-BROKEN = (OSError, KeyError, TypeError, ValueError, AttributeError, EOFError)
 BETA_SCALE = 0.6  # distance of a range of a beta against one of the aspect or log Re
 FEWEST = 32  # samples: the quadratic part alone takes 21
 FAR_NODES = 16  # Reynolds numbers of the far field, which knows no shape

@@ -23,6 +23,7 @@ from surrogate.network import DragNetwork
 from surrogate.scene import Fidelity, Scene, Tunnel, Unbounded
 
 FORMAT = 1
+BROKEN = (OSError, KeyError, TypeError, ValueError, AttributeError, EOFError)
 RECORD = "surrogate.json"
 PRETRAINED = Path(__file__).parent / "pretrained"  # one a method, from one bench
 BEST = "sip"  # of these, by its mean error on unseen bodies
@@ -57,6 +58,16 @@ class Surrogate:
         names = (*PARAMETERS, "log Re")
         return {k: float(d) for k, d in zip(names, distance, strict=True) if d > 1e-9}
 
+    def recorded(self, key: str) -> Any:
+        """A value of the record, as trainings leave it.
+
+        Raises:
+          InvalidInput: the record lacks it.
+        """
+        if key not in self.record:
+            raise InvalidInput(f"surrogate: its record lacks {key}; train_surrogate.py writes it")
+        return self.record[key]
+
 
 def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
     """Write the folder whole or not at all, replacing an older surrogate there.
@@ -71,6 +82,7 @@ def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
         weights = part / "weights.npz"
         np.savez(weights, **{f"leaf{k}": np.asarray(leaf) for k, leaf in enumerate(leaves)})
         record = {
+            **surrogate.record,
             "format": FORMAT,
             "scene": scene_record(surrogate.scene),
             "sizes": [int(layer.weight.shape[0]) for layer in surrogate.network.layers],
@@ -78,7 +90,6 @@ def save_surrogate(folder: str | Path, surrogate: Surrogate) -> None:
             "versions": {
                 name: importlib.metadata.version(name) for name in ("jax", "jaxlib", "numpy")
             },
-            **surrogate.record,
         }
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
 
@@ -109,7 +120,7 @@ def load_surrogate(name: str | Path) -> Surrogate:
             leaves = [jnp.asarray(saved[f"leaf{k}"]) for k in range(len(saved.files))]
         structure = jax.tree.structure(_blank(record["sizes"], scene))
         return Surrogate(jax.tree.unflatten(structure, leaves), scene, record)
-    except (OSError, KeyError, TypeError, ValueError, zipfile.BadZipFile) as problem:
+    except (*BROKEN, zipfile.BadZipFile) as problem:
         if isinstance(problem, InvalidInput):
             raise
         raise InvalidInput(f"surrogate {folder}: damaged or not a surrogate") from None

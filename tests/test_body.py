@@ -78,7 +78,7 @@ def test_contour_files(tmp_path):
     (tmp_path / "s.csv").write_text("x,y\n" + table.replace(" ", ","))
     assert np.allclose(read_contour(tmp_path / "s.dat"), points, atol=1e-6)
     assert np.allclose(read_contour(tmp_path / "s.csv"), points, atol=1e-6)
-    for name, text in (("words", "a b\nc d\n"), ("nan", "0,0\nnan,1\n"), ("three", "1,2,3\n1,2,3")):
+    for name, text in (("words", "a b\nc d\n"), ("nan", "nan,0\n1,1\n"), ("three", "1,2,3\n1,2,3")):
         (tmp_path / name).write_text(text)
         with pytest.raises(InvalidInput, match="two finite numbers"):
             read_contour(tmp_path / name)
@@ -90,12 +90,18 @@ def test_crossing_flat_and_short_contours_are_refused():
     t = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     eight = np.stack([np.sin(t), np.sin(2 * t)], axis=1)
     assert crosses_itself(eight + 0.01)
+    bow = [(0, 0), (1, 1), (2, 1), (2, -1), (1, -1), (0, 0), (-0.5, 0.5), (-1, 0), (-0.5, -0.5)]
+    assert crosses_itself(np.array(bow, float))  # in a corner that is listed twice
+    castle = [(0, 0), (0, 2), (1, 2), (1, 1), (2, 1), (2, 2), (3, 2), (3, 0)]
+    assert not crosses_itself(np.array(castle, float))
     with pytest.raises(InvalidInput, match="crosses"):
         smooth_contour(eight + 0.01, 100)
     with pytest.raises(InvalidInput, match="at least 8"):
         smooth_contour(eight[:5], 100)
     with pytest.raises(InvalidInput, match="no area"):
         smooth_contour(np.stack([np.linspace(0, 1, 20), np.zeros(20)], axis=1), 100)
+    with pytest.raises(InvalidInput, match="its size is"):
+        smooth_contour(1e-200 * naca4("0012"), 100)
 
 
 def test_mean_thickness_of_a_circle():
@@ -103,7 +109,7 @@ def test_mean_thickness_of_a_circle():
     assert mean_thickness(markers) == pytest.approx(0.5, rel=1e-3)
 
 
-@pytest.mark.parametrize("code", ["12", "00AB", "0000", "4012", "0412", "00120"])
+@pytest.mark.parametrize("code", ["12", "00AB", "0000", "4012", "0412", "00120", "²²12"])
 def test_naca_codes_that_are_none_are_refused(code):
     with pytest.raises(InvalidInput):
         naca4(code)

@@ -1,5 +1,6 @@
 """Shape optimisation, payoff arithmetic, and pictures that are not blank."""
 
+import dataclasses
 import math
 
 import jax.numpy as jnp
@@ -14,8 +15,10 @@ from shapeopt.plot import plot_payoff
 from shapeopt.problem import Problem
 from shapeopt.queries import query_stream
 from shapeopt.render import pv
+from shapeopt.verify import verify
 from surrogate.body import family_markers
 from surrogate.errors import InvalidInput
+from surrogate.scene import Tunnel
 from surrogate.store import load_surrogate
 
 
@@ -96,6 +99,22 @@ def test_queries_are_solvable_and_repeat(pretrained):
     assert [q.reynolds for q in first] == [q.reynolds for q in again]
     assert len({q.reynolds for q in first}) == 4
     assert all(len(q.candidates()) for q in first)
+
+
+def test_payoff_plot_names_its_axes(tmp_path, monkeypatch):
+    figures = []
+    monkeypatch.setattr("shapeopt.plot.plt.close", figures.append)
+    plot_payoff(example_payoffs(), tmp_path / "payoff.png")
+    labels = [axis.get_ylabel() for axis in figures[0].axes]
+    assert labels == ["cumulative wall seconds", "cumulative applications of G"]
+
+
+def test_what_does_not_fit_the_scene_is_refused(pretrained):
+    elsewhere = dataclasses.replace(pretrained.scene, stream=Tunnel(16.0))
+    with pytest.raises(InvalidInput, match="different scenes"):
+        optimise(Problem(elsewhere, 20.0), pretrained)
+    with pytest.raises(InvalidInput, match="reaches beyond"):
+        verify(pretrained.scene, np.array([9.0, 0.0, 0.0, 0.0]), 20.0)
 
 
 def test_payoff_plot_is_not_blank(tmp_path, capfd):

@@ -1,13 +1,15 @@
 """Surrogates on disk: scenes survive, and the one that ships is good."""
 
+import dataclasses
 import json
 
 import jax
+from train_surrogate import is_of
 
 from surrogate.body import Family
 from surrogate.store import BEST, load_surrogate, read_scene, scene_record
 from surrogate.training import loop
-from surrogate.training.presets import METHODS
+from surrogate.training.presets import METHODS, preset
 
 
 def test_scenes_survive_json(tiny_scene):
@@ -21,6 +23,16 @@ def test_the_shipped_surrogate_is_the_best_of_those_that_ship():
     assert min(errors, key=errors.get) == BEST
     assert len({s.network.weights.size for s in shipped.values()}) == 1
     assert len({s.record["samples"] for s in shipped.values()}) == 1
+
+
+def test_a_surrogate_of_another_plan_is_not_taken_for_it():
+    surrogate = load_surrogate("pretrained:sip")
+    assert is_of(preset("sip", "full"), surrogate)
+    for plan in (preset("sip", "quick"), preset("hig", "full"), preset("sip", "full", seed=1)):
+        assert not is_of(plan, surrogate)
+    for change in ({"iterations": 7}, {"added": [[], []]}):
+        record = {**surrogate.record, **change}
+        assert not is_of(preset("sip", "full"), dataclasses.replace(surrogate, record=record))
 
 
 def test_pretrained_surrogate_on_unseen_bodies():

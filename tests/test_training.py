@@ -182,6 +182,10 @@ def test_surrogate_round_trip_and_damage(plan, bench, tmp_path):
     save_surrogate(folder, surrogate)
     save_surrogate(folder, surrogate)  # replaces its own kind
     loaded = load_surrogate(folder)
+    halved = loaded.network.with_weights(loaded.network.weights / 2)
+    save_surrogate(tmp_path / "halved", dataclasses.replace(loaded, network=halved))
+    weights = load_surrogate(tmp_path / "halved").network.weights
+    assert np.array_equal(weights, halved.weights)
     body = jnp.array([2.0, 0.1, 0, 0])
     assert float(loaded.drag(body, 10.0)) == float(surrogate.drag(body, 10.0))
     assert loaded.scene == plan.scene

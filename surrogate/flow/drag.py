@@ -175,8 +175,12 @@ def report(
     ``green_applications`` are those of the drag, the gradient's left out.
 
     Raises:
+      InvalidInput: the body reaches out of the domain's box.
       NotConverged: as ``solve_with_continuation``.
     """
+    half = np.array(domain.box) / 2 * domain.lattice.step
+    if np.any(np.abs(markers).max(axis=0) > half - 2 * np.array(domain.lattice.step)):
+        raise InvalidInput("body: reaches beyond the bodies that this domain was made for")
     start = time.perf_counter()
     solution = solve_with_continuation(domain, jnp.asarray(markers), reynolds)
     gradient = None

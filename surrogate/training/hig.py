@@ -87,7 +87,9 @@ def half_inverse_gradients(
         def update(index, flow, kept):
             return kept_compliance(physics.domain, physics.case(index), flow, kept, lag, effort)
 
-        kept, spent = per_sample(update, batch, inverted, pick(state.kept, batch))
+        old = pick(state.kept, batch)
+        new, spent = per_sample(update, batch, inverted, old)
+        kept = keep(spent.converged, new, old)
         slip = jnp.einsum("bym,bm->by", kept.matrix, predicted - inverted.amplitude)
         valid = targets.known[batch] & spent.converged
         return slip, targets, kept, valid, products + jnp.sum(spent.products)

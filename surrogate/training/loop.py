@@ -163,7 +163,10 @@ def train(
             clock.resume()
     unreported = int(run.iteration) % plan.report_every and int(run.iteration) < plan.iterations
     if stopped is None and unreported:
-        run, _ = _record(run._replace(seconds=jnp.asarray(clock.seconds())), bench, np.nan)
+        run = run._replace(seconds=jnp.asarray(clock.seconds()))
+        run, point = _record(run, bench, float(spent.loss))
+        if not point.error_mean < BLOWN_UP:
+            stopped, run = f"blew up before iteration {point.iteration}", good
     history = _history(run)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")

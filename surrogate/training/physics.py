@@ -42,8 +42,8 @@ class Physics(eqx.Module):
 
 
 def scene_domain(scene: Scene) -> Domain:
-    """The domain that holds every body of a scene at every Re of it."""
-    extent = scene.family.extent
+    """The domain that holds every body of a scene, and the cylinder, at every Re of it."""
+    extent = tuple(max(side, 1.0) for side in scene.family.extent)
     fidelity = scene.fidelity.reaching(scene.reynolds[1], extent[1])
     return make_domain(scene.stream, fidelity, extent, symmetric=True)
 
