@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from common import Parser, emit, markdown, progress_bar, run
 
-from surrogate.certificate import SETTLED, reduced_correction
+from surrogate.certificate import ENOUGH, SETTLED, reduced_correction
 from surrogate.errors import InvalidInput
 from surrogate.files import check_folder, whole_file
 from surrogate.reduced import load_reduced
@@ -26,7 +26,7 @@ from surrogate.training.physics import (
     solve_labels,
 )
 
-SWEEPS = (2, 3, 4)
+CHANGES = (1e-3, 1e-4, ENOUGH)  # of the drag in a sweep, at which to stop
 SURROGATES = [f"pretrained:{method}" for method in ("sip", "supervised", "hig", "dp")]
 
 
@@ -50,10 +50,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         progress(0.0, f"solving {arguments.bodies} bodies")
         labels = require_converged(solve_labels(domain, samples))
         for k, (name, surrogate) in enumerate(surrogates.items()):
-            for sweeps in SWEEPS:
-                check = functools.partial(_check, domain, surrogate.network, sweeps)
+            for enough in CHANGES:
+                check = functools.partial(_check, domain, surrogate.network, enough)
                 rows.append(
-                    {"surrogate": name, "sweeps": sweeps} | _measure(check, samples, guess, labels)
+                    {"surrogate": name, "enough": enough} | _measure(check, samples, guess, labels)
                 )
             progress((k + 1) / len(surrogates), name)
     with whole_file(Path(arguments.out) / "certificate.json") as part:
@@ -61,8 +61,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit({"rows": rows}, arguments.json, _text(rows))
 
 
-def _check(domain, network, sweeps, body, fields):
-    return reduced_correction(domain, network, fields, *body, sweeps)
+def _check(domain, network, enough, body, fields):
+    return reduced_correction(domain, network, fields, *body, enough)
 
 
 def _measure(check, samples, guess, labels) -> dict[str, Any]:
@@ -84,11 +84,19 @@ def _measure(check, samples, guess, labels) -> dict[str, Any]:
 
 
 def _text(rows: list[dict[str, Any]]) -> str:
-    heads = ["surrogate", "sweeps", "error before", "error after", "G", "of a body flow", "solved"]
+    heads = [
+        "surrogate",
+        "swept until",
+        "error before",
+        "error after",
+        "G",
+        "of a body flow",
+        "solved",
+    ]
     lines = [
         [
             r["surrogate"].removeprefix("pretrained:"),
-            str(r["sweeps"]),
+            f"{100 * r['enough']:g} %",
             f"{100 * r['before_mean']:.3f} (max {100 * r['before_max']:.2f}) %",
             f"{100 * r['after_mean']:.4f} (max {100 * r['after_max']:.3f}) %",
             f"{r['green_applications']:.1f}",
@@ -104,7 +112,7 @@ def _parser():
     parser = Parser(description=__doc__.splitlines()[0])
     parser.add_argument("--surrogates", nargs="+", default=SURROGATES, help="folders")
     parser.add_argument("--flows", help="reduced flows by reduce_flow.py; those that ship")
-    parser.add_argument("--bodies", type=int, default=128, help="held-out bodies")
+    parser.add_argument("--bodies", type=int, default=512, help="held-out bodies")
     parser.add_argument("--seed", type=int, default=0, help="of these bodies, as in a training")
     parser.add_argument("--out", required=True, help="folder of certificate.json")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout")

@@ -56,7 +56,7 @@ DP = {
 SIP = {
     "as shipped": {},
     "as published (no shape gradients)": {"slopes": 0.0},
-    "every sample inverted each visit": {"settle": -1.0},
+    "every sample inverted each visit, none settled for its slope": {"settle": -1.0},
     "loose inversion (Krylov 0.3)": {"effort": Effort(0.3, 30)},
     "no goal (goal 0)": {"goal": 0.0},
     "one network step per inversion": {"network_steps": 1},

@@ -25,7 +25,9 @@ from surrogate.scene import check_reynolds
 from surrogate.store import Surrogate
 from surrogate.training.physics import Samples, scene_domain
 
-SETTLED = 1e-3  # relative change of the corrected drag in the last sweep, beyond which it is solved
+ENOUGH = 3e-5  # relative change of the corrected drag in a sweep, below which none follows
+MOST = 7  # sweeps
+SETTLED = 1e-3  # relative change in the last sweep beyond which the body flow is solved
 By = Literal["reduced flow", "body flow"]
 
 
@@ -97,14 +99,14 @@ class Correction(NamedTuple):
     products: Array
 
 
-@functools.partial(jax.jit, static_argnums=(0, 5))
+@functools.partial(jax.jit, static_argnums=0)
 def reduced_correction(
     domain: Domain,
     network: DragNetwork,
     guess: Fields,
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
-    sweeps: int = 3,
+    enough: float = ENOUGH,
 ) -> Correction:
     """The drag that a coupled Newton step would remove, the adjoint being known beforehand.
 
@@ -112,9 +114,9 @@ def reduced_correction(
     A^T lambda = -dCd/dx: to second order in the error of x, times that of lambda. With
     lambda_u = C'(u)^T mu - S^T lambda_a, mu guessed and lambda_a from the no-slip condition of the
     adjoint, lambda . F = lambda_a . slip(u' - F_u) + mu . C'(u) F_u. Sweeps
-    u' <- G(B a + C(u')) + far, a <- a - K^-1 slip, K = S G B, make x better first. One
-    application of G a sweep and one for its change of a, one for lambda_a; K lives on the body's
-    box, leaves out the far field, and is counted as one more. At least two ``sweeps``.
+    u' <- G(B a + C(u')) + far, a <- a - K^-1 slip, K = S G B, make x better until the drag moves by
+    less than ``enough``, relatively. One application of G a sweep and one for its change of a, one
+    for lambda_a; K lives on the body's box, leaves out the far field, and is counted as one more.
     (Giles & Pierce 2000, adjoint error correction.)
     """
     refine = refinement(domain.lattice, stored_lattice(domain.lattice))
@@ -136,28 +138,37 @@ def reduced_correction(
         return inverse.T @ (goal - jax.vjp(respond, state.amplitude)[1](source)[0])
 
     predicted = network(parameters, reynolds)
-    state = FlowState(velocity, predicted)
-    weights = adjoint_traction(state)
-    drags = []
-    for sweep in range(sweeps):
+    start = FlowState(velocity, predicted)
+    weights = adjoint_traction(start)
+
+    def assess(state):
+        """The flow swept once, its slip, and the drag corrected at ``state``."""
         miss = steady.flow_residual(domain, case, state)
         swept = state._replace(velocity=state.velocity - miss)
         slip = steady.slip_residual(domain, case, swept)
         curved = jax.jvp(convect, (state.velocity,), (miss,))[1]
         change = weights @ slip + jnp.sum(adjoint * curved)
-        drags.append(drag_coefficient(state.amplitude) + change)
-        if sweep == 0:
-            first_slip = slip
-        if sweep < sweeps - 1:
-            step = -inverse @ slip
-            push = kernel(body.spread(step))
-            state = FlowState(swept.velocity + push, state.amplitude + step)
+        return swept, slip, drag_coefficient(state.amplitude) + change
+
+    def again(carry):
+        (swept, slip, before), _, sweeps = carry
+        step = -inverse @ slip
+        push = kernel(body.spread(step))
+        found = assess(FlowState(swept.velocity + push, swept.amplitude + step))
+        return found, jnp.abs(before / found[2] - 1), sweeps + 1
+
+    def unsettled(carry):
+        _, moved, sweeps = carry
+        return (moved > enough) & (sweeps < MOST)
+
+    first = assess(start)
+    (_, _, corrected), moved, sweeps = jax.lax.while_loop(unsettled, again, (first, jnp.inf, 1))
     return Correction(
-        drags[-1],
+        corrected,
         drag_coefficient(predicted),
-        jnp.abs(drags[-2] / drags[-1] - 1),
-        jnp.sqrt(jnp.mean(first_slip**2)),
-        jnp.asarray(2 * sweeps + 1),
+        moved,
+        jnp.sqrt(jnp.mean(first[1] ** 2)),
+        2 * sweeps + 1,
     )
 
 
