@@ -42,8 +42,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     result = {
         "results": results,
         "surrogate": arguments.surrogate,
-        "method": surrogate.record["method"],
-        "drag_error_mean": surrogate.record["drag_error_mean"],
+        "method": surrogate.recorded("method"),
+        "drag_error_mean": surrogate.recorded("drag_error_mean"),
         "parameters": dict(zip(PARAMETERS, parameters.tolist(), strict=True)),
     }
     return emit(result, arguments.json, "\n".join(map(_line, results)))
