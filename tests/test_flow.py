@@ -257,9 +257,15 @@ def test_status_says_when_newton_stops_early(cylinder_domain):
 
 
 def test_a_flow_that_is_not_found_raises(cylinder_domain):
-    body = np.asarray(family_markers(jnp.array([0.3, 0, 0, 0]), 96))  # does not fit the box
+    plate = np.asarray(family_markers(jnp.array([0.5, 0, 0, 0]), cylinder_domain.nodes))
     with pytest.raises(NotConverged, match="did not converge"):
-        report(cylinder_domain, body * 5, 250.0)
+        report(cylinder_domain, plate, 250.0)
+
+
+def test_a_body_beyond_the_box_of_a_domain_is_refused(cylinder_domain):
+    plate = np.asarray(family_markers(jnp.array([0.3, 0, 0, 0]), cylinder_domain.nodes))
+    with pytest.raises(InvalidInput, match="reaches beyond"):
+        report(cylinder_domain, plate, 1.0)
 
 
 def test_nothing_recompiles_for_another_body_of_the_same_shape(cylinder_domain):
