@@ -7,13 +7,13 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
-from shapeopt.surface import SURFACE_POINTS, solve_surface
+from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
+from surrogate.flow.loads.surface import SURFACE_POINTS, solve_surface
 from surrogate.arrays import AnyArray
-from surrogate.body import PARAMETERS, family_markers
+from surrogate.body.family import PARAMETERS, family_markers
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, whole_folder
-from surrogate.store import read_scene
+from surrogate.model.store import read_scene
 
 RECORD = "run.json"
 

@@ -1,16 +1,50 @@
-"""Laminar drag surrogates: a flow solver on jax-cfd, and networks trained through it."""
+"""Laminar drag surrogates: a flow solver on jax-cfd, and networks trained through it.
 
-import os
-from pathlib import Path
+The front door. ``Flow`` and ``Surrogate`` are the two drag models, alike in
+``drag(parameters, reynolds)``; the way of the data is scene -> body -> flow -> training -> model.
+"""
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
 
+from surrogate.body.contour import naca4, read_contour  # noqa: E402
+from surrogate.body.family import Family  # noqa: E402
+from surrogate.body.shape import Shape, contour_shape, family_shape  # noqa: E402
+from surrogate.errors import InvalidInput, NotConverged  # noqa: E402
+from surrogate.flow.flow import Flow  # noqa: E402
+from surrogate.flow.solution import Solution  # noqa: E402
+from surrogate.model.store import load, save  # noqa: E402
+from surrogate.model.surrogate import Surrogate  # noqa: E402
+from surrogate.scene.fidelity import FIDELITIES, Fidelity  # noqa: E402
+from surrogate.scene.scene import Scene  # noqa: E402
+from surrogate.scene.stream import Tunnel, Unbounded  # noqa: E402
+from surrogate.training.train import train  # noqa: E402
+from surrogate.versions import package_version  # noqa: E402
 
-def use_compilation_cache() -> None:
-    """Keep compiled code between processes, so that a second start is quick."""
-    root = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-    jax.config.update("jax_compilation_cache_dir", str(root / "drag-surrogates" / "jax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+__version__ = package_version()
+__all__ = [
+    "FIDELITIES",
+    "Family",
+    "Fidelity",
+    "Flow",
+    "InvalidInput",
+    "NotConverged",
+    "Scene",
+    "Shape",
+    "Solution",
+    "Surrogate",
+    "Tunnel",
+    "Unbounded",
+    "contour_shape",
+    "family_shape",
+    "load",
+    "naca4",
+    "read_contour",
+    "save",
+    "train",
+]
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -1,9 +1,9 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all; nothing of the user's is ever deleted."""
 
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from surrogate.errors import InvalidInput
 def whole_file(path: str | Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that takes its place when the block succeeds."""
     path = Path(path)
-    _make_folder(path.parent)
+    make_folder(path.parent)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=path.suffix)
     os.close(handle)
     try:
@@ -26,41 +26,41 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(path: str | Path) -> Iterator[Path]:
-    """A temporary folder that takes the place of ``path`` when the block succeeds."""
-    path = Path(path).resolve()
-    _make_folder(path.parent)
-    part = Path(tempfile.mkdtemp(dir=path.parent, prefix=".part-"))
+def whole_files(folder: str | Path, record: str) -> Iterator[Path]:
+    """A temporary folder whose files are put into ``folder`` when the block succeeds.
+
+    Each takes the place of an older one of its name; everything else in the folder stays. The
+    ``record``, which says what the others are, comes last.
+    """
+    folder = Path(folder).resolve()
+    make_folder(folder)
+    part = Path(tempfile.mkdtemp(dir=folder, prefix=".part-"))
     try:
         yield part
-        part.chmod(0o755)
-        old = part.with_name(part.name + "-old")
-        if path.exists():
-            os.replace(path, old)
-        try:
-            os.replace(part, path)
-        except OSError:
-            if old.exists():
-                os.replace(old, path)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
+        for path in sorted(part.iterdir(), key=lambda path: path.name == record):
+            os.replace(path, folder / path.name)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def check_target(folder: str | Path, record: str) -> None:
-    """Refuse to write a folder where other files would be lost.
+def check_target(folder: str | Path, record: str, others: Collection[str] = ()) -> None:
+    """Make sure that a folder may be written to: it is new, empty, or our own.
+
+    Our own holds the ``record``, or nothing but files of the names of ours (``others``).
 
     Raises:
-      InvalidInput: it is a file, or it holds files but not ``record``, which marks our own, or
-        the folder it is to lie in cannot be written.
+      InvalidInput: it is a file, a stranger's folder, or cannot be written.
     """
     folder = Path(folder).resolve()
     if folder.is_file():
-        raise InvalidInput(f"{folder}: is a file; --out must name a folder")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / record).is_file():
-        raise InvalidInput(f"{folder}: is not empty and has no {record}; choose another --out")
-    _make_folder(folder.parent)
+        raise InvalidInput(f"{folder}: is a file; a folder is needed")
+    if folder.is_dir() and not (folder / record).is_file():
+        names = {path.name for path in folder.iterdir() if not path.name.startswith(".part-")}
+        if foreign := sorted(names - set(others)):
+            raise InvalidInput(
+                f"{folder}: is not empty and has no {record}, but {foreign[0]}; choose another folder"
+            )
+    make_folder(folder if folder.is_dir() else folder.parent)
 
 
 def check_file(path: str | Path, *suffixes: str) -> Path:
@@ -71,21 +71,17 @@ def check_file(path: str | Path, *suffixes: str) -> Path:
     """
     path = Path(path)
     if path.suffix not in suffixes or path.is_dir():
-        raise InvalidInput(f"--out {path}: must name a file that ends in {' or '.join(suffixes)}")
-    _make_folder(path.parent)
+        raise InvalidInput(f"{path}: must name a file that ends in {' or '.join(suffixes)}")
+    make_folder(path.parent)
     return path
 
 
-def check_folder(folder: str | Path) -> None:
-    """Make the folder of what a long job will write, before the job.
+def make_folder(folder: Path) -> None:
+    """Make a folder that a job will write to.
 
     Raises:
       InvalidInput: it cannot be made, or is not writable.
     """
-    _make_folder(Path(folder))
-
-
-def _make_folder(folder):
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:

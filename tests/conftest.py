@@ -12,7 +12,7 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 import surrogate  # noqa: E402
-from surrogate.scene import Fidelity, Scene, Unbounded  # noqa: E402
+from surrogate.scene.scene import Fidelity, Scene, Unbounded  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 surrogate.use_compilation_cache()
@@ -27,7 +27,7 @@ def tiny_scene() -> Scene:
 
 @pytest.fixture(scope="session")
 def cylinder_domain():
-    from surrogate.flow.domain import make_domain
+    from surrogate.flow.grid.domain import make_domain
 
     return make_domain(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import surrogate
-from surrogate.scene import Fidelity, Scene
+from surrogate.scene.scene import Fidelity, Scene
 from surrogate.training import loop
 from surrogate.training.presets import Plan
 

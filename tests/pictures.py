@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.mesh import pv
-from surrogate.body import PARAMETERS
-from surrogate.scene import Scene
-from surrogate.store import scene_record
+from shapeopt.render.mesh import pv
+from surrogate.body.family import PARAMETERS
+from surrogate.scene.scene import Scene
+from surrogate.model.store import scene_record
 
 LENS = np.array([2.0, 0.1, -0.05, 0.0])
 

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate.body import AREA, Family, check_family, family_markers, moments, opening, rotate
-from surrogate.contour import crosses_itself, mean_thickness, naca4, read_contour, smooth_contour
+from surrogate.body.family import AREA, Family, check_family, family_markers, moments, opening, rotate
+from surrogate.body.contour import crosses_itself, mean_thickness, naca4, read_contour, smooth_contour
 from surrogate.errors import InvalidInput
 
 

@@ -4,10 +4,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate.body import family_shape
-from surrogate.flow.crosscheck import drag_by_wake, force_by_momentum
-from surrogate.flow.drag import body_domain, solve
-from surrogate.scene import FIDELITIES, Tunnel, Unbounded
+from surrogate.body.family import family_shape
+from crosscheck import drag_by_wake, force_by_momentum
+from surrogate.flow.flow import body_domain, solve
+from surrogate.scene.scene import FIDELITIES, Tunnel, Unbounded
 
 CASES = {
     "cylinder": ((1.0, 0, 0, 0), 0.0, 40.0, Unbounded()),

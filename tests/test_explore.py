@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from common import run
 
-from shapeopt.explore import page, write_page
-from shapeopt.optimise import optimise
-from shapeopt.problem import Problem
-from surrogate.body import PARAMETERS, family_markers, opening
-from surrogate.store import load_surrogate
+from shapeopt.render.page.page import page, write_page
+from shapeopt.search.optimise import optimise
+from shapeopt.problem.problem import Problem
+from surrogate.body.family import PARAMETERS, family_markers, opening
+from surrogate.model.store import load_surrogate
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 

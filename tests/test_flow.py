@@ -11,22 +11,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surrogate.body import Family, family_markers, opening, rotate
-from surrogate.contour import naca4, smooth_contour
+from surrogate.body.family import Family, family_markers, opening, rotate
+from surrogate.body.contour import naca4, smooth_contour
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow import steady, tangent
-from surrogate.flow.domain import make_domain
-from surrogate.flow.drag import (
+from surrogate.flow.solver import steady, tangent
+from surrogate.flow.grid.domain import make_domain
+from surrogate.flow.flow import (
     body_domain,
     family_drag_and_gradient,
     family_drag_and_shape_gradient,
     report,
     solve,
 )
-from surrogate.flow.forces import drag_coefficient
-from surrogate.flow.krylov import gmres
-from surrogate.flow.newton import NewtonSettings
-from surrogate.scene import FIDELITIES, Fidelity, Scene, Tunnel, Unbounded
+from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.flow.solver.krylov import gmres
+from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.scene.scene import FIDELITIES, Fidelity, Scene, Tunnel, Unbounded
 from surrogate.training.physics import scene_domain
 
 CYLINDER = jnp.array([1.0, 0, 0, 0])

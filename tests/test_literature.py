@@ -7,7 +7,7 @@ import pytest
 from compare_literature import Line, main
 
 from shapeopt.literature import LENS, family_front, front_angles
-from surrogate.body import ellipse
+from surrogate.body.family import ellipse
 
 
 def symmetric(x, y):

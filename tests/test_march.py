@@ -4,11 +4,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate.body import family_markers
-from surrogate.flow.domain import make_domain
-from surrogate.flow.drag import solve
-from surrogate.flow.march import Box, march, prepare, start, strouhal
-from surrogate.scene import FIDELITIES, Tunnel
+from surrogate.body.family import family_markers
+from surrogate.flow.grid.domain import make_domain
+from surrogate.flow.flow import solve
+from surrogate.flow.check.march import Box, march, prepare, start, strouhal
+from surrogate.scene.scene import FIDELITIES, Tunnel
 
 CYLINDER = jnp.array([1.0, 0, 0, 0])
 

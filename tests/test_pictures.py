@@ -14,18 +14,18 @@ import render_shapes
 from common import run
 from pictures import LENS, pixels, record_of
 
-from shapeopt.export import write_contour_csv, write_contour_vtp, write_solid_stl
-from shapeopt.mesh import flow_mesh, pv, solid
-from shapeopt.plot_bodies import plot_family, plot_surfaces
-from shapeopt.render import Panel, render_evolution, render_flows
+from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
+from shapeopt.render.mesh import flow_mesh, pv, solid
+from shapeopt.render.plots import plot_family, plot_surfaces
+from shapeopt.render.pictures import Panel, render_evolution, render_flows
 from shapeopt.runs import load_run, save_run
-from shapeopt.sheets import before_and_after
-from shapeopt.surface import Surface, solve_surface, surface_of
-from surrogate.body import ellipse, family_markers
-from surrogate.flow.domain import make_domain
-from surrogate.flow.drag import solve
-from surrogate.flow.immersed import outward
-from surrogate.scene import Fidelity, Unbounded
+from shapeopt.render.sheets import before_and_after
+from surrogate.flow.loads.surface import Surface, solve_surface, surface_of
+from surrogate.body.family import ellipse, family_markers
+from surrogate.flow.grid.domain import make_domain
+from surrogate.flow.flow import solve
+from surrogate.flow.grid.immersed import outward
+from surrogate.scene.scene import Fidelity, Unbounded
 
 ROOT = Path(__file__).parents[1]
 
@@ -155,12 +155,12 @@ def test_evolution_has_a_frame_for_every_step(tmp_path):
 SILENT = """
 import sys
 import numpy as np
-from shapeopt.render import Panel, render_evolution, render_flows
-from surrogate.body import ellipse, family_markers
-from surrogate.flow.domain import make_domain
-from surrogate.flow.drag import Solution
-from surrogate.flow.steady import FlowState
-from surrogate.scene import FIDELITIES, Unbounded
+from shapeopt.render.pictures import Panel, render_evolution, render_flows
+from surrogate.body.family import ellipse, family_markers
+from surrogate.flow.grid.domain import make_domain
+from surrogate.flow.flow import Solution
+from surrogate.flow.solver.steady import FlowState
+from surrogate.scene.scene import FIDELITIES, Unbounded
 
 domain = make_domain(Unbounded(), FIDELITIES["draft"], (1.5, 1.5), symmetric=True)
 undisturbed = FlowState(np.zeros((2, *domain.lattice.shape)), np.zeros(domain.modes.count))

@@ -5,23 +5,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from shapeopt.constraints import Station, margins, satisfied
-from shapeopt.feasible import drawn_bodies
-from shapeopt.geometry import chord, radii, thickness, thickness_at
-from shapeopt.objective import (
+from shapeopt.problem.constraints import Station, margins, satisfied
+from shapeopt.problem.feasible import drawn_bodies
+from surrogate.body.measures import chord, radii, thickness, thickness_at
+from shapeopt.problem.objective import (
     Robust,
     Weighted,
     conditional_value_at_risk,
     predicted,
 )
-from shapeopt.optimise import optimise, optimise_directly
-from shapeopt.problem import Problem
-from shapeopt.search import descend, descend_together, predicted_and_gradient, ranked
-from shapeopt.uncertainty import LogNormal, Uniform
-from surrogate.body import Family, ellipse, family_markers
+from shapeopt.search.optimise import optimise, optimise_directly
+from shapeopt.problem.problem import Problem
+from shapeopt.search.search import descend, descend_together, predicted_and_gradient, ranked
+from shapeopt.problem.uncertainty import LogNormal, Uniform
+from surrogate.body.family import Family, ellipse, family_markers
 from surrogate.errors import InvalidInput
-from surrogate.scene import Scene
-from surrogate.store import load_surrogate
+from surrogate.scene.scene import Scene
+from surrogate.model.store import load_surrogate
 
 BODY = np.array([2.4, 0.12, -0.05, 0.04])
 

@@ -7,19 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from shapeopt.constraints import margins
-from shapeopt.geometry import chord, thickness
-from shapeopt.optimise import optimise
-from shapeopt.payoff import Campaign, Cost, Design, break_even, payoff
-from shapeopt.plot import plot_payoff
-from shapeopt.problem import Problem
-from shapeopt.queries import query_stream
-from shapeopt.render import pv
-from shapeopt.verify import verify
-from surrogate.body import family_markers
+from shapeopt.problem.constraints import margins
+from surrogate.body.measures import chord, thickness
+from shapeopt.search.optimise import optimise
+from shapeopt.payoff.payoff import Campaign, Cost, Design, break_even, payoff
+from shapeopt.payoff.plot import plot_payoff
+from shapeopt.problem.problem import Problem
+from shapeopt.payoff.queries import query_stream
+from shapeopt.render.pictures import pv
+from shapeopt.search.verify import verify
+from surrogate.body.family import family_markers
 from surrogate.errors import InvalidInput
-from surrogate.scene import Tunnel
-from surrogate.store import load_surrogate
+from surrogate.scene.scene import Tunnel
+from surrogate.model.store import load_surrogate
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import json
 import jax
 from train_surrogate import is_of
 
-from surrogate.body import Family
-from surrogate.store import BEST, load_surrogate, read_scene, scene_record
+from surrogate.body.family import Family
+from surrogate.model.store import BEST, load_surrogate, read_scene, scene_record
 from surrogate.training import loop
 from surrogate.training.presets import METHODS, preset
 

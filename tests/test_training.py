@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from surrogate.errors import InvalidInput
-from surrogate.flow.steady import FlowState
-from surrogate.flow.tangent import Effort
-from surrogate.store import Surrogate, load_surrogate, save_surrogate
+from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.solver.tangent import Effort
+from surrogate.model.store import Surrogate, load_surrogate, save_surrogate
 from surrogate.training import loop
-from surrogate.training.compliance import kept_compliance, oseen_compliances
-from surrogate.training.dp import differentiable_physics
-from surrogate.training.hig import half_inverse_gradients
+from surrogate.training.methods.compliance import kept_compliance, oseen_compliances
+from surrogate.training.methods.dp import differentiable_physics
+from surrogate.training.methods.hig import half_inverse_gradients
 from surrogate.training.presets import METHODS, Plan, preset
 
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from surrogate.body import ellipse, family_shape
+from surrogate.body.family import ellipse, family_shape
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.immersed import bspline, retraction, ripple
-from surrogate.flow.trust import judge, solve_shape
-from surrogate.scene import FIDELITIES, Tunnel, Unbounded
+from surrogate.flow.grid.immersed import bspline, retraction, ripple
+from surrogate.flow.check.trust import judge, solve_shape
+from surrogate.scene.scene import FIDELITIES, Tunnel, Unbounded
 
 DRAFT = FIDELITIES["draft"]
 

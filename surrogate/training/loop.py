@@ -12,21 +12,19 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.errors import NotConverged
-from surrogate.flow.steady import preparation_cost
-from surrogate.network import DragNetwork, make_network
+from surrogate.flow.flow import Flow, Labels
+from surrogate.flow.solver.steady import preparation_cost
+from surrogate.model.network import DragNetwork, make_network
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
-from surrogate.training.method import Method
-from surrogate.training.physics import (
-    Labels,
-    Physics,
+from surrogate.training.methods.method import Method
+from surrogate.training.physics import Physics, prepare_physics
+from surrogate.training.plan import Plan
+from surrogate.training.samples import (
     Samples,
-    draw_samples,
-    prepare_physics,
-    require_converged,
-    scene_domain,
-    solve_labels,
+    held_out_samples,
+    network_key,
+    training_samples,
 )
-from surrogate.training.presets import Plan
 
 BLOWN_UP = 10.0  # mean relative drag error of a network that is of no use any more
 
@@ -52,8 +50,8 @@ class Trained:
     stopped: str | None
 
 
-class Run(NamedTuple):
-    """What a checkpoint holds."""
+class Stage(NamedTuple):
+    """How far a training is: what a checkpoint holds."""
 
     network: DragNetwork
     state: PyTree
@@ -85,21 +83,20 @@ def make_bench(plan: Plan) -> Bench:
     Raises:
       NotConverged: a held-out body flow was not found.
     """
-    domain = scene_domain(plan.scene)
-    sample_key, held_key, network_key = jax.random.split(jax.random.key(plan.seed), 3)
-    samples = draw_samples(plan.scene, sample_key, plan.samples)
-    held_out = draw_samples(plan.scene, held_key, plan.held_out)
-    labels = require_converged(solve_labels(domain, held_out))
-    prepare = prepare_physics.lower(domain, samples).compile()
+    flow = Flow(plan.scene)
+    samples = training_samples(plan.scene, plan.seed, plan.samples)
+    held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
+    labels = flow.labels(*held_out)
+    prepare = prepare_physics.lower(flow, samples).compile()
     start = time.perf_counter()
     physics = jax.block_until_ready(prepare(samples))
     setup_s = time.perf_counter() - start
     reynolds, oseen = np.asarray(samples.reynolds), np.asarray(physics.oseen.amplitude)
-    network = make_network(plan.scene, network_key, reynolds, oseen)
+    network = make_network(plan.scene, network_key(plan.seed), reynolds, oseen)
     return Bench(physics, held_out, labels, network, setup_s)
 
 
-def train(
+def run_training(
     plan: Plan,
     bench: Bench,
     checkpoint: Path | None = None,
@@ -109,7 +106,8 @@ def train(
 ) -> Trained:
     """Train the bench's network by the plan's method; resumes from ``checkpoint`` if it is there.
 
-    ``method`` replaces the plan's own, as studies of its settings need.
+    ``method`` replaces the plan's own, as studies of its settings need. The checkpoint stays
+    until whoever saves the result removes it.
 
     The clock runs from the first update (compilation excluded, listed applications of G included
     from the preparation on). ``report(point, done)`` is called at every point of the history.
@@ -121,7 +119,7 @@ def train(
     method = method or plan.make_method()
     batches = _batches(plan, method.batch)
     prepared = bench.physics.count * preparation_cost(bench.physics.domain)
-    fresh = Run(
+    fresh = Stage(
         bench.network,
         method.init(bench.network, bench.physics),
         *map(jnp.asarray, (0, 0.0, prepared, 0)),
@@ -170,8 +168,6 @@ def train(
     history = _history(run)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
-    if checkpoint:
-        checkpoint.unlink(missing_ok=True)
     return Trained(run.network, history, stopped)
 
 
@@ -223,7 +219,7 @@ def _points(plan):
 
 
 def _record(run, bench, loss):
-    errors = drag_errors(run.network, bench.held_out, -2 * bench.labels.amplitude[:, 0])
+    errors = drag_errors(run.network, bench.held_out, bench.labels.drag)
     point = Point(
         int(run.iteration),
         float(run.seconds),

@@ -1,0 +1,136 @@
+"""March the flow in time with jax-cfd, as a check that shares no solver: drag, shedding, a GIF.
+
+python scripts/march_flow.py --aspect 1 --reynolds 20 --out out/march20
+python scripts/march_flow.py --aspect 1 --reynolds 100 --time 160 --out out/march100 --json
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from common import (
+    Parser,
+    add_body_arguments,
+    emit,
+    finite,
+    progress_bar,
+    reynolds_numbers,
+    run,
+    shape_of,
+)
+
+from shapeopt.render.pictures import render_march
+from surrogate.body.family import Shape
+from surrogate.body.contour import mean_thickness
+from surrogate.errors import InvalidInput, NotConverged
+from surrogate.files import check_folder, whole_file
+from surrogate.flow.flow import THINNEST
+from surrogate.flow.check.march import Box, march, prepare, start, strouhal
+from surrogate.flow.check.trust import solve_shape
+from surrogate.scene.scene import FIDELITIES, ONSET_OF_SHEDDING, Tunnel
+
+FRAMES = 60
+NODES = 200
+LONGEST = 4.0  # body, in D: its markers stay closer than the cells
+LEAST_REYNOLDS = 1.0
+
+
+def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+    """March, compare with the steady flow where there is one, render."""
+    arguments = _parser().parse_args(argv)
+    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
+    if len(reynolds) != 1:
+        raise InvalidInput("--reynolds: one number; run once for each")
+    re, out = reynolds[0], Path(arguments.out)
+    sheds = re > ONSET_OF_SHEDDING
+    duration = arguments.time
+    if duration is None:
+        duration = 160.0 if sheds else 60.0
+    if re < LEAST_REYNOLDS:
+        raise InvalidInput(f"--reynolds {re:g}: a march takes small steps there; from 1")
+    if not 5 <= duration <= 2000:
+        raise InvalidInput(f"--time {duration:g}: from 5 to 2000 D / U")
+    if not 6 <= arguments.height <= 64:
+        raise InvalidInput(f"--height {arguments.height:g}: from 6 to 64 D")
+    shape = shape_of(arguments)
+    box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
+    markers = shape.draw(NODES)
+    length, height = np.ptp(markers, axis=0)
+    if max(length, 2 * height) > LONGEST or mean_thickness(markers) * box.cells < THINNEST:
+        raise InvalidInput(
+            f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D, and "
+            f"{THINNEST:g} cells thick, can be marched"
+        )
+    check_folder(out)
+    drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
+    late = len(drag) // 2
+    result = {
+        "reynolds": re,
+        "blockage": float(height / arguments.height),
+        "time": duration,
+        "cd": float(drag[-1]),
+        "cd_mean": float(drag[late:].mean()),
+        "cl_amplitude": float(np.ptp(lift[late:]) / 2),
+        "strouhal": finite(strouhal(lift[late:], box.step)) if sheds else None,
+        "cd_steady": _steady(box, shape, re) if shape.symmetric and not sheds else None,
+        "gif": str(out / "march.gif"),
+    }
+    captions = [f"Re {re:g}, t = {duration * (k + 1) / FRAMES:.1f} D / U" for k in range(FRAMES)]
+    render_march(box.lattice, markers, frames, captions, out / "march.gif")
+    with whole_file(out / "march.json") as part:
+        part.write_text(json.dumps(result, indent=1) + "\n")
+    return emit(result, arguments.json, _text(result))
+
+
+def _march(box: Box, markers, re, duration, kick):
+    """Force history and snapshots."""
+    marcher, velocity = prepare(box, markers), start(box, kick)
+    steps = max(1, round(duration / box.step / FRAMES))
+    drags, lifts, frames = [], [], []
+    with progress_bar("marching") as progress:
+        for k in range(FRAMES):
+            velocity, record = march(box, marcher, velocity, jnp.asarray(re), steps)
+            drags.append(np.asarray(record.drag))
+            lifts.append(np.asarray(record.lift))
+            if not np.all(np.isfinite(drags[-1])):
+                raise NotConverged(f"march at Re {re:g}: blew up; a lower Re would help")
+            frames.append(np.asarray(velocity))
+            time = (k + 1) * steps * box.step
+            progress((k + 1) / FRAMES, f"t {time:.0f}: Cd {drags[-1][-1]:.4f}")
+    return np.concatenate(drags), np.concatenate(lifts), frames
+
+
+def _steady(box: Box, shape: Shape, re) -> float:
+    """What the steady solver says of the same symmetric body between the same walls."""
+    return solve_shape(shape, Tunnel(box.height), FIDELITIES["standard"], re).cd
+
+
+def _text(r: dict[str, Any]) -> str:
+    line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd_mean']:.4f}"
+    if r["strouhal"] is not None:
+        line += f" on average, Cl +-{r['cl_amplitude']:.3f}, Strouhal number {r['strouhal']:.4f}"
+    if r["cd_steady"] is not None:
+        gap = 100 * (r["cd"] / r["cd_steady"] - 1)
+        line += (
+            f", {r['cd']:.4f} at the end; the steady flow has {r['cd_steady']:.4f} ({gap:+.2f} %)"
+        )
+    return f"{line} -> {r['gif']}"
+
+
+def _parser():
+    parser = Parser(description=__doc__.splitlines()[0])
+    add_body_arguments(parser)
+    parser.add_argument("--reynolds", required=True, help="U D / nu")
+    parser.add_argument("--time", type=float, help="duration in D / U")
+    parser.add_argument("--height", type=float, default=16.0, help="period across, in D")
+    parser.add_argument("--out", required=True, help="folder of march.gif and march.json")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,36 @@
+"""A stream of design queries, as a project asks them: Reynolds numbers and constraints, seeded."""
+
+import jax
+import numpy as np
+
+from shapeopt.problem.problem import Problem
+from surrogate.errors import InvalidInput
+from surrogate.scene.scene import Scene
+
+LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that bind for most optima, in D
+
+
+def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
+    """``count`` solvable problems: Re uniform in its logarithm, each bound asked half the time."""
+    queries: list[Problem] = []
+    key = jax.random.fold_in(jax.random.key(seed), 7)
+    low, high = np.log(scene.reynolds)
+    while len(queries) < count:
+        key, drawing = jax.random.split(key)
+        place, length, thickness, long, thick = np.asarray(jax.random.uniform(drawing, (5,), float))
+        problem = Problem(
+            scene,
+            float(np.exp(low + place * (high - low))),
+            _between(LENGTHS, length) if long < 0.5 else None,
+            _between(THICKNESSES, thickness) if thick < 0.5 else None,
+        )
+        try:
+            problem.candidates()
+        except InvalidInput:
+            continue  # the bounds drawn contradict each other: nobody's query
+        queries.append(problem)
+    return queries
+
+
+def _between(ends, share):
+    return float(ends[0] + share * (ends[1] - ends[0]))

@@ -1,0 +1,206 @@
+"""What is to be least: drag at one Reynolds number, over several, or under uncertainty.
+
+Every objective comes down to scenarios (a Reynolds number, a change of shape, a weight) and to
+one number made of their drags, so search, flow and verification share one definition.
+"""
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.special import ndtr, ndtri
+
+from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
+from surrogate.arrays import AnyArray
+from surrogate.body.family import PARAMETERS, ellipse
+from surrogate.errors import InvalidInput
+from surrogate.model.network import DragNetwork
+from surrogate.scene.scene import Scene
+
+CYLINDER = ellipse(1.0)
+DEVIATIONS = 2.0  # where the normal changes of shape are cut off
+LEAST_KEPT = 0.5 - 1e-6  # of the spread's probability that must lie in the trained range
+
+
+class Scenarios(NamedTuple):
+    """Cases to be weighed; ``weight`` sums to 1.
+
+    ``relative``: drags count over the cylinder's at that Re. ``level``: the mean is taken over
+    the worst 1 - level of the cases.
+    """
+
+    shift: Float[AnyArray, "cases parameters"]
+    reynolds: Float[AnyArray, " cases"]
+    weight: Float[AnyArray, " cases"]
+    relative: Bool[AnyArray, ""]
+    level: Float[AnyArray, ""]
+
+
+@dataclasses.dataclass(frozen=True)
+class AtReynolds:
+    """Cd at one Reynolds number."""
+
+    reynolds: float
+
+    @property
+    def nominal(self) -> float:
+        return self.reynolds
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        check_trained(self.reynolds, scene)
+        return _scenarios([self.reynolds], [1.0])
+
+
+@dataclasses.dataclass(frozen=True)
+class Weighted:
+    """Weighted mean over Reynolds numbers of Cd / Cd of the cylinder at that Re.
+
+    Relative, because Cd falls tenfold from Re 1 to 40: a mean of Cd would hear low Re only.
+    """
+
+    reynolds: tuple[float, ...]
+    weights: tuple[float, ...]
+
+    def __post_init__(self):
+        if len(self.reynolds) != len(self.weights) or not self.reynolds:
+            raise InvalidInput(
+                f"weights: {len(self.weights)} for {len(self.reynolds)} Reynolds numbers; "
+                "give one for each"
+            )
+        if not all(math.isfinite(weight) and weight > 0 for weight in self.weights):
+            raise InvalidInput("weights: every one must be a finite number above 0")
+
+    @property
+    def nominal(self) -> float:
+        """The Reynolds number of the greatest weight."""
+        return self.reynolds[int(np.argmax(self.weights))]
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        for reynolds in self.reynolds:
+            check_trained(reynolds, scene)
+        weight = np.array(self.weights) / sum(self.weights)
+        return _scenarios(self.reynolds, weight, relative=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Robust:
+    """Cd under an uncertain Re and an inexact shape: its mean, or the mean of its worst cases.
+
+    ``spread`` is the distribution of Re, cut off at the edges of the trained range and renormed.
+    ``tolerance`` is the standard deviation of every shape parameter over the width of its range,
+    normal and cut off at two deviations; bodies keep so far from the edges that no case leaves the
+    trained ranges. ``level`` 0 is the mean, 0.9 the mean of the worst tenth (CVaR, Rockafellar
+    and Uryasev 2000). One ``seed`` draws the same cases for every body (Latin hypercube).
+    """
+
+    reynolds: float
+    spread: LogNormal | Uniform
+    tolerance: float = 0.0
+    level: float = 0.0
+    samples: int = 32
+    seed: int = 0
+
+    def __post_init__(self):
+        if not 0 <= self.level < 1:
+            raise InvalidInput(f"CVaR level {self.level:g}: from 0 (the mean) to below 1")
+        if not 0 <= self.tolerance <= 0.1:
+            raise InvalidInput(f"tolerance {self.tolerance:g}: from 0 to 0.1 of a range's width")
+        if not 2 <= self.samples <= 4096:
+            raise InvalidInput(f"samples {self.samples}: from 2 to 4096")
+        if not 0 <= self.seed < 2**31:
+            raise InvalidInput(f"seed {self.seed}: a whole number from 0 to 2147483647")
+
+    @property
+    def nominal(self) -> float:
+        return self.reynolds
+
+    def kept(self, scene: Scene) -> float:
+        """Probability of the spread that lies within the trained range."""
+        below, above = self._ends(scene)
+        return above - below
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        check_trained(self.reynolds, scene)
+        kept = self.kept(scene) if self.spread.spread else 1.0
+        if kept < LEAST_KEPT:
+            raise InvalidInput(
+                f"spread {self.spread.spread:g} about Re {self.reynolds:g}: only "
+                f"{100 * kept:.0f} % of it lies within the trained range; at least half must"
+            )
+        fractions = latin_hypercube(self.seed, self.samples, 1 + len(PARAMETERS))
+        below, _ = self._ends(scene)
+        reynolds = self.spread.quantile(below + kept * fractions[:, 0], self.reynolds)
+        reynolds = np.clip(reynolds, *scene.reynolds)  # rounding alone
+        low, high = ndtr(-DEVIATIONS), ndtr(DEVIATIONS)
+        normal = ndtri(low + (high - low) * fractions[:, 1:])
+        width = np.ptp(scene.family.bounds, axis=1)
+        weight = np.full(self.samples, 1 / self.samples)
+        shift = self.tolerance * width * normal
+        return _scenarios(reynolds, weight, shift, level=self.level)
+
+    def _ends(self, scene):
+        if not self.spread.spread:
+            return 0.0, 1.0
+        return tuple(self.spread.below(edge, self.reynolds) for edge in scene.reynolds)
+
+
+Objective = AtReynolds | Weighted | Robust
+
+
+def combine(
+    drags: Float[AnyArray, " cases"],
+    cylinder: Float[AnyArray, " cases"],
+    scenarios: Scenarios,
+) -> Float[Array, ""]:
+    """The objective from the drags of all scenarios, and the cylinder's at the same Re."""
+    losses = drags / jnp.where(scenarios.relative, cylinder, 1.0)
+    return conditional_value_at_risk(losses, scenarios.weight, scenarios.level)
+
+
+def conditional_value_at_risk(
+    losses: Float[AnyArray, " cases"], weight: Float[AnyArray, " cases"], level: AnyArray | float
+) -> Float[Array, ""]:
+    """Mean of the worst 1 - level of the losses, a case at the border counted in part.
+
+    The least over t of t + E max(loss - t, 0) / (1 - level), in closed form.
+    """
+    order = jnp.argsort(-losses)
+    weight = weight[order]
+    worse = jnp.cumsum(weight) - weight
+    tail = jnp.clip(1 - level - worse, 0, weight)
+    return tail @ losses[order] / (1 - level)
+
+
+def predicted(
+    network: DragNetwork, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+) -> Float[Array, ""]:
+    """The objective as the network sees it: pure, differentiable, to be vmapped over bodies."""
+    return combine(*predicted_drags(network, parameters, scenarios), scenarios)
+
+
+def predicted_drags(
+    network: DragNetwork, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+) -> tuple[Float[Array, " cases"], Float[Array, " cases"]]:
+    """Cd of a body and of the cylinder in every scenario."""
+    drags = jax.vmap(network.drag)(parameters + scenarios.shift, scenarios.reynolds)
+    cylinder = jax.vmap(network.drag, in_axes=(None, 0))(jnp.asarray(CYLINDER), scenarios.reynolds)
+    return drags, cylinder
+
+
+def check_trained(reynolds: float, scene: Scene) -> None:
+    """Raise InvalidInput unless the scene covers this Reynolds number."""
+    low, high = scene.reynolds
+    if not low * (1 - 1e-9) <= reynolds <= high * (1 + 1e-9):
+        raise InvalidInput(f"Reynolds number {reynolds:g}: the scene covers {low:g} to {high:g}")
+
+
+def _scenarios(reynolds, weight, shift=None, relative=False, level=0.0):
+    shift = np.zeros((len(reynolds), len(PARAMETERS))) if shift is None else shift
+    values = (shift, reynolds, weight)
+    return Scenarios(
+        *(np.asarray(value, float) for value in values), np.asarray(relative), np.asarray(level)
+    )

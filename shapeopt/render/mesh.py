@@ -1,0 +1,82 @@
+"""Meshes of flows and bodies for pyvista, which draws and writes them without a display."""
+
+import os
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import zoom
+
+from surrogate.arrays import AnyArray
+from surrogate.flow.loads.forces import vorticity
+from surrogate.flow.grid.lattice import Lattice
+
+os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no display needed
+
+import pyvista as pv
+
+Markers = Float[AnyArray, "nodes 2"]
+Velocity = Float[AnyArray, "2 nx ny"]
+
+
+def flow_mesh(lattice: Lattice, velocity: Velocity, refined: int = 1) -> pv.ImageData:
+    """Vorticity and stream function of a whole window's velocity, on the corners of its cells.
+
+    The window's outermost corners, where differences wrap around, are left out; ``refined`` times
+    as many points by cubic splines make smooth lines.
+    """
+    u, v = np.asarray(velocity)
+    (x, _), (_, y) = lattice.faces()
+    dx, dy = lattice.step
+    lowest = -np.cumsum(v[:, 0]) * dx
+    stream = lowest[:, None] + np.cumsum(np.pad(u[:, 1:], ((0, 0), (1, 0))), axis=1) * dy
+    stream -= stream[lattice.inlet - 1, lattice.shape[1] // 2 - 1]  # the body is at zero
+    shape = [refined * (count - 3) + 1 for count in lattice.shape]
+    mesh = pv.ImageData(
+        dimensions=(*shape, 1),
+        spacing=(dx / refined, dy / refined, 1),
+        origin=(x[1], y[1], 0),
+    )
+    for name, field in (("vorticity", vorticity(lattice, velocity)), ("stream function", stream)):
+        inner = np.asarray(field)[1:-1, 1:-1]
+        scale = np.divide(shape, inner.shape)
+        mesh[name] = (zoom(inner, scale, order=3) if refined > 1 else inner).T.ravel()
+    return mesh
+
+
+def polygon(markers: Markers, height: float = 0.0) -> pv.PolyData:
+    """A body's area as triangles."""
+    points = np.column_stack([markers, np.full(len(markers), height)])
+    return pv.PolyData(points, faces=[len(points), *range(len(points))]).triangulate()
+
+
+def outline(markers: Markers, height: float = 0.0) -> pv.PolyData:
+    """A body's contour as a closed line."""
+    points = np.column_stack([markers, np.full(len(markers), height)])
+    return pv.lines_from_points(points, close=True)
+
+
+def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:
+    """The body extruded over ``span``: a closed surface of triangles, their normals outward.
+
+    ``markers`` go once around a clockwise contour.
+    """
+    count = len(markers)
+    points = np.concatenate(
+        [np.column_stack([markers, np.full(count, z)]) for z in (0.0, float(span))]
+    )
+    cap = polygon(markers).regular_faces
+    upward = _turns_left(markers, cap)
+    cap = np.where(upward[:, None], cap, cap[:, ::-1])
+    here = np.arange(count)
+    following = np.roll(here, -1)
+    lower = np.stack([here, here + count, following], axis=1)
+    upper = np.stack([following, here + count, following + count], axis=1)
+    return pv.PolyData.from_regular_faces(
+        points, np.concatenate([cap[:, ::-1], cap + count, lower, upper])
+    )
+
+
+def _turns_left(markers, triangles):
+    a, b, c = np.asarray(markers)[triangles.T]
+    first, second = b - a, c - a
+    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] > 0

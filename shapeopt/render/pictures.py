@@ -1,0 +1,207 @@
+"""Pictures with pyvista, offscreen: flows side by side, a body's evolution, a march in time."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from shapeopt.render.mesh import flow_mesh, outline, polygon, pv
+from surrogate.arrays import AnyArray
+from surrogate.body.family import ellipse, family_markers
+from surrogate.files import whole_file
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.flow import Solution
+from surrogate.flow.grid.lattice import Lattice
+
+VIEW = (-1.6, 4.4, -1.35, 1.35)  # x and y range shown, in D
+STREAM = np.array([1.0, 0.0])[:, None, None]
+PIXELS = 150  # per D
+STRIP = 0.5  # white strip above a field for its caption, in D
+GAP = 0.06  # white margin around a field, in D
+BAR = 0.5  # height of the strip with the colour bar, in D
+INK, QUIET, BODY, GHOST = "#1a1a1a", "#5f6368", "#f2efe6", "#9aa0a6"
+COLOURS = "RdBu_r"
+
+
+class Panel(NamedTuple):
+    """One picture of a sheet: a solved flow, and a title and a line of small print above it."""
+
+    domain: Domain
+    markers: Float[AnyArray, "nodes 2"]
+    solution: Solution
+    title: str
+    note: str = ""
+
+
+def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
+    """A sheet of flows: vorticity in one colour scale for all, streamlines, the body.
+
+    Colour goes by the square root of vorticity, so that slow and fast flows both show.
+    Returns the path of the PNG, which is written whole or not at all.
+    """
+    meshes = [[_solved_mesh(panel) for panel in row] for row in rows]
+    limit = max(np.abs(mesh["vorticity"]).max() for row in meshes for mesh in row)
+    limit = max(float(np.ceil(limit)), 1.0)
+    columns = max(map(len, rows))
+    width, height = VIEW[1] - VIEW[0] + 2 * GAP, VIEW[3] - VIEW[2] + STRIP + 2 * GAP
+    plotter = pv.Plotter(
+        off_screen=True,
+        shape=(len(rows) + 1, columns),
+        row_weights=[height] * len(rows) + [BAR],
+        groups=[(len(rows), slice(None))],
+        window_size=(
+            round(PIXELS * width * columns),
+            round(PIXELS * (height * len(rows) + BAR)),
+        ),
+        border=False,
+    )
+    plotter.set_background("white", all_renderers=True)
+    for i, row in enumerate(rows):
+        for j, panel in enumerate(row):
+            plotter.subplot(i, j)
+            _draw_flow(plotter, panel, meshes[i][j], limit)
+    plotter.subplot(len(rows), 0)
+    _draw_bar(plotter, limit, width * columns)
+    with whole_file(path) as part:
+        plotter.screenshot(str(part))
+    plotter.close()
+    return Path(path)
+
+
+def render_evolution(
+    path_of_bodies: Float[AnyArray, "steps parameters"],
+    captions: list[str],
+    path: str | Path,
+) -> Path:
+    """A GIF of the body along the optimiser's path, the cylinder's outline behind it."""
+    bodies = [np.asarray(family_markers(parameters, 240)) for parameters in path_of_bodies]
+    cylinder = np.asarray(family_markers(ellipse(1.0), 240))
+    reach = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
+    view = (-reach[0], reach[0], -reach[1], reach[1] + 0.18)
+    plotter = pv.Plotter(off_screen=True, window_size=_even(view, 720))
+    with whole_file(path) as part:
+        plotter.open_gif(str(part), fps=4, loop=0)
+        last = len(bodies) - 1
+        for k, (markers, caption) in enumerate(zip(bodies, captions, strict=True)):
+            plotter.clear()
+            plotter.add_mesh(polygon(markers), color="#31688e", lighting=False)
+            plotter.add_mesh(outline(cylinder, 0.02), color=GHOST, line_width=2, lighting=False)
+            _write(plotter, caption, (0.02, 0.91), 12)
+            _look_at(plotter, view)
+            for _ in range(6 if k in (0, last) else 1):
+                plotter.write_frame()
+        plotter.close()
+    return Path(path)
+
+
+def render_march(
+    lattice: Lattice,
+    markers: Float[AnyArray, "nodes 2"],
+    frames: list[Float[np.ndarray, "2 nx ny"]],
+    captions: list[str],
+    path: str | Path,
+) -> Path:
+    """A GIF of the vorticity of a time march: the middle third, from 3 D before the body."""
+    (left, right), (low, high) = lattice.grid.domain
+    edge = 2 * lattice.step[0]
+    view = (max(left + edge, -3.0), right - edge, low / 3, high / 3)
+    plotter = pv.Plotter(off_screen=True, window_size=_even(view, 960))
+    with whole_file(path) as part:
+        plotter.open_gif(str(part), fps=12, loop=0)
+        for velocity, caption in zip(frames, captions, strict=True):
+            plotter.clear()
+            mesh = flow_mesh(lattice, np.asarray(velocity))
+            _colour(plotter, mesh, mesh["vorticity"], 3)
+            plotter.add_mesh(polygon(markers, 0.02), color=INK, lighting=False)
+            _write(plotter, caption, (0.01, 0.915), 12)
+            _look_at(plotter, view)
+            plotter.write_frame()
+        plotter.close()
+    return Path(path)
+
+
+def _draw_flow(plotter, panel, mesh, limit):
+    field = mesh.clip_box((*VIEW, -1, 1), invert=False)
+    _colour(plotter, field, _squashed(field["vorticity"]), _squashed(limit))
+    for lines in _streamlines(field, panel.markers):
+        plotter.add_mesh(lines, color=INK, line_width=1.2, opacity=0.5, lighting=False)
+    plotter.add_mesh(polygon(panel.markers, 0.02), color=BODY, lighting=False)
+    plotter.add_mesh(outline(panel.markers, 0.03), color=INK, line_width=3, lighting=False)
+    _write(plotter, panel.title, (0.012, 0.925), 15)
+    _write(plotter, panel.note, (0.012, 0.868), 11, QUIET)
+    left, right, low, high = VIEW
+    _look_at(plotter, (left - GAP, right + GAP, low - GAP, high + GAP + STRIP))
+
+
+def _draw_bar(plotter, limit, width):
+    """A colour bar with its numbers below and its name beside it."""
+    samples, reach = 257, 1.6
+    bar = pv.ImageData(
+        dimensions=(samples, 2, 1),
+        spacing=(2 * reach / (samples - 1), 0.13, 1),
+        origin=(-reach, 0, 0),
+    )
+    _colour(plotter, bar, np.tile(np.linspace(-1, 1, samples), 2), 1.0)
+    _look_at(plotter, (-width / 2, width / 2, -0.3, BAR - 0.3))
+    for share in (-1, -0.5, 0, 0.5, 1):
+        value = np.sign(share) * share**2 * limit
+        _write(plotter, f"{value:g}", (0.5 + share * reach / width, 0.1), 11, place="center")
+    _write(plotter, "vorticity, U / D", (0.49 - reach / width, 0.6), 11, QUIET, place="right")
+
+
+def _solved_mesh(panel):
+    lattice, velocity = panel.domain.lattice, panel.solution.state.velocity
+    return flow_mesh(lattice.unfolded, np.asarray(lattice.unfold(velocity)) + STREAM, refined=3)
+
+
+def _streamlines(field, markers):
+    """Lines every 0.09 U D; four more in a wake's eddies, where the stream turns back."""
+    outer = 0.09 * (np.arange(-60, 60) + 0.5)
+    x, y, _ = field.points.T
+    field["turned"] = -field["stream function"] * np.sign(y)
+    depth = field["turned"][x > markers[:, 0].max() + 0.1].max()
+    found = [field.contour(outer, scalars="stream function")]
+    if depth > 2e-3:
+        found.append(field.contour(depth * np.array([0.1, 0.4, 0.7, 0.95]), scalars="turned"))
+    for lines in found:
+        lines.points[:, 2] = 0.01
+    return [lines for lines in found if lines.n_points]
+
+
+def _squashed(vorticity):
+    return np.sign(vorticity) * np.sqrt(np.abs(vorticity))
+
+
+def _colour(plotter, mesh, values, limit):
+    plotter.add_mesh(
+        mesh,
+        scalars=values,
+        cmap=COLOURS,
+        clim=(-limit, limit),
+        lighting=False,
+        show_scalar_bar=False,
+    )
+
+
+def _write(plotter, text, at, size, colour=INK, place="left"):
+    text = text.replace("-", "\N{MINUS SIGN}")
+    actor = plotter.add_text(text, position=at, viewport=True, font_size=size, color=colour)
+    actor.prop.justification_horizontal = place
+
+
+def _even(view, width):
+    """Window size of a view: even numbers, which video wants."""
+    left, right, low, high = view
+    return width, 2 * round(width * (high - low) / (right - left) / 2)
+
+
+def _look_at(plotter, view):
+    left, right, low, high = view
+    plotter.set_background("white")
+    plotter.view_xy()
+    plotter.enable_parallel_projection()
+    centre = ((left + right) / 2, (low + high) / 2, 0)
+    plotter.camera.focal_point = centre
+    plotter.camera.position = (*centre[:2], 10)
+    plotter.camera.parallel_scale = (high - low) / 2

@@ -1,0 +1,116 @@
+"""Plots of bodies: loads along the surface, and a family of optima over the Reynolds number."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+from shapeopt.render.sheets import standing
+from surrogate.flow.loads.surface import Surface
+from surrogate.body.family import PARAMETERS, family_markers
+from surrogate.files import whole_file
+
+START, OPTIMUM, INK = "#8a8f98", "#0b5394", "#1a1a1a"
+STYLE = {
+    "font.size": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "axes.titlesize": 12,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+}
+
+
+def plot_surfaces(
+    runs: list[tuple[dict[str, Any], tuple[Surface, Surface]]], path: str | Path
+) -> Path:
+    """Cp and Cf against x / c, cylinder and optimum, one row a run; the upper side stands for both.
+
+    Returns the path of the PNG, which is written whole or not at all.
+    """
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(
+            len(runs), 2, figsize=(11, 3.9 * len(runs)), layout="constrained", squeeze=False
+        )
+        for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
+            for surface, name, look in zip(
+                surfaces,
+                ("cylinder", "optimum"),
+                ({"color": START, "ls": (0, (5, 2))}, {"color": OPTIMUM}),
+                strict=True,
+            ):
+                upper = slice(0, len(surface.cp) // 2 + 1)
+                for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):
+                    axis.plot(surface.station[upper], loads[upper], lw=2.2, label=name, **look)
+            for axis, label, title in (
+                (pressure, "$C_p$", "pressure"),
+                (friction, "$C_f$", "friction"),
+            ):
+                axis.axhline(0, color=INK, lw=0.6)
+                axis.set(xlim=(0, 1), ylabel=label, title=f"Re {record['reynolds']:g}, {title}")
+            pressure.legend(frameon=False, title=standing(record), alignment="left")
+        for axis in axes[-1]:
+            axis.set_xlabel("x / c, nose to tail")
+        return _save(figure, path)
+
+
+def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
+    """The optima of several runs to one scale, in order of Re, over their drag's fall.
+
+    Returns the path of the PNG, which is written whole or not at all.
+    """
+    records = sorted(records, key=lambda record: record["reynolds"])
+    bodies = [
+        np.asarray(family_markers(np.array([r["parameters"][n] for n in PARAMETERS]), 400))
+        for r in records
+    ]
+    reach = np.max([np.abs(body).max(axis=0) for body in bodies], axis=0) * 1.06
+    reach[1] = max(reach[1], 0.53)  # the cylinder is drawn too
+    colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.72, len(records)))
+    width = max(8.0, 2.5 * len(records))
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(width, 5.2), layout="constrained")
+        grid = figure.add_gridspec(2, len(records), height_ratios=(1, 1.5))
+        circle = np.asarray(family_markers(np.array([1.0, 0, 0, 0]), 200))
+        for k, (record, body) in enumerate(zip(records, bodies, strict=True)):
+            axis = figure.add_subplot(grid[0, k])
+            axis.fill(*body.T, color=colours[k], lw=0)
+            axis.plot(*np.vstack([circle, circle[:1]]).T, color=START, lw=1, ls=(0, (4, 3)))
+            axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]), aspect="equal")
+            axis.set_title(f"Re {record['reynolds']:g}", loc="center")
+            axis.set_axis_off()
+        _draw_fall(figure.add_subplot(grid[1, :]), records, colours)
+        return _save(figure, path)
+
+
+def _draw_fall(axis, records, colours):
+    """Drag against the cylinder's, each optimum with its numbers."""
+    reynolds = [record["reynolds"] for record in records]
+    change = [100 * (r["cd_verified"] / r["cd_start"] - 1) for r in records]
+    axis.plot(reynolds, change, color=START, lw=1.2, zorder=1)
+    axis.scatter(reynolds, change, color=colours, s=70, zorder=2)
+    for record, x, y in zip(records, reynolds, change, strict=True):
+        text = f"Cd {record['cd_verified']:.3f}\n{y:+.1f} %".replace("-", "\N{MINUS SIGN}")
+        axis.annotate(text, (x, y), (0, -14), textcoords="offset points", ha="center", va="top")
+    span = max(reynolds) / min(reynolds)
+    axis.set(
+        xscale="log",
+        xlim=(min(reynolds) / max(span, 2) ** 0.12, max(reynolds) * max(span, 2) ** 0.12),
+        ylim=(min(change) - 0.3 * max(5.0, -min(change)), 0),
+        xlabel="Reynolds number",
+        ylabel="drag against the cylinder, %",
+    )
+    axis.set_xticks(reynolds, [f"{value:g}" for value in reynolds])
+    axis.minorticks_off()
+
+
+def _save(figure, path):
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=140)
+    plt.close(figure)
+    return Path(path)

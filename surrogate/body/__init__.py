@@ -1,0 +1,1 @@
+"""Bodies: a family given by a few sine modes, any closed contour, and what is measured on them."""

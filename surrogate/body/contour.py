@@ -1,0 +1,156 @@
+"""Any closed contour: read it, check it, and give it smooth markers at equidistant t."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from shapely import LinearRing
+
+from surrogate.arrays import AnyArray
+from surrogate.body.measures import AREA, moments
+from surrogate.errors import InvalidInput
+
+FINE = 4096  # points of the intermediate resampling
+
+
+def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
+    """Read x,y rows: CSV, white space, or a Selig .dat with a title line.
+
+    Raises:
+      InvalidInput: the file is missing, is not text, or a row is not two finite numbers.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, UnicodeDecodeError) as problem:
+        reason = getattr(problem, "strerror", None) or "it is not a text file"
+        raise InvalidInput(f"contour {path}: cannot be read ({reason})") from None
+    rows = [line.replace(",", " ").split() for line in lines if line.strip()]
+    if rows and _numbers(rows[0]) is None:
+        rows = rows[1:]  # the title of a Selig file, or a CSV header
+    points = [_numbers(row) for row in rows]
+    if not points or any(p is None or len(p) != 2 or not np.all(np.isfinite(p)) for p in points):
+        raise InvalidInput(f"contour {path}: every row must be two finite numbers, x and y")
+    return np.array(points)
+
+
+def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
+    """NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
+    if len(code) != 4 or not code.isdecimal() or code[2:] == "00":
+        raise InvalidInput(
+            f"NACA {code}: four digits with a thickness above 00 are needed, as 0012"
+        )
+    camber, position, thickness = int(code[0]) / 100, int(code[1]) / 10, int(code[2:]) / 100
+    if (camber > 0) != (position > 0):
+        raise InvalidInput(f"NACA {code}: camber and its position must both be zero or neither")
+    x = (1 - np.cos(np.linspace(0, np.pi, points // 2 + 1))) / 2
+    half = (
+        5
+        * thickness
+        * (0.2969 * np.sqrt(x) - 0.126 * x - 0.3516 * x**2 + 0.2843 * x**3 - 0.1036 * x**4)
+    )
+    line, slope = np.zeros_like(x), np.zeros_like(x)
+    if camber > 0:
+        front = x < position
+        reach = np.where(front, position, 1 - position)
+        line = (
+            camber
+            / reach**2
+            * np.where(front, 2 * position * x - x**2, 1 - 2 * position + 2 * position * x - x**2)
+        )
+        slope = 2 * camber / reach**2 * (position - x)
+    angle = np.arctan(slope)
+    upper = np.stack([x - half * np.sin(angle), line + half * np.cos(angle)], axis=1)
+    lower = np.stack([x + half * np.sin(angle), line - half * np.cos(angle)], axis=1)
+    return np.concatenate([upper, lower[-2:0:-1]])
+
+
+def smooth_contour(
+    points: Float[AnyArray, "points 2"], nodes: int, keep_size: bool = False
+) -> Float[AnyArray, "nodes 2"]:
+    """Clockwise markers from the nose, centroid at the origin, area pi/4 unless size is kept.
+
+    The parameter t runs faster where the contour bends less, ds/dt ~ curvature^(-1/3): on an
+    ellipse that is its own angle, so noses and tails get the markers they need. Corners are
+    rounded by the truncated Fourier series.
+
+    Raises:
+      InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
+    """
+    points = np.asarray(points, float)
+    size = np.ptp(points, axis=0).max()
+    if not 1e-9 < size < 1e9:
+        raise InvalidInput(f"contour: its size is {size:g}; from 1e-9 to 1e9 can be scaled")
+    points = _distinct(points)
+    if len(points) < 8:
+        raise InvalidInput(f"contour: {len(points)} distinct points; at least 8 are needed")
+    if np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[1][1] < 1e-9 * size:
+        raise InvalidInput("contour: it encloses no area")
+    if crosses_itself(points):
+        raise InvalidInput(
+            "contour: it crosses or touches itself; list the points once around, in order"
+        )
+    area, centroid = (np.asarray(value) for value in moments(points))
+    if not abs(area) > 1e-9 * size**2:
+        raise InvalidInput("contour: it encloses no area")
+    points = points if area > 0 else points[::-1]
+    points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
+    points = np.roll(points, -int(np.argmin(points[:, 0])), axis=0)
+    smooth = _fourier(_by_bend(_by_length(points, FINE)), nodes)
+    area, centroid = (np.asarray(value) for value in moments(smooth))
+    return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
+
+
+def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
+    """Whether the closed polygon crosses or touches itself anywhere but where edges meet."""
+    return not LinearRing(points).is_simple
+
+
+def _numbers(row):
+    try:
+        return [float(word) for word in row]
+    except ValueError:
+        return None
+
+
+def _distinct(points):
+    gaps = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
+    return points[gaps > 1e-9 * max(np.ptp(points), 1e-300)]
+
+
+def _by_length(points, count):
+    """Resample a closed polygon at equidistant arc length; corners stay."""
+    closed = np.concatenate([points, points[:1]])
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    s = np.arange(count) / count * length[-1]
+    return np.stack([np.interp(s, length, closed[:, k]) for k in (0, 1)], axis=1)
+
+
+def _by_bend(points):
+    """Resample so that equidistant indices mean equidistant affine arc length."""
+    count = len(points)
+    smooth = gaussian_filter1d(points, count / 60, axis=0, mode="wrap")
+    first = np.gradient(np.pad(smooth, ((2, 2), (0, 0)), mode="wrap"), axis=0)
+    second = np.gradient(first, axis=0)[2:-2]
+    first = first[2:-2]
+    speed = np.linalg.norm(first, axis=1)
+    bend = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
+    typical = 2 * np.pi / np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+    density = gaussian_filter1d((bend**2 + (typical / 2) ** 2) ** (1 / 6), count / 60, mode="wrap")
+    t = np.concatenate([[0], np.cumsum((density + np.roll(density, -1)) / 2)])
+    index = np.interp(np.arange(count) / count * t[-1], t, np.arange(count + 1))
+    curve = CubicSpline(
+        np.arange(count + 1), np.concatenate([points, points[:1]]), bc_type="periodic"
+    )
+    return curve(index)
+
+
+def _fourier(points, nodes):
+    """Low-pass Fourier series evaluated at ``nodes``; harmonics fade out beyond nodes / 8."""
+    wave = np.fft.fftfreq(len(points), 1 / len(points))
+    spectrum = np.fft.fft(points, axis=0) * np.exp(-((wave / (nodes / 8)) ** 4))[:, None]
+    half = nodes // 2
+    kept = np.concatenate([spectrum[:half], np.zeros((1, 2)), spectrum[len(points) - half + 1 :]])
+    return np.fft.ifft(kept, axis=0).real * nodes / len(points)

@@ -1,0 +1,74 @@
+"""What is measured on a body: moments of any contour; of a family body exact lengths, in D."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
+
+AREA = np.pi / 4  # of every body unless its size is kept: the equivalent diameter D is 1
+ANGLES = np.linspace(0, np.pi, 181)  # from the nose to the tail
+Modes = tuple[int, ...]
+
+
+class Radii(NamedTuple):
+    """Radius of curvature at the nose, at the tail, and the least one between them."""
+
+    nose: Float[AnyArray, ""]
+    tail: Float[AnyArray, ""]
+    side: Float[AnyArray, ""]
+
+
+def moments(
+    markers: Float[AnyArray, "nodes 2"],
+) -> tuple[Float[AnyArray, ""], Float[AnyArray, " 2"]]:
+    """Signed area (positive when clockwise) and area centroid of a polygon."""
+    following = jnp.roll(markers, -1, axis=0)
+    cross = markers[:, 1] * following[:, 0] - markers[:, 0] * following[:, 1]
+    area = jnp.sum(cross) / 2
+    return area, jnp.sum((markers + following) * cross[:, None], axis=0) / (6 * area)
+
+
+def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> float:
+    """Area over half the perimeter: the thickness of a slender body."""
+    edges = np.diff(markers, axis=0, append=markers[:1])
+    return float(abs(moments(markers)[0]) * 2 / np.linalg.norm(edges, axis=1).sum())
+
+
+def chord(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
+    """Length along the stream."""
+    return jnp.sqrt(parameters[0])
+
+
+def thickness(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Float[AnyArray, ""]:
+    """Greatest thickness across the stream."""
+    return 2 * jnp.max(_height(parameters, modes, ANGLES))
+
+
+def thickness_at(
+    parameters: Float[AnyArray, " parameters"], modes: Modes, station: Float[AnyArray, ""]
+) -> Float[AnyArray, ""]:
+    """Thickness at x/c = ``station``: 0 is the nose, 1 the tail."""
+    return 2 * _height(parameters, modes, jnp.arccos(1 - 2 * station))
+
+
+def radii(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Radii:
+    """Radii of curvature of the contour, convex or hollow: |r'|^3 / |x' y'' - y' x''|."""
+    half = chord(parameters) / 2
+    t = ANGLES
+    x1, x2 = half * np.sin(t), half * np.cos(t)
+    y1, y2 = _height(parameters, modes, t, 1), _height(parameters, modes, t, 2)
+    curvature = jnp.abs(x1 * y2 - y1 * x2) / (x1**2 + y1**2 + 1e-12) ** 1.5
+    return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, 1 / jnp.max(curvature[1:-1]))
+
+
+def _height(parameters, modes, t, derivative=0):
+    """y or a derivative of it in t, half the thickness of an ellipse times the modes."""
+    aspect, *betas = parameters
+    turn = derivative * np.pi / 2
+    waves = zip((1, *modes), (1.0, *betas), strict=True)
+    return sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves) / (
+        2 * jnp.sqrt(aspect)
+    )

@@ -1,0 +1,176 @@
+"""An independent check: jax-cfd marches the same immersed body in time, in a periodic box.
+
+Nothing of the steady solver is used but the body's traction modes: no Green's function, no
+window, no Newton. The box is periodic; a sponge before its end brings the flow back to the free
+stream, so rows of bodies H apart stand in the same stream (a slip-walled tunnel of height H, for
+a symmetric flow). Each step projects the slip of the body away, and that impulse is the force.
+"""
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax_cfd.base import (
+    advection,
+    boundaries,
+    diffusion,
+    equations,
+    grids,
+    pressure,
+    time_stepping,
+)
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.flow.grid.immersed import Modes, Spreading, spread_modes
+from surrogate.flow.grid.lattice import Lattice
+
+MIDPOINT = time_stepping.midpoint_rk2
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """Size and resolution of a march, in D and D / U; the sponge fills the last ``sponge`` D."""
+
+    cells: int = 12
+    upstream: float = 8.0
+    downstream: float = 16.0
+    height: float = 16.0
+    sponge: float = 4.0
+    harmonics: int = 7
+    step: float = 0.02
+
+    @property
+    def lattice(self) -> Lattice:
+        columns = round((self.upstream + self.downstream) * self.cells)
+        rows = 2 * round(self.height * self.cells / 2)
+        step = (1 / self.cells, self.height / rows)
+        return Lattice((columns, rows), step, round(self.upstream * self.cells), periodic=True)
+
+    @property
+    def modes(self) -> Modes:
+        return Modes(self.harmonics, symmetric=False)
+
+
+class Marcher(NamedTuple):
+    """What stays the same from step to step: the body, and how it answers an impulse."""
+
+    body: Spreading
+    impulse: Float[Array, "modes 2 nx ny"]
+    inverse: Float[Array, "modes modes"]
+
+
+class Record(NamedTuple):
+    """Cd and Cl of every step."""
+
+    drag: Float[Array, " steps"]
+    lift: Float[Array, " steps"]
+
+
+def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
+    """The free stream, with a vortex of strength ``kick`` behind the body to break the symmetry."""
+    velocity = np.zeros((2, *box.lattice.shape))
+    velocity[0] = 1.0
+    x, y = box.lattice.faces()[1]
+    velocity[1] += kick * np.outer(np.exp(-((x - 1.5) ** 2)), np.exp(-(y**2)))
+    return _project(box, jnp.asarray(velocity), flux=1.0)
+
+
+def prepare(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
+    """Project every mode's impulse once; their slips make the matrix that removes slip."""
+    extent = np.abs(np.asarray(markers)).max(axis=0)
+    around = tuple(2 * int(np.ceil(side * box.cells + 3)) for side in extent)
+    body = spread_modes(box.lattice, box.modes, around, jnp.asarray(markers))
+    impulse = jax.lax.map(lambda mode: _project(box, body.spread(mode)), jnp.eye(box.modes.count))
+    matrix = jax.vmap(body.slip)(impulse).T
+    pin = 0.1 * jnp.trace(matrix) / box.modes.count * jnp.outer(body.silent, body.silent)
+    return Marcher(body, impulse, jnp.linalg.inv(matrix + pin))
+
+
+@functools.partial(jax.jit, static_argnames=("box", "steps"))
+def march(
+    box: Box,
+    marcher: Marcher,
+    velocity: Float[AnyArray, "2 nx ny"],
+    reynolds: Float[AnyArray, ""],
+    steps: int,
+) -> tuple[Float[Array, "2 nx ny"], Record]:
+    """Advance by ``steps`` of midpoint Runge-Kutta; returns the flow and its force history."""
+    advance = _navier_stokes(box, reynolds)
+
+    def one(velocity, _):
+        velocity = _hold_flux(_arrays(advance(_variables(box, velocity))), 1.0)
+        amplitude = -marcher.inverse @ marcher.body.slip(velocity)
+        velocity += jnp.tensordot(amplitude, marcher.impulse, axes=1)
+        force = amplitude[jnp.array([0, box.modes.lift_index])] / box.step
+        return velocity, -2 * force
+
+    velocity, forces = jax.lax.scan(one, velocity, length=steps)
+    return velocity, Record(forces[:, 0], forces[:, 1])
+
+
+def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:
+    """Shedding frequency f D / U from the upward zero crossings of the lift, interpolated."""
+    lift = np.asarray(lift) - np.mean(lift)
+    index = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
+    if len(index) < 3:
+        return float("nan")
+    crossing = index + lift[index] / (lift[index] - lift[index + 1])
+    return float((len(crossing) - 1) / ((crossing[-1] - crossing[0]) * step))
+
+
+def _navier_stokes(box, reynolds):
+    """jax-cfd's explicit Navier-Stokes step with the sponge as forcing."""
+    lattice = box.lattice
+    stream = (1.0, 0.0)
+    sponges = [jnp.asarray(_sponge(box, x))[:, None] for x, _ in lattice.faces()]
+
+    def relax(velocity):
+        return tuple(
+            grids.GridArray(-strength * (u.data - free), u.offset, u.grid)
+            for strength, u, free in zip(sponges, velocity, stream, strict=True)
+        )
+
+    return equations.semi_implicit_navier_stokes(
+        density=1.0,
+        viscosity=1 / reynolds,
+        dt=box.step,
+        grid=lattice.grid,
+        convect=advection.convect_linear,
+        diffuse=diffusion.diffuse,
+        pressure_solve=pressure.solve_fast_diag,
+        forcing=relax,
+        time_stepper=MIDPOINT,
+    )
+
+
+def _sponge(box, x):
+    """Relaxation rate: a smooth bump over the last ``sponge`` D before the box repeats."""
+    s = (x - (box.downstream - box.sponge)) / box.sponge
+    inside = (s > 0) & (s < 1)
+    return np.where(inside, 4.0 * np.sin(np.pi * np.clip(s, 0, 1)) ** 2, 0.0)
+
+
+def _project(box, velocity, flux=0.0):
+    """Divergence-free part with a given mean of u: a uniform pressure gradient holds the flux."""
+    return _hold_flux(_arrays(pressure.projection(_variables(box, velocity))), flux)
+
+
+def _hold_flux(velocity, flux):
+    return velocity.at[0].add(flux - jnp.mean(velocity[0]))
+
+
+def _variables(box, velocity):
+    bc = boundaries.periodic_boundary_conditions(2)
+    grid = box.lattice.grid
+    return tuple(
+        grids.GridVariable(grids.GridArray(component, offset, grid), bc)
+        for component, offset in zip(velocity, grid.cell_faces, strict=True)
+    )
+
+
+def _arrays(variables):
+    return jnp.stack([variable.data for variable in variables])

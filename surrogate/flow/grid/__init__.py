@@ -1,0 +1,1 @@
+"""The discrete stream: staggered grid, Oseen Green's function, immersed body, far field."""

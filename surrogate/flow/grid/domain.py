@@ -1,0 +1,118 @@
+"""The discrete problem of a scene: lattices, traction modes and the body's box. All static."""
+
+import dataclasses
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.measures import mean_thickness
+from surrogate.errors import InvalidInput
+from surrogate.flow.grid.immersed import Modes
+from surrogate.flow.grid.lattice import Lattice
+from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.scene import Scene, check_stream
+from surrogate.scene.stream import Stream, Tunnel
+
+FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
+FAR_SIZES = (96, 384)  # their extents in D
+THINNEST = 2.5  # cells across the mean thickness
+
+
+@dataclasses.dataclass(frozen=True)
+class Domain:
+    """Everything about a discrete flow that is not an array; hashable, so a static argument."""
+
+    lattice: Lattice
+    far: tuple[Lattice, ...]
+    modes: Modes
+    box: tuple[int, int]
+    nodes: int
+    height: float | None
+    slip_compliance: float = 1e-5
+
+    @property
+    def mirrored(self) -> bool:
+        return self.height is not None and not self.modes.symmetric
+
+    @property
+    def reach(self) -> Float[np.ndarray, " 2"]:
+        """Largest |x| and |y| in D of a contour that its box holds."""
+        return (np.array(self.box) / 2 - 2) * self.lattice.step
+
+
+def make_domain(
+    stream: Stream, fidelity: Fidelity, extent: tuple[float, float], symmetric: bool
+) -> Domain:
+    """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D."""
+    n, upstream, downstream = fidelity.cells, fidelity.upstream, fidelity.downstream
+    height = stream.height if isinstance(stream, Tunnel) else None
+    # a tunnel's confined wake is gridded from wall to wall where that is affordable
+    spans = height is not None and height <= 2 * fidelity.height
+    width = height if spans else fidelity.height
+    # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
+    repeats = symmetric and height is not None
+
+    def window(before, after, across, cells):
+        step = 1 / cells
+        if height is not None:  # a whole, even number of rows from wall to wall
+            step = height / (2 * round(height * cells / 2))
+        rows = 2 * round(across / step / 2)
+        return Lattice(
+            (round((before + after) * cells), rows // 2 if symmetric else rows),
+            (1 / cells, step),
+            round(before * cells),
+            periodic=repeats and across == height,
+            symmetric=symmetric,
+        )
+
+    lattice = window(upstream, downstream, width, n)
+    levels = FAR_CELLS if height is None or height > FAR_SIZES[0] else FAR_CELLS[:1]
+    far = tuple(
+        window(size // 3, size - size // 3, size if height is None else min(size, height), cells)
+        for cells, size in zip(levels, FAR_SIZES, strict=False)
+    )
+    box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
+    nodes = 2 * math.ceil(max(extent) * math.pi * n / 0.8)
+    return Domain(lattice, far, Modes(fidelity.harmonics, symmetric), box, nodes, height)
+
+
+def scene_domain(scene: Scene) -> Domain:
+    """The domain that holds every body of a scene, and the cylinder, at every Re of it.
+
+    Raises:
+      InvalidInput: its longest or tallest bodies do not fit window or tunnel.
+    """
+    extent = tuple(max(side, 1.0) for side in scene.family.extent)
+    fidelity = scene.fidelity.reaching(scene.reynolds[1], extent[1])
+    check_stream(scene.stream, fidelity, np.array(extent), room=(1.0, 0.5))
+    return make_domain(scene.stream, fidelity, extent, symmetric=True)
+
+
+def fitted_domain(
+    stream: Stream,
+    fidelity: Fidelity,
+    outline: Float[AnyArray, "nodes 2"],
+    symmetric: bool,
+    reynolds: float,
+) -> Domain:
+    """Domain for one body, its box rounded up so that similar bodies share compiled code.
+
+    The window is as long as the wake at this Re asks for.
+
+    Raises:
+      InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
+    """
+    thickness = mean_thickness(outline) * fidelity.cells
+    if thickness < THINNEST:
+        needed = math.ceil(fidelity.cells * THINNEST / thickness)
+        raise InvalidInput(
+            f"body: its mean thickness is {thickness:.2g} cells and at least {THINNEST:g} are "
+            f"needed; {needed} cells per D would resolve it"
+        )
+    reach = np.abs(outline).max(axis=0) * 2
+    fidelity = fidelity.reaching(reynolds, float(reach[1]))
+    reach = np.ceil(reach * 4) / 4
+    check_stream(stream, fidelity, reach)
+    return make_domain(stream, fidelity, (float(reach[0]), float(reach[1])), symmetric)

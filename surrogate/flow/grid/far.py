@@ -1,0 +1,113 @@
+"""What the window cuts off: the non-linear term of the far field, known up to the force squared.
+
+Far from the body u' is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the momentum
+flux outside the window is quadratic in the force and its response inside the window is
+``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, made on a coarse grid.
+"""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.interpolate import CubicSpline
+
+from surrogate.arrays import AnyArray
+from surrogate.flow.grid.immersed import bspline
+from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.oseen import oseen_kernel
+
+
+def far_response(
+    lattice: Lattice,
+    nested: tuple[Lattice, ...],
+    reynolds: Float[AnyArray, ""],
+    height: float | None,
+    lift: bool,
+) -> Float[AnyArray, "terms 2 nx ny"]:
+    """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces.
+
+    Each of the ``nested`` lattices, ever coarser and larger, adds what lies outside the one before.
+    """
+    inside, band, total = lattice, 1.0, 0.0
+    for coarse in nested:
+        window = _resampled_cutoff(inside, coarse, band)
+        total += _ring(lattice, coarse, window, reynolds, height, lift)
+        inside, band = coarse, _band(coarse)
+    return total
+
+
+def _ring(lattice, coarse, inner, reynolds, height, lift):
+    """What convects between the window ``inner`` and the cut-off of ``coarse``."""
+    kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
+    outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
+
+    def outside(u):
+        """-div((W^2 - w^2) u u): what convects outside the window."""
+        return coarse.convect(outer * u) - coarse.convect(inner * u)
+
+    u_x = kernel(_unit_force(coarse, 0))
+    sources = [outside(u_x)]
+    if lift:
+        u_y = kernel(_unit_force(coarse, 1))
+        sources += [(outside(u_x + u_y) - outside(u_x - u_y)) / 2, outside(u_y)]
+    refine = refinement(lattice, coarse)
+    return jnp.stack([refine(kernel(source)) for source in sources])
+
+
+def far_velocity(
+    response: Float[AnyArray, "terms 2 nx ny"], force: Float[AnyArray, " 2"]
+) -> Float[AnyArray, "2 nx ny"]:
+    """Velocity in the window due to the momentum flux outside it, for a total force."""
+    products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])
+    return jnp.tensordot(products[: response.shape[0]], response, axes=1)
+
+
+def _unit_force(coarse, axis):
+    x, y = coarse.faces()[axis]
+    wx, wy = bspline(x / coarse.step[0]), bspline(y / coarse.step[1])
+    density = jnp.outer(wx, wy) / np.prod(coarse.step)
+    return jnp.zeros((2, *coarse.shape)).at[axis].set(density)
+
+
+def _band(coarse):
+    """Width of a coarse lattice's cut-off."""
+    return 6 * coarse.step[0]
+
+
+def _resampled_cutoff(lattice, coarse, band):
+    """A window on the coarse faces: the same function of position, zero outside."""
+    window = np.zeros((2, *coarse.shape))
+    for c, (x, y) in enumerate(coarse.faces()):
+        window[c] = np.outer(lattice.edge(x, 0, band), lattice.edge(y, 1, band))
+    return window
+
+
+def refinement(lattice: Lattice, coarse: Lattice) -> Callable:
+    """Interpolation of a field from the faces of ``coarse`` to those of ``lattice``.
+
+    By cubic splines, as small dense matrices; the other way round it samples.
+    """
+    matrices = [
+        (_spline(xf, xc), _spline(yf, yc, parity if coarse.symmetric else 0))
+        for (xf, yf), (xc, yc), parity in zip(lattice.faces(), coarse.faces(), (1, -1), strict=True)
+    ]
+    return lambda field: jnp.stack(
+        [mx @ component @ my.T for (mx, my), component in zip(matrices, field, strict=True)]
+    )
+
+
+def _spline(fine, rough, parity=0):
+    """Values at ``rough`` to values at ``fine``; with a parity the mirror image is added first."""
+    values, knots = np.eye(len(rough)), rough
+    if parity:
+        values, knots = (
+            np.concatenate([parity * values[::-1], values]),
+            np.append(-rough[::-1], rough),
+        )
+    if parity < 0:  # an odd function vanishes on the centre line
+        values, knots = (
+            np.insert(values, len(rough), 0.0, axis=0),
+            np.insert(knots, len(rough), 0.0),
+        )
+    return CubicSpline(knots, values)(fine)

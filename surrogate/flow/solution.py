@@ -1,0 +1,59 @@
+"""A solved flow: loads on the body, what the solve cost, how far it can be trusted, its fields."""
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.shape import Shape
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.loads.surface import SURFACE_POINTS, Surface, surface_of
+from surrogate.flow.solver.steady import FlowState
+
+
+@dataclasses.dataclass(frozen=True)
+class Solution:
+    """The steady flow around a body at one Reynolds number; one that was not found has none.
+
+    Coefficients are over U = D = rho = 1, per unit span: ``drag`` = 2 Fx and its parts, ``lift``,
+    ``moment`` about the centroid, nose up. ``gradient`` is of the drag in the family's parameters
+    and in ``reynolds``, where it was asked for. ``estimated_error`` of the drag is relative, None
+    where there is none; ``status`` says whether it is within the fidelity's promise, and
+    "unknown" where no estimate was asked for. ``green_applications`` are those of this flow,
+    ``seconds`` its wall time, both without gradient and estimate.
+    """
+
+    reynolds: float
+    drag: float
+    drag_pressure: float
+    drag_friction: float
+    lift: float
+    moment: float
+    status: Literal["accurate", "degraded", "unknown"]
+    estimated_error: float | None
+    green_applications: int
+    newton_steps: int
+    seconds: float
+    gradient: dict[str, float] | None
+    shape: Shape
+    domain: Domain
+    state: FlowState
+
+    @property
+    def markers(self) -> Float[np.ndarray, "nodes 2"]:
+        """The contour that was solved, in D, clockwise from the nose."""
+        return self.shape.draw(self.domain.nodes)
+
+    @property
+    def velocity(self) -> Float[np.ndarray, "2 nx ny"]:
+        """u and v in units of U on the faces of ``domain.lattice.unfolded``, the stream included."""
+        whole = np.array(self.domain.lattice.unfold(self.state.velocity))
+        whole[0] += 1.0
+        return whole
+
+    def surface(self, points: int = SURFACE_POINTS) -> Surface:
+        """Cp and Cf along the contour."""
+        contour: AnyArray = self.shape.draw(points)
+        return surface_of(self.domain, self.markers, self.state, contour, self.reynolds)

@@ -1,0 +1,1 @@
+"""Solvers: GMRES, Newton, the two steady problems, and the flow linearised at a state."""

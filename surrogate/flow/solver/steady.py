@@ -1,0 +1,172 @@
+"""The two steady problems: forced flow (traction given) and body flow (no slip asked).
+
+Both solve u' = G (B a + convect(w u')) + far(a), equation (1) of the model: G the Oseen Green's
+function, B the spreading of traction modes a, w the window, far the momentum flux outside it.
+"""
+
+import math
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.far import far_response, far_velocity
+from surrogate.flow.grid.immersed import Spreading, spread_modes
+from surrogate.flow.grid.oseen import Kernel, SymmetricKernel, oseen_kernel
+from surrogate.flow.solver.newton import (
+    Identity,
+    NewtonInfo,
+    NewtonSettings,
+    System,
+    root,
+    single,
+)
+
+DEFAULT = NewtonSettings()
+PIN = 0.1  # velocity per unit of uniform pressure
+
+
+class Case(eqx.Module):
+    """One body in one stream, ready to be solved.
+
+    ``response`` holds G B (the Oseen velocity of every mode) in single precision: it only
+    preconditions and starts, and its cost is one application of G per mode.
+    """
+
+    kernel: Kernel | SymmetricKernel
+    far: Float[AnyArray, "terms 2 nx ny"]
+    body: Spreading
+    response: Float[AnyArray, "modes 2 nx ny"]
+
+
+class FlowState(NamedTuple):
+    """Perturbation velocity on the window's faces and traction modes (force on the fluid)."""
+
+    velocity: Float[AnyArray, "2 nx ny"]
+    amplitude: Float[AnyArray, " modes"]
+
+
+def prepare(
+    domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""]
+) -> Case:
+    """Build kernel, far field and body; costs one application of G per mode, and some coarse."""
+    kernel = oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored)
+    lift = not domain.modes.symmetric
+    far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
+    body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
+    respond, rough = single(jax.lax.stop_gradient((kernel, body)))
+    densities = jax.vmap(rough.spread)(jnp.eye(domain.modes.count, dtype=jnp.float32))
+    return Case(kernel, far, body, jax.vmap(respond)(densities))
+
+
+def preparation_cost(domain: Domain) -> int:
+    """Applications of G in ``prepare`` (the coarse ones of the far field counted as one each)."""
+    return domain.modes.count + len(domain.far) * (2 if domain.modes.symmetric else 5)
+
+
+def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "2 nx ny"]:
+    """u' - G (B a + convect(w u')) - far(a)."""
+    velocity, amplitude = state
+    window = domain.lattice.cutoff().astype(velocity.dtype)
+    source = case.body.spread(amplitude) + domain.lattice.convect(window * velocity)
+    far = far_velocity(case.far, total_force(domain, amplitude))
+    return velocity - case.kernel(source) - far
+
+
+def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, " modes"]:
+    """Mode-weighted velocity on the contour, plus the compliance that pins the silent mode."""
+    velocity, amplitude = state
+    slip = case.body.slip(velocity) + case.body.slip_of_stream()
+    return slip + pinning(domain, case) @ amplitude
+
+
+def pinning(domain: Domain, case: Case) -> Float[AnyArray, "modes modes"]:
+    """Compliance added to S G B: slight for every mode, firm for uniform pressure.
+
+    Without it the silent mode, which moves nothing, would take any value.
+    """
+    silent = case.body.silent
+    slight = domain.slip_compliance * jnp.eye(silent.size, dtype=silent.dtype)
+    return slight + PIN * jnp.outer(silent, silent)
+
+
+def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, " 2"]:
+    """Force of the body on the fluid: the zeroth modes."""
+    lift = 0.0 if domain.modes.symmetric else amplitude[domain.modes.lift_index]
+    return jnp.stack([amplitude[0], lift])
+
+
+def oseen_flow(domain: Domain, case: Case) -> FlowState:
+    """Body flow without convection of the perturbation: exact as Re -> 0, a start otherwise."""
+    amplitude = eliminate(domain, case).inverse @ -case.body.slip_of_stream()
+    return FlowState(jnp.tensordot(amplitude, case.response, axes=1), amplitude)
+
+
+def body_flow(
+    domain: Domain,
+    case: Case,
+    guess: FlowState | None = None,
+    settings: NewtonSettings = DEFAULT,
+) -> tuple[FlowState, NewtonInfo]:
+    """Flow and traction of a body at rest in the stream (P^-1), differentiable in ``case``."""
+
+    def residual(case, state):
+        return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
+
+    return root(
+        System(residual, case, eliminate(domain, case)),
+        guess or oseen_flow(domain, case),
+        _norm(domain),
+        settings,
+    )
+
+
+def forced_flow(
+    domain: Domain,
+    case: Case,
+    amplitude: Float[AnyArray, " modes"],
+    guess: Float[AnyArray, "2 nx ny"] | None = None,
+    settings: NewtonSettings = DEFAULT,
+) -> tuple[Float[AnyArray, "2 nx ny"], NewtonInfo]:
+    """Flow driven by a given traction (P), differentiable in ``case`` and ``amplitude``."""
+
+    def residual(data, velocity):
+        return flow_residual(domain, data[0], FlowState(velocity, data[1]))
+
+    if guess is None:
+        guess = jnp.tensordot(amplitude, case.response, axes=1)
+    size = math.sqrt(domain.lattice.cell_area)
+    system = System(residual, (case, amplitude), Identity())
+    return root(system, guess, lambda v: size * jnp.linalg.norm(v), settings)
+
+
+class Elimination(eqx.Module):
+    """Exact inverse of the linear (Oseen) part of the coupled system, by the response G B."""
+
+    inverse: Float[AnyArray, "modes modes"]
+    response: Float[AnyArray, "modes 2 nx ny"]
+    body: Spreading
+
+    def __call__(self, y: FlowState) -> FlowState:
+        amplitude = self.inverse @ (y.amplitude - self.body.slip(y.velocity))
+        return FlowState(y.velocity + jnp.tensordot(amplitude, self.response, axes=1), amplitude)
+
+
+def eliminate(domain: Domain, case: Case) -> Elimination:
+    """The elimination of a case, the inverse being that of S G B + pinning."""
+    case = jax.lax.stop_gradient(case)
+    compliance = jax.vmap(case.body.slip)(case.response).T + pinning(domain, case)
+    return Elimination(jnp.linalg.inv(compliance), case.response, case.body)
+
+
+def _norm(domain):
+    def norm(state):
+        return jnp.sqrt(domain.lattice.cell_area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
+            state.amplitude
+        )
+
+    return norm

@@ -1,0 +1,150 @@
+"""The flow linearised at a state: the solves that training steps are made of, with their work.
+
+Each returns the number of applications of G it spent, so that methods can be compared by work.
+Krylov vectors are of single precision: the solves are asked for a few digits.
+``A`` is the coupled Jacobian of body flow.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from surrogate.arrays import AnyArray
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.immersed import spread_modes
+from surrogate.flow.solver.krylov import gmres
+from surrogate.flow.solver.newton import single
+from surrogate.flow.solver.steady import (
+    Case,
+    FlowState,
+    eliminate,
+    flow_residual,
+    pinning,
+    slip_residual,
+)
+
+
+class Effort(NamedTuple):
+    """Krylov limits of one linearised solve."""
+
+    tolerance: float = 1e-2
+    max_vectors: int = 40
+
+
+class Work(NamedTuple):
+    """Applications of G, and whether every solve reached its tolerance."""
+
+    products: Int[Array, ""]
+    converged: Bool[Array, ""]
+
+
+def coupled_step(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[FlowState, Work]:
+    """One Newton step of body flow: x - A^+ F(x), the inverse simulator's step."""
+    value = _residual(domain, case, state)
+    inverse = eliminate(domain, case)
+    jacobian, rough = _coupled(domain, *single((case, state))), single(inverse)
+    result = gmres(lambda v: rough(jacobian(v)), single(inverse(value)), *effort)
+    return jax.tree.map(jnp.subtract, state, result.x), Work(result.steps + 1, result.converged)
+
+
+def drag_weights(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[Float[Array, " modes"], Work]:
+    """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
+    adjoint, work = drag_adjoint(domain, case, state, effort)
+    return adjoint.amplitude.astype(float), work
+
+
+def drag_slope(
+    domain: Domain,
+    case: Case,
+    state: FlowState,
+    draw: Callable[[Array], Array],
+    parameters: Float[AnyArray, " parameters"],
+    effort: Effort,
+) -> tuple[Float[Array, " parameters"], Work]:
+    """dCd/d(parameters) of the body ``draw(parameters)`` whose flow is ``state``: one adjoint."""
+    adjoint, work = drag_adjoint(domain, case, state, effort)
+
+    def moved(parameters):
+        body = spread_modes(domain.lattice, domain.modes, domain.box, draw(parameters))
+        return _residual(domain, eqx.tree_at(lambda c: c.body, case, body), state)
+
+    pull = jax.vjp(moved, parameters)[1]
+    slope = pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))[0]
+    return slope, work._replace(products=work.products + 1)
+
+
+def drag_adjoint(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[FlowState, Work]:
+    """lambda in single precision: a Newton step from x adds lambda . F(x) to the drag."""
+    inverse = single(eliminate(domain, case))
+    case, state = single((case, state))
+    adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
+    precondition = jax.linear_transpose(inverse, state)
+    goal = FlowState(jnp.zeros_like(state.velocity), jnp.zeros_like(state.amplitude).at[0].set(2.0))
+    result = gmres(lambda z: precondition(adjoint(z)[0])[0], precondition(goal)[0], *effort)
+    return result.x, Work(result.steps, result.converged)
+
+
+def slip_adjoint(
+    domain: Domain, case: Case, state: FlowState, weights: Float[Array, " modes"], effort: Effort
+) -> tuple[Float[Array, " modes"], Work]:
+    """(dy/da)^T weights for the slip y of a forced flow: one adjoint solve."""
+    case, state, weights = single((case, state, weights))
+
+    def respond(amplitude):
+        return flow_residual(domain, case, FlowState(state.velocity, amplitude))
+
+    flow = _flow_block(domain, case, state)
+    adjoint = jax.linear_transpose(flow, state.velocity)
+    pulled = jax.vjp(case.body.slip, state.velocity)[1](weights)[0]
+    result = gmres(lambda z: adjoint(z)[0], pulled, *effort)
+    gradient = -jax.vjp(respond, state.amplitude)[1](result.x)[0]
+    gradient = gradient + pinning(domain, case).T @ weights
+    return gradient.astype(float), Work(result.steps + 1, result.converged)
+
+
+def compliance(
+    domain: Domain, case: Case, state: FlowState, effort: Effort
+) -> tuple[Float[Array, "modes modes"], Work]:
+    """dy/da of a forced flow, one tangent solve per mode."""
+    case, state = single((case, state))
+
+    def respond(amplitude):
+        return flow_residual(domain, case, FlowState(state.velocity, amplitude))
+
+    flow = _flow_block(domain, case, state)
+
+    def column(mode):
+        response = -jax.jvp(respond, (state.amplitude,), (mode,))[1]
+        result = gmres(flow, response, *effort)
+        return case.body.slip(result.x), result.steps + 1, result.converged
+
+    columns, steps, converged = jax.lax.map(
+        column, jnp.eye(state.amplitude.size, dtype=state.amplitude.dtype)
+    )
+    matrix = (columns.T + pinning(domain, case)).astype(float)
+    return matrix, Work(jnp.sum(steps), jnp.all(converged))
+
+
+def _residual(domain, case, state):
+    return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
+
+
+def _coupled(domain, case, state):
+    return jax.linearize(lambda x: _residual(domain, case, x), state)[1]
+
+
+def _flow_block(domain, case, state):
+    def residual(velocity):
+        return flow_residual(domain, case, FlowState(velocity, state.amplitude))
+
+    return jax.linearize(residual, state.velocity)[1]

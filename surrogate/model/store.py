@@ -1,0 +1,118 @@
+"""A surrogate is one folder: weights, and a record of scene, method, seed, versions and error."""
+
+import hashlib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from surrogate.checks import whole_number
+from surrogate.errors import InvalidInput
+from surrogate.files import check_target, whole_files
+from surrogate.leaves import read_leaves, write_leaves
+from surrogate.model.network import DragNetwork, blank_network
+from surrogate.model.surrogate import Surrogate
+from surrogate.scene.scene import Scene
+from surrogate.versions import versions
+
+FORMAT = 2
+RECORD, WEIGHTS = "surrogate.json", "weights.eqx"
+PRETRAINED = Path(__file__).parent / "pretrained"  # one a method, from one bench
+BEST = "sip"  # of these, by its mean error on unseen bodies
+WIDEST, DEEPEST = 4096, 8  # layers of a network that is read
+LONGEST_RECORD = 1 << 24  # bytes
+
+
+def save(folder: str | Path, surrogate: Surrogate) -> None:
+    """Write the folder's two files, each whole, in place of an older surrogate's.
+
+    Raises:
+      InvalidInput: the folder holds something that is not a surrogate, or is not writable.
+    """
+    check_surrogate_folder(folder)
+    with whole_files(folder, RECORD) as part:
+        write_leaves(part / WEIGHTS, surrogate.network)
+        record = {
+            **surrogate.record,
+            "format": FORMAT,
+            "scene": surrogate.scene.record,
+            "sizes": [int(layer.weight.shape[0]) for layer in surrogate.network.layers],
+            "weights_sha256": _digest(part / WEIGHTS),
+            "versions": versions(),
+        }
+        (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
+
+
+def check_surrogate_folder(folder: str | Path) -> None:
+    """Raise InvalidInput unless a surrogate may be written there."""
+    check_target(folder, RECORD, (WEIGHTS,))
+
+
+def load(name: str | Path) -> Surrogate:
+    """Load a folder, or one that ships with the package.
+
+    ``"pretrained"`` is the most accurate of these, ``"pretrained:METHOD"`` that of a method.
+
+    Raises:
+      InvalidInput: it is missing, damaged, or not a surrogate.
+    """
+    kind, _, method = str(name).partition(":")
+    folder = PRETRAINED / (method or BEST) if kind == "pretrained" else Path(name)
+    what = f"surrogate {folder}"
+    if not folder.is_dir():
+        raise InvalidInput(f"{what}: no such folder, nor pretrained, which ships")
+    record = _read_record(folder, what)
+    try:
+        scene = Scene.of(record["scene"])
+        sizes = [whole_number("layer", size, 1, WIDEST) for size in record["sizes"]]
+    except (KeyError, TypeError) as problem:
+        raise InvalidInput(f"{what}: damaged or not a surrogate, {problem}") from None
+    except InvalidInput as problem:
+        raise InvalidInput(f"{what}: {problem}") from None
+    inputs, outputs = len(scene.family.names) + 1, 2 * scene.fidelity.harmonics + 1
+    if not 1 <= len(sizes) <= DEEPEST or sizes[-1] != outputs:
+        raise InvalidInput(
+            f"{what}: its layers {sizes} do not end in the {outputs} modes of its scene"
+        )
+    blank = blank_network((inputs, *sizes), jax.random.key(0))
+    network = read_leaves(folder / WEIGHTS, blank, what)
+    if _digest(folder / WEIGHTS) != record.get("weights_sha256"):
+        raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
+    _check_numbers(network, scene, what)
+    return Surrogate(network, scene, record)
+
+
+def _read_record(folder: Path, what: str) -> dict[str, Any]:
+    path = folder / RECORD
+    try:
+        if path.stat().st_size > LONGEST_RECORD:
+            raise InvalidInput(f"{what}: {RECORD} is too large to be a record")
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is unreadable") from None
+    if not isinstance(record, dict) or "format" not in record:
+        raise InvalidInput(f"{what}: damaged or not a surrogate")
+    if record["format"] != FORMAT:
+        raise InvalidInput(f"{what}: format {record['format']}, this version reads {FORMAT}")
+    for name in ("drag_error_mean", "drag_error_max"):
+        error = record.get(name, 0.0)
+        if not isinstance(error, int | float) or not math.isfinite(error):
+            raise InvalidInput(f"{what}: its record's {name} is no number")
+    return record
+
+
+def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
+    """Refuse weights that are not finite, and scales that are not the scene's."""
+    if not all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(network)):
+        raise InvalidInput(f"{what}: damaged, its weights are not all finite")
+    bounds = np.concatenate([scene.family.bounds, np.log([scene.reynolds])])
+    if not np.allclose(np.stack([network.low, network.high], axis=1), bounds, atol=1e-9):
+        raise InvalidInput(f"{what}: damaged, its weights are of other ranges than its scene")
+
+
+def _digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()

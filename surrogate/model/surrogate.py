@@ -1,0 +1,85 @@
+"""A trained network as a drag model: what it knows, and how it came about."""
+
+import dataclasses
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.checks import traced
+from surrogate.errors import InvalidInput
+from surrogate.model.network import DragNetwork
+from surrogate.scene.scene import Scene, check_reynolds
+
+SLACK = 1e-9  # of a range's width, for rounding
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Surrogate:
+    """A trained network with the scene it knows and the record of how it came about."""
+
+    network: DragNetwork
+    scene: Scene
+    record: dict[str, Any]
+
+    def drag(
+        self,
+        parameters: Float[AnyArray, " parameters"],
+        reynolds: float | Float[AnyArray, ""],
+        extrapolate: bool = False,
+    ) -> Float[Array, ""]:
+        """Cd = 2 Fx per unit span of a family body; jit, vmap, jax.grad in both arguments.
+
+        Under a transformation, what lies outside the trained ranges is NaN unless
+        ``extrapolate``.
+
+        Raises:
+          InvalidInput: no such body or Reynolds number, or outside the trained ranges.
+        """
+        if not traced(parameters, reynolds):
+            parameters = self.scene.family.check(parameters)
+            reynolds = check_reynolds(reynolds, allow_unsteady=True)
+            if (beyond := self.beyond(parameters, reynolds)) and not extrapolate:
+                raise InvalidInput(f"{_words(beyond)}; extrapolate=True asks for it all the same")
+        re = jnp.asarray(reynolds, float)
+        cd = self.network.drag(jnp.asarray(parameters, float), re)
+        if not traced(parameters, reynolds) or extrapolate:
+            return cd
+        low, high = self._bounds.T
+        values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
+        outside = jnp.maximum(low - values, values - high) > SLACK * (high - low + 1)
+        return jnp.where(jnp.any(outside) | ~jnp.all(jnp.isfinite(values)), jnp.nan, cd)
+
+    def knows(self, parameters: AnyArray, reynolds: float) -> bool:
+        """Whether body and Reynolds number lie within the trained ranges."""
+        return not self.beyond(parameters, reynolds)
+
+    def beyond(self, parameters: AnyArray, reynolds: float) -> dict[str, float]:
+        """How far each parameter, or log Re, lies outside its trained range, in ranges."""
+        values = np.append(np.asarray(parameters, float), np.log(reynolds))
+        low, high = self._bounds.T
+        distance = np.maximum(low - values, values - high) / np.maximum(high - low, SLACK)
+        names = (*self.scene.family.names, "log Re")
+        pairs = zip(names, distance, strict=True)
+        return {name: float(d) for name, d in pairs if not d <= SLACK}
+
+    def recorded(self, key: str) -> Any:
+        """A value of the record, as trainings leave it.
+
+        Raises:
+          InvalidInput: the record lacks it.
+        """
+        if key not in self.record:
+            raise InvalidInput(f"surrogate: its record lacks {key}, which a training writes")
+        return self.record[key]
+
+    @property
+    def _bounds(self):
+        return np.concatenate([self.scene.family.bounds, np.log([self.scene.reynolds])])
+
+
+def _words(beyond):
+    worst = max(beyond, key=lambda name: beyond[name])
+    return f"outside the trained ranges: {worst} by {beyond[worst]:.2g} of its range"

@@ -1,0 +1,37 @@
+"""Progress of long work on stderr: what, how far, how long, the current state."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+Update = Callable[[float, str], None]
+
+
+@contextmanager
+def progress_bar(title: str, shown: bool = True) -> Iterator[Callable[..., None]]:
+    """A bar; call it with the fraction done and a word on the state.
+
+    Where stderr is not a terminal, every new state is a line.
+    """
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description:32}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f}%"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[state]}"),
+    )
+    on_screen = shown and console.is_terminal
+    with Progress(*columns, console=console, disable=not on_screen) as progress:
+        task = progress.add_task(title, total=1.0, state="")
+
+        def update(done: float, state: str = "") -> None:
+            progress.update(task, completed=min(done, 1.0), state=state)
+            if shown and state and not on_screen:
+                print(f"{title}: {100 * min(done, 1.0):.0f}% {state}", file=sys.stderr, flush=True)
+
+        yield update

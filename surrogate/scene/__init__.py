@@ -1,0 +1,1 @@
+"""What is modelled: stream, Reynolds numbers, bodies, fidelity, and what that will cost."""

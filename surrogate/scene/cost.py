@@ -1,0 +1,51 @@
+"""What flows will cost, foreseen: applications of G by measurement, seconds by a blink of work."""
+
+import functools
+import time
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+REPEATS = 7
+
+
+class Applications(NamedTuple):
+    """Applications of G that a body takes on average, over the default scene.
+
+    Of a body's flow, preparation included, of the adjoint that its shape gradient takes, and how
+    many such pairs a design by them alone takes.
+    """
+
+    flow: float = 35.0
+    adjoint: float = 8.0
+    design_flows: float = 10.7
+
+
+APPLICATIONS = Applications()
+OVERHEAD = 1.6  # of a whole flow over its applications of G alone: convection, Krylov vectors
+
+
+@functools.cache
+def application_seconds(shape: tuple[int, int]) -> float:
+    """Seconds of a flow per application of G in a symmetric window of ``shape`` cells.
+
+    Timed on a convolution of the same size: transforms there and back around one product.
+    """
+    nx, ny = shape
+    across = np.ones((ny, 2 * ny + 1), np.float32)
+
+    @jax.jit
+    def convolve(field):
+        spectrum = jnp.fft.rfft(field @ across, n=2 * nx, axis=1)
+        product = jnp.stack([spectrum[0] + spectrum[1], spectrum[0] - spectrum[1]])
+        return jnp.fft.irfft(product, n=2 * nx, axis=1)[:, :nx] @ across.T
+
+    field = jnp.ones((2, nx, ny), jnp.float32)
+    seconds = []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        jax.block_until_ready(convolve(field))
+        seconds.append(time.perf_counter() - start)
+    return OVERHEAD * float(np.median(seconds[1:]))

@@ -1,0 +1,90 @@
+"""How fine a flow is solved, and what error that promises."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from surrogate.checks import finite_number, whole_number
+from surrogate.errors import InvalidInput
+
+LONGEST_WINDOW = 40.0  # downstream, in D
+MOST_CELLS = 128  # per D: a window of a hundred million cells
+
+
+@dataclasses.dataclass(frozen=True)
+class Fidelity:
+    """Resolution: ``cells`` per D, the window's reach in D, harmonics of the traction.
+
+    ``promise`` is the relative error of the drag that it is made for (Re 0.5 to 45, aspect 0.5 to
+    5), ``wake`` how much window a wake takes: reach downstream in D per Re (height / D)^2.
+    """
+
+    name: str
+    cells: int
+    upstream: float
+    downstream: float
+    height: float
+    harmonics: int = 7
+    wake: float = 0.2
+    promise: float = 0.015
+
+    def __post_init__(self):
+        whole_number("cells per D", self.cells, 3, MOST_CELLS)
+        whole_number("harmonics", self.harmonics, 1, 31)
+        for name in ("upstream", "downstream", "height"):
+            if not 1 <= finite_number(name, getattr(self, name)) <= 2 * LONGEST_WINDOW:
+                raise InvalidInput(f"fidelity: {name} {getattr(self, name):g}: from 1 to 80 D")
+        for name in ("wake", "promise"):
+            if not 0 <= finite_number(name, getattr(self, name)) <= 1:
+                raise InvalidInput(f"fidelity: {name} {getattr(self, name):g}: from 0 to 1")
+
+    def reaching(self, reynolds: float, height: float) -> "Fidelity":
+        """The same for bodies of this height at up to this Re: bluff ones need a longer window."""
+        missing = min(self.wake * reynolds * height**2, LONGEST_WINDOW) - self.downstream
+        if missing <= 2:
+            return self
+        longer = self.downstream + 8 * math.ceil(missing / 8)
+        return dataclasses.replace(self, downstream=longer, height=self.height + 4)
+
+    def coarser(self) -> "Fidelity":
+        """Two thirds of the cells."""
+        return dataclasses.replace(self, cells=round(2 * self.cells / 3))
+
+    def smaller(self) -> "Fidelity":
+        """Two thirds of the window."""
+        return dataclasses.replace(
+            self,
+            upstream=2 * self.upstream / 3,
+            downstream=2 * self.downstream / 3,
+            height=2 * self.height / 3,
+        )
+
+
+FIDELITIES = {
+    level.name: level
+    for level in (
+        Fidelity("draft", 10, 4, 8, 8, wake=0.15, promise=0.015),
+        Fidelity("standard", 16, 6, 12, 8, wake=0.2, promise=0.004),
+        Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001),
+    )
+}
+
+
+def read_fidelity(value: Any) -> Fidelity:
+    """A fidelity by its name, or by a table of its numbers.
+
+    Raises:
+      InvalidInput: there is none of this name, or a number is missing or makes no sense.
+    """
+    if isinstance(value, Fidelity):
+        return value
+    if not isinstance(value, Mapping):
+        if not isinstance(value, str) or value not in FIDELITIES:
+            raise InvalidInput(f"fidelity {value!r}: one of {', '.join(FIDELITIES)}")
+        return FIDELITIES[value]
+    try:
+        return Fidelity(**{"name": "custom", **value})
+    except TypeError:
+        fields = ", ".join(field.name for field in dataclasses.fields(Fidelity))
+        raise InvalidInput(f"fidelity: a name, or a table of {fields}") from None

@@ -1,0 +1,220 @@
+"""A scene: a family of bodies in a stream over a range of Reynolds numbers. Nothing else is built.
+
+In a file it is a few lines of TOML; what they leave out is as in ``Scene()``:
+
+    dimension = 2
+    stream = "tunnel:12"
+    reynolds = [5, 45]
+    fidelity = "standard"
+    [family]
+    aspect = [1, 3]
+    beta2 = [-0.3, 0.3]
+"""
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from surrogate.body.family import Family
+from surrogate.checks import finite_number, interval
+from surrogate.errors import InvalidInput
+from surrogate.files import whole_file
+from surrogate.scene.cost import APPLICATIONS, application_seconds
+from surrogate.scene.fidelity import FIDELITIES, Fidelity, read_fidelity
+from surrogate.scene.stream import Stream, Tunnel, Unbounded, describe_stream, parse_stream
+
+REYNOLDS = (1e-3, 300.0)  # that the steady solver is tested for
+ONSET_OF_SHEDDING = 46.7  # cylinder, unbounded stream
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A family of bodies in a stream over a range of Reynolds numbers U D / nu.
+
+    Raises:
+      InvalidInput: a range or the fidelity is none that can be modelled.
+    """
+
+    stream: Stream = Unbounded()
+    reynolds: tuple[float, float] = (1.0, 40.0)
+    family: Family = Family()
+    fidelity: Fidelity = FIDELITIES["standard"]
+
+    def __post_init__(self):
+        reynolds = interval("Reynolds range", self.reynolds)
+        for end in reynolds:
+            check_reynolds(end, allow_unsteady=True)
+        object.__setattr__(self, "reynolds", reynolds)
+        object.__setattr__(self, "fidelity", read_fidelity(self.fidelity))
+        if isinstance(self.stream, str):
+            object.__setattr__(self, "stream", parse_stream(self.stream))
+        for name, kind in (("stream", Stream), ("family", Family)):
+            if not isinstance(getattr(self, name), kind):
+                raise InvalidInput(f"scene: {getattr(self, name)!r} is no {name}")
+
+    @classmethod
+    def read(cls, path: str | Path) -> "Scene":
+        """The scene of a TOML file.
+
+        Raises:
+          InvalidInput: it cannot be read, is no TOML, or describes no scene.
+        """
+        try:
+            return cls.of(tomllib.loads(Path(path).read_text(encoding="utf-8")))
+        except OSError as problem:
+            raise InvalidInput(f"scene {path}: cannot be read ({problem.strerror})") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
+            raise InvalidInput(f"scene {path}: is not TOML ({problem})") from None
+        except InvalidInput as problem:
+            raise InvalidInput(f"scene {path}: {problem}") from None
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> "Scene":
+        """The scene of plain values, as in a file or from ``record``.
+
+        Raises:
+          InvalidInput: they describe no scene.
+        """
+        if not isinstance(record, Mapping):
+            raise InvalidInput("scene: must be a table")
+        values = dict(record)
+        known = ["dimension", *(field.name for field in dataclasses.fields(cls))]
+        if foreign := [key for key in values if key not in known]:
+            raise InvalidInput(f"scene: no key {foreign[0]!r}; {', '.join(known)}")
+        if values.pop("dimension", 2) != 2:
+            raise InvalidInput("dimension: bodies in the plane are modelled, dimension = 2")
+        if "family" in values:
+            if not isinstance(values["family"], Mapping):
+                raise InvalidInput("family: must be a table of ranges")
+            values["family"] = Family(**values["family"])
+        return cls(**values)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Plain values, for JSON."""
+        return {
+            "dimension": 2,
+            "stream": str(self.stream),
+            "reynolds": list(self.reynolds),
+            "fidelity": dataclasses.asdict(self.fidelity),
+            "family": {name: list(ends) for name, ends in self.family.ranges},
+        }
+
+    def write(self, path: str | Path) -> None:
+        """Keep the scene as a TOML file, whole or not at all."""
+        plain = self.record
+        family, fidelity = plain.pop("family"), plain.pop("fidelity")
+        tables = {"family": family}
+        if FIDELITIES.get(self.fidelity.name) == self.fidelity:
+            plain["fidelity"] = self.fidelity.name
+        else:
+            tables["fidelity"] = fidelity
+        lines = _toml(plain)
+        for name, table in tables.items():
+            lines += [f"[{name}]", *_toml(table)]
+        with whole_file(path) as part:
+            part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    def check_reynolds(self, reynolds: Any) -> float:
+        """A Reynolds number of the scene, in whatever kind of number it came.
+
+        Raises:
+          InvalidInput: it is none, or outside the scene's range.
+        """
+        low, high = self.reynolds
+        value = check_reynolds(reynolds, allow_unsteady=True)
+        if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
+            raise InvalidInput(f"Reynolds number {value:g}: the scene covers {low:g} to {high:g}")
+        return value
+
+    def explain(self, bodies: int = 512) -> str:
+        """What is modelled and why, what is left out, what ``bodies`` and a design will cost."""
+        f = self.fidelity
+        shape = round((f.upstream + f.downstream) * f.cells), round(f.height * f.cells / 2)
+        seconds = application_seconds(shape)
+
+        def cost(applications):
+            return f"{applications:,.0f} applications of G, {applications * seconds:.2g} s"
+
+        bounds = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in self.family.ranges)
+        design = APPLICATIONS.design_flows * (APPLICATIONS.flow + APPLICATIONS.adjoint)
+        return "\n".join(
+            [
+                f"Steady laminar flow in {describe_stream(self.stream)}, "
+                f"Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
+                f"Bodies: symmetric family, area pi/4, {bounds}.",
+                f"Grid ({f.name}): {f.cells} cells per D on a window {f.upstream + f.downstream:g} "
+                f"x {f.height:g} D ({shape[0] * shape[1]} cells in its upper half), where the flow "
+                "is non-linear; outside it the Oseen Green's function G and the far field's "
+                f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
+                "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window.",
+                f"Traction: {2 * f.harmonics + 1} modes.",
+                "Left out: the third dimension, unsteadiness (bluff bodies shed vortices beyond "
+                f"Re {ONSET_OF_SHEDDING:g}), compressibility, roughness.",
+                f"On this machine one application of G takes {1e3 * seconds:.2g} ms, so {bodies} "
+                f"bodies of a training cost {cost(bodies * APPLICATIONS.flow)}, their shape "
+                f"gradients {cost(bodies * APPLICATIONS.adjoint)}; a design by the flow's adjoint "
+                f"alone {cost(design)}; one flow to verify a surrogate's design "
+                f"{cost(APPLICATIONS.flow)}. Compilation and the network's own steps come on top.",
+            ]
+        )
+
+
+def check_reynolds(reynolds: Any, allow_unsteady: bool = False) -> float:
+    """A Reynolds number at which a steady laminar flow is a fair answer.
+
+    Raises:
+      InvalidInput: it is none, is beyond what the solver is tested for, or bodies shed vortices
+        there and ``allow_unsteady`` is not set.
+    """
+    value = finite_number("Reynolds number", reynolds)
+    if value <= 0:
+        raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
+    if value < REYNOLDS[0]:
+        raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from 0.001")
+    if value > REYNOLDS[1]:
+        raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to 300")
+    if value > ONSET_OF_SHEDDING and not allow_unsteady:
+        raise InvalidInput(
+            f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
+            f"{ONSET_OF_SHEDDING:g}, so the steady drag is not what nature does; "
+            "allow_unsteady asks for it all the same"
+        )
+    return value
+
+
+def check_stream(
+    stream: Stream, fidelity: Fidelity, reach: np.ndarray, room: tuple[float, float] = (1.5, 1.25)
+) -> None:
+    """Raise InvalidInput unless a body of this reach (length, height) fits window and stream.
+
+    ``room`` is what must lie between it and the window's edges, in D; accuracy asks for a lot.
+    """
+    along, across = reach / 2 + np.array(room)
+    if along > fidelity.upstream or across > fidelity.height / 2:
+        raise InvalidInput(
+            f"body: {reach[0]:g} x {reach[1]:g} D is too large for the {fidelity.name} window; "
+            "fine reaches further, and bodies are best scaled to area pi/4"
+        )
+    if isinstance(stream, Tunnel) and stream.height < reach[1] + 1:
+        raise InvalidInput(
+            f"tunnel:{stream.height:g} leaves less than half a diameter beside a body {reach[1]:g} "
+            f"D high; a height above {reach[1] + 1:g} would do"
+        )
+
+
+def _toml(table):
+    """Lines of a flat table; numbers, texts and lists of numbers look as in JSON, but for 1e-05."""
+
+    def text(value):
+        if isinstance(value, str):
+            return f'"{value}"'
+        if isinstance(value, list):
+            return f"[{', '.join(map(text, value))}]"
+        return repr(value)
+
+    return [f"{name} = {text(value)}" for name, value in table.items()]

@@ -1,0 +1,57 @@
+"""Streams around a body: without walls, or between two of a tunnel."""
+
+import dataclasses
+import math
+
+from surrogate.checks import finite_number
+from surrogate.errors import InvalidInput
+
+
+@dataclasses.dataclass(frozen=True)
+class Unbounded:
+    """A stream without walls."""
+
+    def __str__(self) -> str:
+        return "unbounded"
+
+
+@dataclasses.dataclass(frozen=True)
+class Tunnel:
+    """A channel with slip walls, ``height`` in D, the body's centroid on its centre line."""
+
+    height: float
+
+    def __post_init__(self):
+        if not 1 < finite_number("tunnel height", self.height) <= 1000:
+            raise InvalidInput(f"tunnel height {self.height:g}: from 1 to 1000 D")
+
+    def __str__(self) -> str:
+        return f"tunnel:{self.height!r}"
+
+
+Stream = Unbounded | Tunnel
+
+
+def parse_stream(text: str) -> Stream:
+    """'unbounded' or 'tunnel:H' with H in D.
+
+    Raises:
+      InvalidInput: it is neither.
+    """
+    if text == "unbounded":
+        return Unbounded()
+    kind, _, value = str(text).partition(":")
+    try:
+        height = float(value)
+    except ValueError:
+        height = math.nan
+    if kind != "tunnel" or not 1 < height <= 1000:
+        raise InvalidInput(f"stream {text!r}: 'unbounded' or 'tunnel:H' with H from 1 to 1000 D")
+    return Tunnel(height)
+
+
+def describe_stream(stream: Stream) -> str:
+    """In words."""
+    if isinstance(stream, Tunnel):
+        return f"a slip-walled tunnel of height {stream.height:g} D"
+    return "an unbounded stream"

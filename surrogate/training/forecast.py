@@ -1,0 +1,76 @@
+"""What a training will cost, foreseen before it starts: applications of G, and seconds."""
+
+import time
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from surrogate.flow.flow import Flow
+from surrogate.model.network import blank_network
+from surrogate.scene.cost import APPLICATIONS, application_seconds
+from surrogate.training.plan import Plan
+
+VISITS = {"dp": 10.0}  # applications of G a visit of a sample, where they are not solved once
+ROUNDS = {"sip": 50, "supervised": 50}  # gradients of the network an iteration
+
+
+class Forecast(NamedTuple):
+    """Applications of G, seconds of flows, seconds of the network's steps; no compilation."""
+
+    green_applications: float
+    flow_s: float
+    network_s: float
+
+    @property
+    def seconds(self) -> float:
+        return self.flow_s + self.network_s
+
+
+def forecast(plan: Plan) -> Forecast:
+    """What the samples of a training will cost, and its network; timed in a blink."""
+    per_body = APPLICATIONS.flow + (APPLICATIONS.adjoint if plan.method == "sip" else 0.0)
+    work = plan.samples * per_body
+    batch = min(plan.make_method().batch, plan.samples)
+    if plan.method in VISITS:
+        work = plan.samples * APPLICATIONS.flow / 2 + plan.iterations * batch * VISITS[plan.method]
+    shape = Flow(plan.scene).domain.lattice.shape
+    steps = ROUNDS.get(plan.method, 0)
+    each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
+    return Forecast(work, work * application_seconds(shape), plan.iterations * each)
+
+
+def _gradient_seconds(plan):
+    """One gradient of the network over all samples."""
+    inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
+    network = blank_network((inputs, 32, 32, modes), jax.random.key(0))
+    points = jnp.zeros((plan.samples, inputs))
+
+    def loss(layers, points):
+        for layer in layers:
+            points = jnp.tanh(jax.vmap(layer)(points))
+        return jnp.sum(points**2)
+
+    gradient = jax.jit(jax.grad(loss))
+    return _median(lambda: gradient(network.layers, points))
+
+
+def _inverse_seconds(plan, batch):
+    """One eigendecomposition of the rows of a batch; a step without one costs next to nothing."""
+    if plan.method != "hig":
+        return 0.0
+    rows = batch * (2 * plan.scene.fidelity.harmonics + 2)
+    matrix = np.random.default_rng(0).normal(size=(rows, rows))
+    decompose = jax.jit(jnp.linalg.eigh)
+    return _median(lambda: decompose(jnp.asarray(matrix + matrix.T)), 2)
+
+
+def _median(call, repeats=5):
+    jax.block_until_ready(call())
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        jax.block_until_ready(call())
+        seconds.append(time.perf_counter() - start)
+    return float(np.median(seconds))

@@ -1,0 +1,1 @@
+"""Training methods: differentiable physics, scale-invariant, half-inverse, supervised."""

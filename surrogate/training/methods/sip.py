@@ -1,0 +1,101 @@
+"""Scale-invariant physics: the solver is inverted, the network learns the inverse's answer.
+
+Each physics step moves a batch of samples by one coupled Newton step of body flow,
+a+ = a - (dy/da)^+ y, started at the network's prediction; the network then takes several Adam
+steps on L = mean |(a - stop(a+)) / scale|^2 / 2 over all targets kept so far, the drag's mode
+weighted by the goal. A sample whose drag no longer moves is settled and not inverted again.
+Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import optax
+
+from surrogate.flow.solver.tangent import Effort
+from surrogate.training.methods.method import Method, Progress, predict
+from surrogate.training.methods.targets import Inversion, Targets, improve, no_targets, one_step
+
+
+class ImitationState(NamedTuple):
+    """Adam's moments, and the targets so far."""
+
+    adam: optax.OptState
+    targets: Targets
+
+
+def scale_invariant_physics(
+    batch: int = 8,
+    network_steps: int = 50,
+    learning_rate: float = 3e-3,
+    goal: float = 30.0,
+    settle: float = 1e-4,
+    effort: Effort = Effort(1e-2, 30),
+    slopes: float = 1.0,
+) -> Method:
+    """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets.
+
+    ``slopes`` 0 leaves out the shape gradients of settled samples, as published.
+    """
+    invert = one_step(settle, effort, slopes=slopes > 0)
+    return imitation(invert, batch, network_steps, learning_rate, goal, slopes=slopes)
+
+
+def imitation(
+    invert: Inversion,
+    batch: int,
+    network_steps: int,
+    learning_rate: float,
+    goal: float,
+    modes: float = 1.0,
+    slopes: float = 0.0,
+) -> Method:
+    """Invert the solver for a batch, then Adam towards all targets so far.
+
+    The loss weights the squared misses of the modes by ``modes``, of the drag by ``goal**2``, of
+    its shape gradient over half a range by ``(slopes goal)**2``: what the adjoint of a settled
+    flow tells of its neighbours (Sobolev training, Czarnecki et al. 2017).
+    """
+    optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
+
+    def init(network, physics):
+        return ImitationState(optimiser.init(network.weights), no_targets(physics))
+
+    def update(network, state, physics, batch, done):
+        predicted = predict(network, physics, batch)
+        targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
+        scale = jax.vmap(network.scale)(physics.samples.reynolds)
+        everyone = jnp.arange(physics.count)
+
+        def loss_of(weights):
+            a = predict(network.with_weights(weights), physics, everyone)
+            miss = a - targets.tractions
+            drag = miss[:, 0] / targets.tractions[:, 0]
+            losses = modes * jnp.mean((miss / scale) ** 2, axis=1) + goal**2 * drag**2
+            count = jnp.maximum(jnp.sum(targets.known), 1)
+            total = jnp.sum(jnp.where(targets.known, losses, 0.0))
+            if slopes:
+                total += (slopes * goal) ** 2 * slope_misses(weights)
+            return total / count / 2
+
+        def slope_misses(weights):
+            log_drag = jax.grad(lambda p, re: jnp.log(network.with_weights(weights).drag(p, re)))
+            widths = (network.high - network.low)[:-1] / 2
+            miss = widths * (jax.vmap(log_drag)(*physics.samples) - targets.slopes)
+            return jnp.sum(jnp.where(targets.settled[:, None], miss, 0.0) ** 2)
+
+        def step(carry, _):
+            weights, adam = carry
+            loss, gradient = jax.value_and_grad(loss_of)(weights)
+            change, adam = optimiser.update(gradient, adam)
+            return (weights + change, adam), loss
+
+        adam = state.adam
+        adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
+        start = network.weights, adam
+        (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
+        spent = Progress(products, losses[-1], jnp.sum(~valid))
+        return network.with_weights(weights), ImitationState(adam, targets), spent
+
+    return Method(init, update, batch)

@@ -1,0 +1,157 @@
+"""Traction targets: what the inverted solver answers, kept from visit to visit.
+
+``one_step`` is lagged physics: one coupled Newton step of body flow at every visit, started at the
+network's prediction and the flow of the visit before. It linearises the physics there, ``slip =
+C (a - a+)`` with a+ the step's traction and C the compliance dy/da; a sample whose drag no longer
+moves is settled and costs nothing more. ``whole_flow`` solves the body flow at the first visit, and
+a+ is its traction for good.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.flow.solver import steady
+from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.solver.tangent import Effort, Work, coupled_step, drag_slope
+from surrogate.training.methods.method import Batch, keep, per_sample
+from surrogate.training.physics import Physics
+
+SLOPE = Effort(1e-3, 40)
+
+
+class Targets(NamedTuple):
+    """Per sample the last flow, the target traction, whether there is one, whether it is final.
+
+    ``slopes`` are d log Cd / d(parameters) of final samples, where they were asked for.
+    """
+
+    flows: Float[Array, "samples 2 nx ny"]
+    tractions: Float[Array, "samples modes"]
+    slopes: Float[Array, "samples parameters"]
+    known: Bool[Array, " samples"]
+    settled: Bool[Array, " samples"]
+
+
+class Answer(NamedTuple):
+    """One inversion: flow, traction, slope; whether they are good and final; applications of G."""
+
+    state: FlowState
+    slope: Float[Array, " parameters"] | None
+    valid: Bool[Array, ""]
+    final: Bool[Array, ""]
+    products: Int[Array, ""]
+
+
+Inversion = Callable[[Physics, Array, Array, FlowState, Array], Answer]
+
+
+def one_step(
+    settle: float = 1e-4, effort: Effort = Effort(1e-2, 30), slopes: bool = False
+) -> Inversion:
+    """Invert by one coupled Newton step.
+
+    ``settle`` is the relative change of drag below which a sample is final. With ``slopes`` a
+    final sample also gets its shape gradient, by one adjoint solve.
+    """
+
+    def invert(physics, index, predicted, stored, known):
+        case = physics.case(index)
+        flow = jnp.where(known, stored.velocity, jnp.tensordot(predicted, case.response, axes=1))
+        state, spent = coupled_step(physics.domain, case, FlowState(flow, predicted), effort)
+        traction = state.amplitude
+        valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
+        unmoved = jnp.abs(traction[0] / stored.amplitude[0] - 1) <= settle
+        final = valid & known & unmoved
+        return _with_slope(
+            physics, index, Answer(state, None, valid, final, spent.products), slopes
+        )
+
+    return invert
+
+
+def whole_flow(
+    settings: NewtonSettings = NewtonSettings(1e-5, 15, 40), slopes: bool = False
+) -> Inversion:
+    """Invert by solving the body flow, once."""
+
+    def invert(physics, index, predicted, stored, known):
+        state, info = steady.body_flow(physics.domain, physics.case(index), settings=settings)
+        answer = Answer(state, None, info.converged, info.converged, info.products)
+        return _with_slope(physics, index, answer, slopes)
+
+    return invert
+
+
+def _with_slope(physics, index, answer, wanted):
+    """The answer with the slope of log Cd where it is final and one is wanted."""
+    parameters = physics.samples.parameters[index]
+
+    def adjoint():
+        slope, spent = log_drag_slope(physics, index, answer.state, SLOPE)
+        good = spent.converged & jnp.all(jnp.isfinite(slope))
+        return jnp.where(good, slope, 0.0), good, spent.products
+
+    def none():
+        return jnp.zeros_like(parameters), answer.valid, jnp.zeros_like(answer.products)
+
+    slope, good, spent = jax.lax.cond(answer.final & wanted, adjoint, none)
+    return answer._replace(slope=slope, final=answer.final & good, products=answer.products + spent)
+
+
+def no_targets(physics: Physics) -> Targets:
+    """Nothing known: Oseen flows and tractions."""
+    none = jnp.zeros(physics.count, bool)
+    slopes = jnp.zeros_like(physics.samples.parameters)
+    return Targets(physics.oseen.velocity, physics.oseen.amplitude, slopes, none, none)
+
+
+def log_drag_slope(
+    physics: Physics, index: Array, state: FlowState, effort: Effort
+) -> tuple[Float[Array, " parameters"], Work]:
+    """d log Cd / d(parameters) of a sample whose body flow is ``state``."""
+    parameters = physics.samples.parameters[index]
+    flow, case = physics.flow, physics.case(index)
+    slope, work = drag_slope(flow.domain, case, state, flow.markers, parameters, effort)
+    return slope / drag_coefficient(state.amplitude), work
+
+
+def improve(
+    physics: Physics,
+    batch: Batch,
+    predicted: Float[Array, "batch modes"],
+    targets: Targets,
+    invert: Inversion,
+) -> tuple[Targets, Bool[Array, " batch"], Int[Array, ""]]:
+    """Invert the solver for the samples of a batch that are not settled.
+
+    Returns the targets, which inversions were good, and the applications of G spent.
+    """
+    flows, tractions, slopes, known, settled = jax.tree.map(lambda leaf: leaf[batch], targets)
+
+    def visit(index, predicted, flow, traction, slope, known, settled):
+        stored = FlowState(flow, traction)
+        rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
+        return jax.lax.cond(
+            settled, lambda: rest, lambda: invert(physics, index, predicted, stored, known)
+        )
+
+    answer = per_sample(visit, batch, predicted, flows, tractions, slopes, known, settled)
+    state = keep(answer.valid, answer.state, FlowState(flows, tractions))
+    new = (*state, answer.slope, known | answer.valid, settled | answer.final)
+    targets = Targets(*(a.at[batch].set(b) for a, b in zip(targets, new, strict=True)))
+    return targets, answer.valid, jnp.sum(answer.products)
+
+
+def oseen_compliances(physics: Physics) -> Float[Array, "samples modes modes"]:
+    """S G B of every sample: exact as Re -> 0, and free once the sample is prepared."""
+
+    def one(case):
+        return jax.vmap(case.body.slip)(case.response).T + steady.pinning(physics.domain, case)
+
+    return jax.lax.map(one, physics.cases)

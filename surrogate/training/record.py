@@ -1,0 +1,48 @@
+"""The record of a training: what a surrogate's folder says of how it came about."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from surrogate.model.surrogate import Surrogate
+from surrogate.training.loop import Trained
+from surrogate.training.plan import Plan
+
+
+def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> Surrogate:
+    """A finished training as a surrogate, its record complete; ``more`` is added to it."""
+    last = trained.history[-1]
+    record = {
+        "method": plan.method,
+        "drag_error_mean": last.error_mean,
+        "drag_error_max": last.error_max,
+        "green_applications": last.green_applications,
+        "train_s": last.seconds,
+        "weights": int(trained.network.weights.size),
+        "command": command_line(),
+        "setup_s": setup_s,
+        "seed": plan.seed,
+        "samples": plan.samples,
+        "held_out": plan.held_out,
+        "iterations": last.iteration,
+        "failed_samples": last.failed,
+        "stopped": trained.stopped,
+        "history": [list(point[:5]) for point in trained.history],
+        **more,
+    }
+    return Surrogate(trained.network, plan.scene, record)
+
+
+def is_of(plan: Plan, surrogate: Surrogate) -> bool:
+    """Whether this is what the plan's training leaves: a whole one, and not refined since."""
+    record = surrogate.record
+    asked = (plan.method, plan.samples, plan.held_out, plan.seed)
+    found = tuple(record.get(key) for key in ("method", "samples", "held_out", "seed"))
+    whole = record.get("stopped") or record.get("iterations") == plan.iterations
+    return found == asked and surrogate.scene == plan.scene and whole and "added" not in record
+
+
+def command_line() -> str:
+    """The command that is running, to be kept with its result."""
+    name = Path(sys.argv[0]).name
+    return " ".join([f"python scripts/{name}" if name.endswith(".py") else name, *sys.argv[1:]])

@@ -1,0 +1,122 @@
+"""Train a surrogate, or one of every method, from a scene to a folder."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from surrogate.errors import InvalidInput
+from surrogate.model.store import RECORD, check_surrogate_folder, load, save
+from surrogate.model.surrogate import Surrogate
+from surrogate.progress import progress_bar
+from surrogate.scene.scene import Scene
+from surrogate.training.loop import Bench, Trained, make_bench, run_training
+from surrogate.training.methods.method import Method
+from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.record import is_of, surrogate_of
+
+
+def train(
+    scene: Scene | None = None,
+    method: str = "sip",
+    *,
+    samples: int | None = None,
+    preset: str = "full",
+    seed: int = 0,
+    budget_seconds: float | None = None,
+    out: str | Path | None = None,
+    progress: bool = True,
+) -> Surrogate:
+    """Train a network on the flows of a scene.
+
+    Args:
+      scene: what to model; the preset's own (on the draft grid for quick) if None.
+      method: dp, sip, hig or supervised.
+      samples: bodies to learn from, instead of the preset's.
+      preset: quick or full, which says how long to train.
+      seed: of samples, held-out bodies and initial weights.
+      budget_seconds: train for so long instead.
+      out: folder to save it in. Interrupted, the same call goes on where it stopped.
+      progress: show it on stderr.
+
+    Raises:
+      InvalidInput: an argument makes no sense, or the folder is not for surrogates.
+      NotConverged: a held-out flow was not found, or the training blew up at once.
+    """
+    return carry_out(make_plan(scene, method, preset, samples, seed, budget_seconds), out, progress)
+
+
+def carry_out(plan: Plan, out: str | Path | None = None, progress: bool = True) -> Surrogate:
+    """Train by a plan; as ``train``."""
+    if out is not None:
+        check_surrogate_folder(out)
+    checkpoint = None if out is None else checkpoint_of(out)
+    bench = prepare(plan, progress)
+    trained = train_with_bar(plan, bench, checkpoint, progress=progress)
+    surrogate = surrogate_of(plan, trained, bench.setup_s)
+    if out is not None:
+        save(out, surrogate)
+        checkpoint.unlink(missing_ok=True)
+    return surrogate
+
+
+def train_all(make: Callable[[str], Plan], out: Path) -> tuple[dict[str, Surrogate], Bench]:
+    """One surrogate per method from one bench, in ``out``; those already trained are loaded.
+
+    Raises:
+      InvalidInput: a folder holds something else, or a surrogate of another plan.
+    """
+    plans = {method: make(method) for method in METHODS}
+    for method in plans:
+        check_surrogate_folder(out / method)
+    bench = prepare(plans["dp"])
+    surrogates = {}
+    for method, plan in plans.items():
+        if not (out / method / RECORD).is_file():
+            checkpoint = checkpoint_of(out / method)
+            trained = train_with_bar(plan, bench, checkpoint)
+            save(out / method, surrogate_of(plan, trained, bench.setup_s))
+            checkpoint.unlink(missing_ok=True)
+        surrogates[method] = load(out / method)
+        if not is_of(plan, surrogates[method]):
+            raise InvalidInput(
+                f"{out / method}: is of another method, preset or seed; choose another folder"
+            )
+    return surrogates, bench
+
+
+def prepare(plan: Plan, progress: bool = True) -> Bench:
+    """The plan's bench, with progress on stderr."""
+    with progress_bar("preparing flows", progress) as update:
+        update(0.0, f"{plan.samples} bodies, {plan.held_out} held out")
+        bench = make_bench(plan)
+        update(1.0, f"in {bench.setup_s:.0f} s")
+    return bench
+
+
+def train_with_bar(
+    plan: Plan,
+    bench: Bench,
+    checkpoint: Path | None = None,
+    method: Method | None = None,
+    title: str | None = None,
+    progress: bool = True,
+) -> Trained:
+    """Train with progress on stderr; ``method`` and ``title`` replace the plan's own."""
+    with progress_bar(f"training {title or plan.method}", progress) as update:
+
+        def report(point, done):
+            update(
+                done,
+                f"step {point.iteration}: error mean {100 * point.error_mean:.2f} % "
+                f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
+            )
+
+        trained = run_training(plan, bench, checkpoint, report, method=method)
+        if trained.stopped:
+            update(1.0, f"{trained.stopped}; the last good weights are kept")
+    return trained
+
+
+def checkpoint_of(folder: str | Path) -> Path:
+    """The file beside a surrogate's folder from which an interrupted training goes on."""
+    place = Path(folder).resolve()
+    return place.with_name(place.name + ".checkpoint")

@@ -1,0 +1,16 @@
+"""What a result was made with."""
+
+import importlib.metadata
+
+PACKAGES = ("jax", "jaxlib", "jax-cfd", "numpy")
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package and of those that its numbers depend on."""
+    names = {"drag-surrogates": package_version()}
+    return names | {name: importlib.metadata.version(name) for name in PACKAGES}
+
+
+def package_version() -> str:
+    """This package's own."""
+    return importlib.metadata.version("drag-surrogates")
