@@ -58,7 +58,8 @@ def check_target(folder: str | Path, record: str, others: Collection[str] = ()) 
         names = {path.name for path in folder.iterdir() if not path.name.startswith(".part-")}
         if foreign := sorted(names - set(others)):
             raise InvalidInput(
-                f"{folder}: is not empty and has no {record}, but {foreign[0]}; choose another folder"
+                f"{folder}: is not empty and has no {record} but {foreign[0]}; "
+                "choose another folder"
             )
     make_folder(folder if folder.is_dir() else folder.parent)
 

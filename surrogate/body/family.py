@@ -85,9 +85,11 @@ class Family:
         ends = [np.sin(t) + low[1:] @ np.minimum(waves, 0) + high[1:] @ np.maximum(waves, 0)]
         ends += [np.sin(t) + high[1:] @ np.minimum(waves, 0) + low[1:] @ np.maximum(waves, 0)]
         shifts = [dict(self.ranges).get("beta2", (0.0, 0.0))[k] for k in (0, 1)]
-        longest = [family_markers(jnp.array([high[0], b]), (2,), NODES) for b in shifts]
+        with jax.ensure_compile_time_eval():
+            longest = [family_markers(jnp.array([high[0], b]), (2,), NODES) for b in shifts]
+            half_length = max(float(jnp.abs(markers[:, 0]).max()) for markers in longest)
         return (
-            2 * max(float(jnp.abs(markers[:, 0]).max()) for markers in longest),
+            2 * half_length,
             float(np.abs(ends).max() / np.sqrt(low[0])),
         )
 

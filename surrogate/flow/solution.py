@@ -48,7 +48,7 @@ class Solution:
 
     @property
     def velocity(self) -> Float[np.ndarray, "2 nx ny"]:
-        """u and v in units of U on the faces of ``domain.lattice.unfolded``, the stream included."""
+        """u and v over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
         whole = np.array(self.domain.lattice.unfold(self.state.velocity))
         whole[0] += 1.0
         return whole
