@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from jaxtyping import install_import_hook
+from jaxtyping import config, install_import_hook
 
 hook = install_import_hook(["surrogate", "shapeopt"], "typecheck.check")
 
@@ -11,13 +11,17 @@ import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
-import surrogate  # noqa: E402
-from surrogate.scene.scene import Fidelity, Scene, Unbounded  # noqa: E402
+from surrogate import Fidelity, Scene, Unbounded  # noqa: E402
+from surrogate.cache import use_compilation_cache  # noqa: E402
+from surrogate.flow.grid.domain import make_domain  # noqa: E402
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
-surrogate.use_compilation_cache()
+TESTS = Path(__file__).parent
+SCRIPTS = TESTS.parent / "scripts"
+sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
+use_compilation_cache()
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5)  # small enough for a test, real in every part
+COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
 @pytest.fixture(scope="session")
@@ -27,8 +31,6 @@ def tiny_scene() -> Scene:
 
 @pytest.fixture(scope="session")
 def cylinder_domain():
-    from surrogate.flow.grid.domain import make_domain
-
     return make_domain(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
 
 
@@ -42,6 +44,28 @@ def memory_maps():
 @pytest.fixture
 def generator() -> np.random.Generator:
     return np.random.default_rng(0)
+
+
+@pytest.fixture
+def compiled():
+    """A list that grows by one with every function that JAX compiles, or loads compiled."""
+    seen = []
+
+    def listen(event, seconds, **more):
+        if event == COMPILED:
+            seen.append(more.get("fun_name", "?"))
+
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    yield seen
+    jax.monitoring.unregister_event_duration_listener(listen)
+
+
+@pytest.fixture
+def unchecked():
+    """As users have it: no check of types before the library's own refusals."""
+    config.update("jaxtyping_disable", True)
+    yield
+    config.update("jaxtyping_disable", False)
 
 
 def pytest_unconfigure():

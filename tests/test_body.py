@@ -1,44 +1,119 @@
-"""Exact: areas, centroids, symmetries and refusals of bodies and contours."""
+"""Bodies: exact areas, centroids and symmetries; contours from files; what is refused."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
-from surrogate.body.family import AREA, Family, check_family, family_markers, moments, opening, rotate
-from surrogate.body.contour import crosses_itself, mean_thickness, naca4, read_contour, smooth_contour
-from surrogate.errors import InvalidInput
+from surrogate import Family, InvalidInput, contour_shape, family_shape, naca4, read_contour
+from surrogate.body.contour import crosses_itself, smooth_contour
+from surrogate.body.family import PARAMETERS, check_body, describe, family_markers, opening
+from surrogate.body.measures import AREA, mean_thickness, moments
+from surrogate.body.shape import rotate
+
+FAMILY = Family()
+WIDE = Family(  # all of the modes
+    aspect=(0.5, 6),
+    **{f"beta{k}": (-0.3 / (k - 1), 0.3 / (k - 1)) for k in range(2, 13)},
+)
+NAMES = ("aspect", "beta2", "beta3", "beta4")
+
+
+def area_and_sides(markers):
+    """Area by a spectral rule, exact for the trigonometric contours of a family."""
+    nodes = len(markers)
+    x, y = np.asarray(markers).T
+    spectral = np.fft.ifft(1j * np.fft.fftfreq(nodes, 1 / nodes) * np.fft.fft(x)).real
+    return np.mean(y * spectral) * 2 * np.pi
 
 
 @pytest.mark.parametrize("parameters", [(1, 0, 0, 0), (2.5, 0.2, -0.1, 0.05), (4, -0.2, 0.1, 0.1)])
-def test_family_area_and_centroid_are_exact(parameters):
-    t = 2 * np.pi * np.arange(256) / 256
-    markers = np.asarray(family_markers(jnp.array(parameters, float), 256))
-    x, y = markers.T
-    spectral = np.fft.ifft(1j * np.fft.fftfreq(256, 1 / 256) * np.fft.fft(x)).real
-    assert np.mean(y * spectral) * 2 * np.pi == pytest.approx(AREA, rel=1e-12)
+def test_exact_area_and_centroid(parameters):
+    markers = np.asarray(FAMILY.markers(jnp.array(parameters, float), 256))
+    assert area_and_sides(markers) == pytest.approx(AREA, rel=1e-12)
     assert moments(markers)[0] == pytest.approx(AREA, rel=1e-3)
     assert float(moments(jnp.asarray(markers))[1][0]) == pytest.approx(0, abs=1e-12)
-    assert np.allclose(markers[1:][::-1] * [1, -1], markers[1:], atol=1e-14), t
+    assert np.allclose(markers[1:][::-1] * [1, -1], markers[1:], atol=1e-14)
 
 
-def test_family_samples_are_valid_and_inside(tiny_scene):
-    import jax
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(st.tuples(*(st.floats(*ends) for ends in WIDE.bounds.tolist())))
+def test_exact_area_of_any_member_of_the_widest_family(parameters):
+    assume(float(opening(jnp.array(parameters), WIDE.modes)) > 0.02)
+    markers = np.asarray(WIDE.markers(jnp.array(parameters), 256))
+    assert area_and_sides(markers) == pytest.approx(AREA, rel=1e-12)
+    assert float(moments(jnp.asarray(markers))[1][0]) == pytest.approx(0, abs=1e-12)
+    assert np.allclose(markers[1:][::-1] * [1, -1], markers[1:], atol=1e-14)
+    assert not crosses_itself(markers)
 
-    family = Family()
+
+def test_exact_markers_of_names_with_gaps():
+    few = Family(aspect=(1, 3), beta5=(-0.1, 0.1))
+    assert few.names == ("aspect", "beta5")
+    assert few.modes == (5,)
+    every = Family(**{name: (0.5, 1) if name == "aspect" else (-1, 1) for name in PARAMETERS})
+    full = jnp.zeros(12).at[0].set(2.0).at[4].set(0.07)  # beta5 is the fifth
+    expected = every.markers(full, 128)
+    assert np.allclose(few.markers(jnp.array([2.0, 0.07]), 128), expected, atol=1e-15)
+    named = {"aspect": 2.0, "beta5": 0.07}
+    assert np.allclose(family_shape(named).draw(128), expected, atol=1e-15)
+    assert np.array_equal(few.parameters(named), [2.0, 0.07])
+    assert few.named(few.parameters(named)) == named
+
+
+@pytest.mark.parametrize("family", [FAMILY, WIDE, Family(aspect=(1, 3))], ids=["4", "12", "1"])
+def test_samples_are_valid_and_inside(family):
     samples = family.sample(jax.random.key(3), 200)
+    assert samples.shape == (200, len(family.names))
     assert all(family.contains(np.asarray(sample)) for sample in samples)
-    assert float(jax.vmap(opening)(samples).min()) > 0
+    assert float(jax.vmap(lambda p: opening(p, family.modes))(samples).min()) > 0
+    again = family.sample(jax.random.key(3), 200)
+    assert np.array_equal(samples, again)
 
 
-def test_family_extent_holds_every_member():
-    import jax
-
-    family = Family()
+@pytest.mark.parametrize("family", [FAMILY, WIDE, Family(aspect=(1, 3))], ids=["4", "12", "1"])
+def test_extent_holds_every_member(family):
     length, height = family.extent
+    draw = jax.jit(lambda sample: family.markers(sample, 128))
     for sample in family.sample(jax.random.key(4), 50):
-        reach = np.abs(np.asarray(family_markers(sample, 128))).max(axis=0)
+        reach = np.abs(np.asarray(draw(sample))).max(axis=0)
         assert reach[0] <= length / 2 + 1e-12
         assert reach[1] <= height / 2 + 1e-12
+
+
+def test_every_parameter_is_described():
+    words = [describe(name) for name in PARAMETERS]
+    assert len(set(words)) == len(words)
+
+
+def test_a_family_is_the_same_whatever_the_order_of_its_names():
+    assert Family(beta3=(0, 0.1), aspect=(1, 3)) == Family(aspect=(1, 3), beta3=(0, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("ranges", "words"),
+    [
+        ({"beta2": (0, 0.1)}, "aspect needs a range"),
+        ({"aspect": (1, 2), "beta13": (0, 0.1)}, "no parameter 'beta13'"),
+        ({"aspect": (3, 1)}, "low must not be above high"),
+        ({"aspect": (2, 2)}, "leave a width"),
+        ({"aspect": (0.01, 2)}, "from 0.1 to 20"),
+        ({"aspect": (1, np.nan)}, "finite number"),
+        ({"aspect": "1 to 5"}, "two numbers"),
+        ({"aspect": (1, "5")}, "must be one number"),
+        ({"aspect": (1, 5), "beta2": (-2, 2)}, "between -1 and 1"),
+    ],
+)
+def test_families_that_are_none_are_refused(ranges, words, unchecked):
+    with pytest.raises(InvalidInput, match=words):
+        Family(**ranges)
+
+
+def test_a_family_of_bodies_that_all_cross_themselves_cannot_be_sampled():
+    with pytest.raises(InvalidInput, match="cross themselves"):
+        Family(aspect=(1, 2), beta2=(0.8, 0.9)).sample(jax.random.key(0), 4)
 
 
 @pytest.mark.parametrize(
@@ -46,10 +121,19 @@ def test_family_extent_holds_every_member():
 )
 def test_bodies_that_are_none_are_refused(bad):
     with pytest.raises(InvalidInput):
-        check_family(np.array(bad, float))
+        FAMILY.check(np.array(bad, float))
+    with pytest.raises(InvalidInput):
+        check_body(dict(zip(NAMES, bad, strict=True)))
+    with pytest.raises(InvalidInput):
+        family_shape(dict(zip(NAMES, bad, strict=True)))
 
 
-def test_smooth_contour_of_an_ellipse_is_that_ellipse():
+def test_a_name_that_is_not_the_familys_is_refused():
+    with pytest.raises(InvalidInput, match="beta7 is none of the family's aspect, beta2"):
+        FAMILY.parameters({"aspect": 2.0, "beta7": 0.1})
+
+
+def test_exact_smooth_contour_of_an_ellipse():
     angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
     markers = smooth_contour(np.stack([3 * np.cos(angle), 1.5 * np.sin(angle)], axis=1), 128)
     a, b = np.sqrt(0.5), np.sqrt(0.125)
@@ -65,10 +149,18 @@ def test_contour_orientation_and_start_do_not_matter():
     assert np.abs(a - b).max() < 1e-9
 
 
-def test_incidence_is_nose_up():
+def test_exact_incidence_is_nose_up():
     nose = rotate(jnp.array([[-1.0, 0.0]]), 30.0)[0]
     assert float(nose[1]) == pytest.approx(0.5)
     assert float(nose[0]) < 0
+
+
+@pytest.mark.parametrize("incidence", [181, np.nan, "10"])
+def test_an_incidence_that_is_none_is_refused(incidence, unchecked):
+    with pytest.raises(InvalidInput, match="incidence"):
+        family_shape({"aspect": 2.0}, incidence)
+    with pytest.raises(InvalidInput, match="incidence"):
+        contour_shape(naca4("0012"), incidence)
 
 
 def test_contour_files(tmp_path):
@@ -104,8 +196,19 @@ def test_crossing_flat_and_short_contours_are_refused():
         smooth_contour(1e-200 * naca4("0012"), 100)
 
 
-def test_mean_thickness_of_a_circle():
-    markers = np.asarray(family_markers(jnp.array([1.0, 0, 0, 0]), 400))
+@pytest.mark.parametrize("points", [200, 4000])
+def test_a_spike_that_crosses_is_seen_in_contours_of_any_length(points):
+    t = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    circle = np.stack([np.cos(t), np.sin(t)], axis=1)
+    assert not crosses_itself(circle)
+    circle[points // 3] = (1.5, -0.2)  # through the other side
+    assert crosses_itself(circle)
+    with pytest.raises(InvalidInput, match="crosses"):
+        contour_shape(circle)
+
+
+def test_exact_mean_thickness_of_a_circle():
+    markers = np.asarray(family_markers(jnp.array([1.0]), (), 400))
     assert mean_thickness(markers) == pytest.approx(0.5, rel=1e-3)
 
 

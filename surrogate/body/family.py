@@ -7,7 +7,7 @@ of the equivalent diameter D.
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +44,7 @@ class Family:
 
     ranges: tuple[tuple[str, Range], ...]
 
-    def __init__(self, **ranges: Range):
+    def __init__(self, **ranges: Sequence[float]):
         ranges = ranges or DEFAULT
         for name in ranges:
             if name not in PARAMETERS:
@@ -58,7 +58,7 @@ class Family:
         low, high = ordered[0][1]
         if not ASPECTS[0] <= low <= high <= ASPECTS[1]:
             raise InvalidInput(f"range of aspect {low:g} to {high:g}: from 0.1 to 20")
-        if max(abs(end) for _, ends in ordered[1:] for end in (0.0, *ends)) > 1:
+        if any(abs(end) > 1 for _, ends in ordered[1:] for end in ends):
             raise InvalidInput("family: the ranges of betas must lie between -1 and 1")
         object.__setattr__(self, "ranges", tuple(ordered))
 
