@@ -1,6 +1,7 @@
 """Exact: the lattice Green's function solves the discrete Oseen equations to round-off."""
 
 import dataclasses
+import functools
 import itertools
 
 import jax
@@ -22,6 +23,12 @@ def random_force(generator):
     return jnp.asarray(force)
 
 
+@functools.partial(jax.jit, static_argnames=("lattice", "height", "mirrored"))
+def driven(lattice, reynolds, height, force, mirrored=False):
+    """Velocity that a force density drives."""
+    return oseen_kernel(lattice, reynolds, height, mirrored)(force)
+
+
 def laplacian(a):
     neighbours = sum(jnp.roll(a, s, axis) for s in (1, -1) for axis in (0, 1))
     return (neighbours - 4 * a) / H**2
@@ -40,37 +47,32 @@ def momentum_defect(velocity, force, reynolds):
 # Re 16 makes the cell Reynolds number exactly 2, where the closed form has a removable pole
 @pytest.mark.parametrize("reynolds", [1e-3, 0.1, 1.0, 16.0, 40.0, 300.0])
 @pytest.mark.parametrize(("height", "mirrored"), [(None, False), (6.0, False), (6.0, True)])
-def test_kernel_is_divergence_free_and_solves_oseen(reynolds, height, mirrored, generator):
+def test_exact_kernel_is_divergence_free_and_solves_oseen(reynolds, height, mirrored, generator):
     force = random_force(generator)
-    kernel = jax.jit(lambda re: oseen_kernel(LATTICE, re, height, mirrored))(jnp.asarray(reynolds))
-    u, v = velocity = kernel(force)
+    u, v = velocity = driven(LATTICE, jnp.asarray(reynolds), height, force, mirrored)
     divergence = (u - jnp.roll(u, 1, 0) + v - jnp.roll(v, 1, 1)) / H
     size = float(jnp.abs(velocity).max())
     assert float(jnp.abs(divergence[INSIDE]).max()) < 1e-14 * max(1, size) / H
     assert float(jnp.abs(momentum_defect(velocity, force, reynolds)[INSIDE]).max()) < 1e-9
 
 
-def test_kernels_of_a_batch_are_those_of_its_members(generator):
+def test_exact_kernels_of_a_batch_are_those_of_its_members(generator):
     """Every body of a batch has its own Re."""
     force, numbers = random_force(generator), jnp.array([0.01, 1.0, 16.0, 100.0])
-
-    def velocity(reynolds):
-        return oseen_kernel(LATTICE, reynolds, None)(force)
-
-    batch = jax.jit(jax.vmap(velocity))(numbers)
+    batch = jax.jit(jax.vmap(lambda re: driven(LATTICE, re, None, force)))(numbers)
     for row, reynolds in zip(batch, numbers, strict=True):
-        assert np.allclose(row, velocity(reynolds), rtol=1e-11, atol=1e-12)
+        assert np.allclose(row, driven(LATTICE, reynolds, None, force), rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("reynolds", [1.0, 40.0])
-def test_kernel_matches_a_long_periodic_lattice(reynolds, generator):
+def test_exact_kernel_of_a_long_periodic_lattice(reynolds, generator):
     """Brute force: the same operator inverted by FFT on a lattice of 16384 columns."""
     rows, columns = 16, 16384
     lattice = Lattice((24, rows), (H, H), 8)
     force = np.zeros((2, 24, rows))
     force[:, 6:14, 4:12] = generator.normal(size=(2, 8, 8))
     force -= force.mean(axis=2, keepdims=True)  # theta = 0 never decays on a periodic lattice
-    velocity = oseen_kernel(lattice, jnp.asarray(reynolds), rows * H)(jnp.asarray(force))
+    velocity = driven(lattice, jnp.asarray(reynolds), rows * H, jnp.asarray(force))
 
     fx, fy = np.fft.fftfreq(columns) * 2 * np.pi, np.fft.fftfreq(rows) * 2 * np.pi
     zx, zy = np.exp(1j * fx)[:, None], np.exp(1j * fy)[None]
@@ -92,36 +94,36 @@ def test_kernel_matches_a_long_periodic_lattice(reynolds, generator):
     assert error < 1e-9, f"largest difference {error:.1e}"
 
 
-def test_unbounded_kernel_is_the_limit_of_tall_tunnels(generator):
+def test_order_unbounded_kernel_is_the_limit_of_tall_tunnels(generator):
     """Removing the walls changes the kernel by O(1/H): the difference halves with H doubled."""
     force = random_force(generator)
     reynolds = jnp.asarray(10.0)
-    unbounded = oseen_kernel(LATTICE, reynolds, None)(force)
+    unbounded = driven(LATTICE, reynolds, None, force)
     gaps = [
-        float(jnp.abs(oseen_kernel(LATTICE, reynolds, h)(force) - unbounded).max())
+        float(jnp.abs(driven(LATTICE, reynolds, h, force) - unbounded).max())
         for h in (32.0, 64.0, 128.0)
     ]
     ratios = [a / b for a, b in itertools.pairwise(gaps)]
     assert all(1.8 < ratio < 2.2 for ratio in ratios), f"gaps {gaps}"
 
 
-def test_kernel_commutes_with_reflection(generator):
+def test_exact_kernel_commutes_with_reflection(generator):
     force = random_force(generator)
     for height, mirrored in ((None, False), (6.0, True)):
-        kernel = oseen_kernel(LATTICE, jnp.asarray(20.0), height, mirrored)
-        difference = reflect(kernel(force)) - kernel(reflect(force))
+        drive = functools.partial(driven, LATTICE, jnp.asarray(20.0), height, mirrored=mirrored)
+        difference = reflect(drive(force)) - drive(reflect(force))
         assert float(jnp.abs(difference[:, :, :-1]).max()) < 1e-13
 
 
-def test_slip_walls_are_stream_lines(generator):
+def test_exact_slip_walls_are_stream_lines(generator):
     """With mirror images no fluid crosses the tunnel's walls."""
     force = random_force(generator)
     height = LATTICE.shape[1] * H
-    velocity = oseen_kernel(LATTICE, jnp.asarray(20.0), height, mirrored=True)(force)
+    velocity = driven(LATTICE, jnp.asarray(20.0), height, force, mirrored=True)
     assert float(jnp.abs(velocity[1, :, -1]).max()) < 1e-13
 
 
-def test_convection_adds_no_force(generator):
+def test_exact_convection_adds_no_force(generator):
     """Flux form: whatever the velocity, the window's convection sums to zero."""
     velocity = LATTICE.cutoff() * generator.normal(size=(2, *LATTICE.shape))
     total = jnp.sum(LATTICE.convect(jnp.asarray(velocity)), axis=(1, 2))
@@ -129,7 +131,7 @@ def test_convection_adds_no_force(generator):
 
 
 @pytest.mark.parametrize("height", [None, 4.0, 8.0])
-def test_half_a_window_gives_the_whole_of_a_symmetric_flow(height, generator):
+def test_exact_half_a_window_gives_the_whole_of_a_symmetric_flow(height, generator):
     """Kernel and convection on the upper half agree with the whole window."""
     half = dataclasses.replace(
         LATTICE, shape=(40, 16), symmetric=True, periodic=height == LATTICE.shape[1] * H
@@ -138,7 +140,7 @@ def test_half_a_window_gives_the_whole_of_a_symmetric_flow(height, generator):
     if half.periodic:
         field = field.at[1, :, -1].set(0.0)
     reynolds = jnp.asarray(20.0)
-    whole = oseen_kernel(half.unfolded, reynolds, height)(half.unfold(field))
-    assert np.allclose(half.unfold(oseen_kernel(half, reynolds, height)(field)), whole, atol=1e-13)
+    whole = driven(half.unfolded, reynolds, height, half.unfold(field))
+    assert np.allclose(half.unfold(driven(half, reynolds, height, field)), whole, atol=1e-13)
     convected = half.unfolded.convect(half.unfold(field))
     assert np.allclose(half.unfold(half.convect(field)), convected, atol=1e-11)
