@@ -1,1 +1,31 @@
-"""Shape optimisation with a drag surrogate, or directly with the flow's adjoint."""
+"""Shape optimisation by drag surrogates or by the flow, and the measurement of what pays.
+
+The front door; ``shapeopt.render`` draws what it finds: problem -> search -> runs -> render.
+"""
+
+from shapeopt.problem.constraints import Station
+from shapeopt.problem.objective import Robust, Weighted
+from shapeopt.problem.problem import Problem
+from shapeopt.problem.uncertainty import LogNormal, Uniform
+from shapeopt.runs import load_run, save_run
+from shapeopt.search.optimise import Design, optimise
+from shapeopt.search.verify import Verified, verify
+
+__all__ = [
+    "Design",
+    "LogNormal",
+    "Problem",
+    "Robust",
+    "Station",
+    "Uniform",
+    "Verified",
+    "Weighted",
+    "load_run",
+    "optimise",
+    "save_run",
+    "verify",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,45 +1,77 @@
-"""A shape optimisation's folder: what was asked, what was found, the body for other programs."""
+"""A run: the folder of a shape optimisation, its record read and written here alone."""
 
 import json
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
-from surrogate.flow.loads.surface import SURFACE_POINTS, solve_surface
-from surrogate.arrays import AnyArray
-from surrogate.body.family import PARAMETERS, family_markers
+from shapeopt.problem.objective import Robust, predicted, predicted_drags
+from shapeopt.problem.problem import Problem
+from shapeopt.search.optimise import Design
+from shapeopt.search.verify import Verified
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_target, whole_folder
-from surrogate.model.store import read_scene
+from surrogate.files import check_target, whole_files
+from surrogate.flow.flow import Flow
+from surrogate.flow.loads.surface import SURFACE_POINTS
+from surrogate.model.surrogate import Surrogate
+from surrogate.scene.scene import Scene
+from surrogate.training.record import command_line
+from surrogate.training.refine import KnownDrag
 
 RECORD = "run.json"
+FILES = ("contour.csv", "contour.vtp", "body.stl")
 
 
-def save_run(folder: str | Path, record: dict[str, Any], parameters: AnyArray) -> None:
+def save_run(
+    folder: str | Path,
+    problem: Problem,
+    design: Design,
+    verified: Verified | None = None,
+    surrogate: Surrogate | None = None,
+    name: str = "none",
+) -> dict[str, Any]:
     """Write run.json, contour.csv, contour.vtp with the flow's loads, and body.stl.
 
-    The folder is written whole or not at all.
+    Args:
+      folder: new, empty, or an older run's; other files in it stay.
+      problem: what was asked.
+      design: what was found.
+      verified: what the flow says of it, if it was asked.
+      surrogate: by which it was found, if it was one.
+      name: of the surrogate, by which ``load`` finds it again.
+
+    Returns:
+      The record. cd_* are values of the problem's objective, a Cd for one Reynolds number.
     """
+    from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
+
     folder = Path(folder)
-    check_target(folder, RECORD)
-    contour = family_markers(jnp.asarray(parameters), SURFACE_POINTS)
-    surface = _loads(record, parameters)
-    with whole_folder(folder) as part:
-        (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
+    check_run_folder(folder)
+    record = {
+        **_found(problem, design),
+        **_said_by_the_flow(problem, design, verified, surrogate),
+        "contour": str(folder / "contour.csv"),
+        "surrogate": name,
+        "scene": problem.scene.record,
+        "path": design.path.tolist(),
+        "command": command_line(),
+    }
+    record["cd_surrogate"] = _predicted(problem, design, surrogate)
+    contour = np.asarray(problem.scene.family.markers(design.parameters, SURFACE_POINTS))
+    surface = verified and verified.solutions[0].surface() if _single(problem) else None
+    surface = surface or _loads(problem, design)
+    with whole_files(folder, RECORD) as part:
         write_contour_csv(contour, part / "contour.csv")
         write_contour_vtp(contour, part / "contour.vtp", surface)
         write_solid_stl(contour, part / "body.stl")
+        (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
+    return record
 
 
-def _loads(record, parameters):
-    """The body's surface loads at the run's Re; None where its flow is not to be had."""
-    try:
-        return solve_surface(read_scene(record["scene"]), parameters, record["reynolds"])
-    except NotConverged:
-        return None
+def check_run_folder(folder: str | Path) -> None:
+    """Raise InvalidInput unless a run may be written there."""
+    check_target(folder, RECORD, FILES)
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:
@@ -51,15 +83,136 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     folder = Path(folder)
     try:
         record = json.loads((folder / RECORD).read_text())
-        read_scene(record["scene"]), str(record["surrogate"])
-        body = [record["parameters"][name] for name in PARAMETERS]
-        steps = np.array([*record["path"], [*body]], float)
-        if np.all(np.isfinite(steps)) and record["reynolds"] > 0:
-            return record
-        raise ValueError
+        scene = Scene.of(record["scene"])
+        body = scene.family.check(scene.family.parameters(record["parameters"]))
+        str(record["surrogate"])
+        steps = np.array([*record["path"], body], float)
+        if not (np.all(np.isfinite(steps)) and record["reynolds"] > 0):
+            raise ValueError
+        return record
     except OSError:
-        raise InvalidInput(
-            f"run {folder}: no run.json there; optimize_shape.py makes one"
-        ) from None
+        raise InvalidInput(f"run {folder}: no {RECORD} there; a run has one") from None
     except (ValueError, KeyError, TypeError, AttributeError):
-        raise InvalidInput(f"run {folder}: run.json is damaged or of another program") from None
+        raise InvalidInput(f"run {folder}: {RECORD} is damaged or of another program") from None
+
+
+def run_scene(record: dict[str, Any]) -> Scene:
+    """The scene of a run."""
+    return Scene.of(record["scene"])
+
+
+def run_body(record: dict[str, Any]) -> np.ndarray:
+    """The parameters that a run found."""
+    return run_scene(record).family.parameters(record["parameters"])
+
+
+def _single(problem):
+    return len(problem.scenarios.weight) == 1
+
+
+def _found(problem: Problem, design: Design) -> dict[str, Any]:
+    """What was asked, and what came of the search."""
+    low, high = problem.scene.family.bounds.T
+    edges = np.minimum(design.parameters - low, high - design.parameters) / (high - low)
+    return {
+        "parameters": problem.scene.family.named(design.parameters),
+        "reynolds": problem.objective.nominal,
+        "objective": _objective(problem),
+        "flows": design.flows,
+        "green_applications": design.green_applications,
+        "kkt_residual": design.kkt_residual,
+        "calls": design.calls,
+        "loop_s": design.seconds,
+        "converged": True,
+        "edge_distance": float(edges.min()),
+    }
+
+
+def _objective(problem: Problem) -> dict[str, Any]:
+    objective = problem.objective
+    plain = {"kind": type(objective).__name__, "number_of_cases": len(problem.scenarios.weight)}
+    if isinstance(objective, Robust):
+        plain |= {
+            "spread": objective.spread.spread,
+            "distribution": type(objective.spread).__name__,
+            "tolerance": objective.tolerance,
+            "cvar": objective.level,
+            "seed": objective.seed,
+            "kept": objective.kept(problem.scene),
+        }
+    return plain
+
+
+def _predicted(problem, design, surrogate):
+    """The objective by the surrogate, at the body that was found in the end."""
+    if surrogate is None:
+        return None
+    return float(predicted(surrogate.network, design.parameters, problem.scenarios))
+
+
+def _said_by_the_flow(problem, design, verified, surrogate) -> dict[str, Any]:
+    """Objective, status and estimated error, and every case's drags."""
+    if verified is None:
+        return {"cd_start": None, "cd_verified": None, "verify_s": 0.0, "cases": []}
+    scenarios, guesses = problem.scenarios, [None] * len(verified.solutions)
+    if surrogate is not None:
+        drags, _ = predicted_drags(surrogate.network, design.parameters, scenarios)
+        guesses = np.asarray(drags).tolist()
+    cases = [
+        {
+            "parameters": (design.parameters + shift).tolist(),
+            "reynolds": solution.reynolds,
+            "weight": float(weight),
+            "cd_start": float(cylinder),
+            "cd_surrogate": guess,
+            "cd_verified": solution.drag,
+            "status": solution.status,
+            "estimated_error": solution.estimated_error,
+        }
+        for shift, weight, cylinder, guess, solution in zip(
+            scenarios.shift,
+            scenarios.weight,
+            verified.cylinder,
+            guesses,
+            verified.solutions,
+            strict=True,
+        )
+    ]
+    return {
+        "cd_start": verified.cylinder_objective,
+        "cd_verified": verified.objective,
+        "status": verified.status,
+        "estimated_error": verified.estimated_error,
+        "verify_s": verified.seconds,
+        "cases": cases,
+    }
+
+
+def _loads(problem: Problem, design: Design):
+    """The body's surface loads at the nominal Re; None where its flow is not to be had."""
+    try:
+        flow = Flow(problem.scene)
+        return flow.solve(design.parameters, problem.objective.nominal, estimate=False).surface()
+    except NotConverged:
+        return None
+
+
+def verified_bodies(record: dict[str, Any]) -> list[KnownDrag]:
+    """The bodies of a run whose drags the flow has told.
+
+    Raises:
+      InvalidInput: there is none.
+    """
+    try:
+        found = [
+            KnownDrag(np.array(body, float), float(reynolds), float(drag))
+            for body, reynolds, drag in (
+                (case["parameters"], case["reynolds"], case["cd_verified"])
+                for case in record["cases"]
+            )
+        ]
+    except (KeyError, TypeError, ValueError):
+        found = []
+    if not found:
+        raise InvalidInput("refinement: a run lacks its verified drags")
+    return found

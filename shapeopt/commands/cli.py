@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,6 +30,16 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         self.add_argument("--json", action="store_true", help="one JSON object on stdout")
+
+    def parse_args(self, args=None, namespace=None):
+        """As argparse, but a word like -1e-2 behind an option is its value."""
+        words: list[str] = []
+        for word in sys.argv[1:] if args is None else args:
+            if re.match(r"-[\d.]", word) and words and re.fullmatch(r"--[\w-]+", words[-1]):
+                words[-1] += f"={word}"
+            else:
+                words.append(word)
+        return super().parse_args(words, namespace)
 
     def error(self, message: str):
         raise InvalidInput(message)

@@ -5,33 +5,25 @@ python scripts/march_flow.py --aspect 1 --reynolds 100 --time 160 --out out/marc
 """
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from common import (
-    Parser,
-    add_body_arguments,
-    emit,
-    finite,
-    progress_bar,
-    reynolds_numbers,
-    run,
-    shape_of,
-)
 
+from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
+from shapeopt.commands.cli import Parser, emit, finite
 from shapeopt.render.pictures import render_march
-from surrogate.body.family import Shape
-from surrogate.body.contour import mean_thickness
+from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_folder, whole_file
-from surrogate.flow.flow import THINNEST
+from surrogate.files import make_folder, whole_file
 from surrogate.flow.check.march import Box, march, prepare, start, strouhal
-from surrogate.flow.check.trust import solve_shape
-from surrogate.scene.scene import FIDELITIES, ONSET_OF_SHEDDING, Tunnel
+from surrogate.flow.flow import Flow
+from surrogate.flow.grid.domain import THINNEST
+from surrogate.progress import progress_bar
+from surrogate.scene.scene import ONSET_OF_SHEDDING, Scene
+from surrogate.scene.stream import Tunnel
 
 FRAMES = 60
 NODES = 200
@@ -65,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D, and "
             f"{THINNEST:g} cells thick, can be marched"
         )
-    check_folder(out)
+    make_folder(out)
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
@@ -76,9 +68,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "cd_mean": float(drag[late:].mean()),
         "cl_amplitude": float(np.ptp(lift[late:]) / 2),
         "strouhal": finite(strouhal(lift[late:], box.step)) if sheds else None,
-        "cd_steady": _steady(box, shape, re) if shape.symmetric and not sheds else None,
+        "cd_steady": None,
         "gif": str(out / "march.gif"),
     }
+    if shape.symmetric and not sheds:  # what the steady solver says between the same walls
+        tunnel = Flow(Scene(Tunnel(box.height), (re, re)))
+        result["cd_steady"] = tunnel.solve(shape, re, estimate=False).drag
     captions = [f"Re {re:g}, t = {duration * (k + 1) / FRAMES:.1f} D / U" for k in range(FRAMES)]
     render_march(box.lattice, markers, frames, captions, out / "march.gif")
     with whole_file(out / "march.json") as part:
@@ -104,11 +99,6 @@ def _march(box: Box, markers, re, duration, kick):
     return np.concatenate(drags), np.concatenate(lifts), frames
 
 
-def _steady(box: Box, shape: Shape, re) -> float:
-    """What the steady solver says of the same symmetric body between the same walls."""
-    return solve_shape(shape, Tunnel(box.height), FIDELITIES["standard"], re).cd
-
-
 def _text(r: dict[str, Any]) -> str:
     line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd_mean']:.4f}"
     if r["strouhal"] is not None:
@@ -122,15 +112,10 @@ def _text(r: dict[str, Any]) -> str:
 
 
 def _parser():
-    parser = Parser(description=__doc__.splitlines()[0])
+    parser = Parser(__doc__)
     add_body_arguments(parser)
     parser.add_argument("--reynolds", required=True, help="U D / nu")
     parser.add_argument("--time", type=float, help="duration in D / U")
     parser.add_argument("--height", type=float, default=16.0, help="period across, in D")
     parser.add_argument("--out", required=True, help="folder of march.gif and march.json")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(run(main))

@@ -6,22 +6,22 @@ python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/load
 python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
 """
 
-import sys
 from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from common import Parser, emit, progress_bar, run
 
-from shapeopt.render.plots import plot_family, plot_surfaces
+from shapeopt.commands.cli import Parser, emit
 from shapeopt.render.pictures import render_evolution, render_flows
-from shapeopt.runs import load_run
-from shapeopt.render.sheets import before_and_after, surfaces_of
+from shapeopt.render.plots import plot_family, plot_surfaces
+from shapeopt.render.sheets import before_and_after, solve_run
+from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import check_file
-from surrogate.model.store import load_surrogate
+from surrogate.model.store import load
+from surrogate.progress import progress_bar
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     out = check_file(arguments.out, ".png", ".gif")
     if out.suffix == ".gif" and (arguments.surface or arguments.family):
-        raise InvalidInput(f"--out {out}: --surface and --family make a .png")
+        raise InvalidInput(f"{out}: --surface and --family make a .png")
     records = [load_run(folder) for folder in arguments.runs]
     with progress_bar("rendering") as progress:
         if out.suffix == ".gif":
@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         elif arguments.family:
             plot_family(_verified(records), out)
         elif arguments.surface:
-            loads = _each(surfaces_of, records, progress)
+            loads = _each(_surfaces, records, progress)
             plot_surfaces(list(zip(records, loads, strict=True)), out)
         else:
             render_flows(_each(before_and_after, records, progress), out)
@@ -54,6 +54,10 @@ def _each(solve, records, progress):
     return found
 
 
+def _surfaces(record):
+    return tuple(solution.surface() for solution in solve_run(record))
+
+
 def _verified(records):
     if len(records) < 2:
         raise InvalidInput("--family: shows several runs; give two --runs folders or more")
@@ -67,27 +71,23 @@ def _verified(records):
 
 def _evolution(records, out):
     if len(records) != 1:
-        raise InvalidInput("--out .gif: shows the evolution of one run; give one --runs folder")
+        raise InvalidInput(f"{out}: a .gif shows the evolution of one run; give one --runs folder")
     record = records[0]
     path = np.array(record["path"])
     captions = [f"Re {record['reynolds']:g}, step {k}" for k in range(len(path))]
     if record["surrogate"] != "none":
-        surrogate = load_surrogate(record["surrogate"])
-        drags = jax.vmap(lambda p: surrogate.drag(p, record["reynolds"]))(jnp.asarray(path))
+        network = load(record["surrogate"]).network
+        reynolds = jnp.asarray(record["reynolds"])
+        drags = jax.vmap(network.drag, in_axes=(0, None))(jnp.asarray(path), reynolds)
         captions = [f"{c}, Cd {d:.4f} (surrogate)" for c, d in zip(captions, drags, strict=True)]
-    render_evolution(path, captions, out)
+    render_evolution(run_scene(record).family, path, captions, out)
 
 
 def _parser():
-    parser = Parser(description=__doc__.splitlines()[0])
+    parser = Parser(__doc__)
     parser.add_argument("--runs", required=True, nargs="+", help="folders of optimize_shape.py")
     parser.add_argument("--out", required=True, help="picture, .png or .gif")
     kind = parser.add_mutually_exclusive_group()
     kind.add_argument("--surface", action="store_true", help="pressure and friction along the body")
     kind.add_argument("--family", action="store_true", help="the optima of several runs over Re")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(run(main))

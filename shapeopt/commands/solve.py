@@ -5,70 +5,68 @@ python scripts/solve_drag.py --naca 0012 --incidence 10 --reynolds 20 --stream t
 """
 
 import dataclasses
-import sys
 from collections.abc import Sequence
 from typing import Any
 
-from common import (
-    Parser,
-    add_body_arguments,
-    emit,
-    fidelity_of,
-    progress_bar,
-    reynolds_numbers,
-    run,
-    shape_of,
-)
-
+from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
+from shapeopt.commands.cli import Parser, emit
 from surrogate.errors import InvalidInput
-from surrogate.flow.check.trust import fitted_domain, judge, solve_shape
-from surrogate.scene.scene import Fidelity, parse_stream
+from surrogate.flow.flow import Flow
+from surrogate.flow.solution import Solution
+from surrogate.progress import progress_bar
+from surrogate.scene.fidelity import read_fidelity
+from surrogate.scene.scene import Scene
+from surrogate.scene.stream import parse_stream
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, solve every Reynolds number, report."""
     arguments = _parser().parse_args(argv)
-    reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady)
-    fidelity = _fidelity(arguments)
-    stream = parse_stream(arguments.stream)
-    shape = shape_of(arguments)
+    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
+    scene, shape = _scene(arguments, reynolds), shape_of(arguments)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
-    for value in reynolds:
-        fitted_domain(shape, stream, fidelity, value)  # refuses what cannot be solved
-    results = []
+    flow, results = Flow(scene), []
     with progress_bar("body flow") as progress:
         for k, value in enumerate(reynolds):
-            progress(k / len(reynolds), f"Re {value:g}")
-            found = solve_shape(shape, stream, fidelity, value, arguments.gradient)
-            trust = judge(found.cd, shape, stream, fidelity, value)
-            results.append(dataclasses.asdict(found) | trust._asdict())
-            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {found.cd:.4f}")
-    scene = {"stream": arguments.stream, "fidelity": dataclasses.asdict(fidelity)}
-    result = {"results": results, "scene": scene}
+            found = flow.solve(
+                shape,
+                value,
+                gradient=arguments.gradient,
+                allow_unsteady=arguments.allow_unsteady,
+            )
+            results.append(_plain(found))
+            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {found.drag:.4f}")
+    result = {"results": results, "scene": scene.record}
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _parser():
-    parser = Parser(description=__doc__.splitlines()[0])
-    add_body_arguments(parser)
-    parser.add_argument("--reynolds", required=True, help="U D / nu, one or several: 1,10,40")
-    parser.add_argument("--stream", default="unbounded", help="unbounded or tunnel:H")
-    parser.add_argument("--fidelity", default="standard", help="draft, standard or fine")
-    parser.add_argument("--cells", type=int, help="cells per D, instead of the fidelity's")
-    parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
-    parser.add_argument("--allow-unsteady", action="store_true", help="steady flow past Re 46.7")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    return parser
+def _scene(arguments, reynolds) -> Scene:
+    fidelity = read_fidelity(arguments.fidelity)
+    if arguments.cells is not None:
+        if not 4 <= arguments.cells <= 64:
+            raise InvalidInput(f"--cells {arguments.cells}: a whole number from 4 to 64 is needed")
+        fidelity = dataclasses.replace(fidelity, cells=arguments.cells)
+    stream = parse_stream(arguments.stream)
+    return Scene(stream, (min(reynolds), max(reynolds)), fidelity=fidelity)
 
 
-def _fidelity(arguments) -> Fidelity:
-    fidelity = fidelity_of(arguments.fidelity)
-    if arguments.cells is None:
-        return fidelity
-    if not 4 <= arguments.cells <= 64:
-        raise InvalidInput(f"--cells {arguments.cells}: a whole number from 4 to 64 is needed")
-    return dataclasses.replace(fidelity, cells=arguments.cells)
+def _plain(s: Solution) -> dict[str, Any]:
+    return {
+        "reynolds": s.reynolds,
+        "cd": s.drag,
+        "cd_pressure": s.drag_pressure,
+        "cd_friction": s.drag_friction,
+        "cl": s.lift,
+        "cm": s.moment,
+        "converged": True,
+        "iterations": s.newton_steps,
+        "green_applications": s.green_applications,
+        "wall_s": s.seconds,
+        "gradient": s.gradient,
+        "estimated_error": s.estimated_error,
+        "status": s.status,
+    }
 
 
 def _line(r: dict[str, Any]) -> str:
@@ -80,11 +78,18 @@ def _line(r: dict[str, Any]) -> str:
         + ("no estimate of the error" if error is None else f"error about {100 * error:.2f} %")
     )
     if r["gradient"]:
-        line += "\n  dCd/d" + "  ".join(
-            f"{name}: {value:+.5f}" for name, value in r["gradient"].items()
-        )
+        slopes = (f"{name}: {value:+.5f}" for name, value in r["gradient"].items())
+        line += "\n  dCd/d" + "  ".join(slopes)
     return line
 
 
-if __name__ == "__main__":
-    sys.exit(run(main))
+def _parser():
+    parser = Parser(__doc__)
+    add_body_arguments(parser)
+    parser.add_argument("--reynolds", required=True, help="U D / nu, one or several: 1,10,40")
+    parser.add_argument("--stream", default="unbounded", help="unbounded (default) or tunnel:H")
+    parser.add_argument("--fidelity", default="standard", help="draft, standard (default) or fine")
+    parser.add_argument("--cells", type=int, help="cells per D, instead of the fidelity's")
+    parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
+    parser.add_argument("--allow-unsteady", action="store_true", help="steady flow past Re 46.7")
+    return parser

@@ -13,25 +13,20 @@ RESAMPLES = 2000
 
 
 @dataclasses.dataclass(frozen=True)
-class Cost:
+class Bill:
     """Wall seconds and applications of G."""
 
     seconds: float
     green_applications: float
 
-    def __add__(self, other: "Cost") -> "Cost":
-        return Cost(
-            self.seconds + other.seconds, self.green_applications + other.green_applications
-        )
-
 
 @dataclasses.dataclass(frozen=True)
-class Design:
+class Answer:
     """One query answered: what it cost, and its verified drag beside the direct optimum's."""
 
-    cost: Cost
+    cost: Bill
     drag: float
-    direct_cost: Cost
+    direct_cost: Bill
     direct_drag: float
 
     @property
@@ -44,10 +39,10 @@ class Design:
 class Campaign:
     """One trained surrogate (one seed) and the stream of queries it answered."""
 
-    training: Cost
+    training: Bill
     drag_error_mean: float
     drag_error_max: float
-    designs: Sequence[Design]
+    designs: Sequence[Answer]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,13 +59,13 @@ class Payoff:
     """Break-even of one method over a stream of designs, its seeds taken together."""
 
     method: str
-    training: Cost
+    training: Bill
     drag_error_mean: float
     drag_error_max: float
     gap_mean: float
     gap_max: float
-    per_design: Cost
-    per_direct: Cost
+    per_design: Bill
+    per_direct: Bill
     seconds: BreakEven
     green_applications: BreakEven
 
@@ -122,7 +117,7 @@ def _break_even(campaigns, unit: Unit, seed) -> BreakEven:
 
 
 def _mean(costs):
-    return Cost(
+    return Bill(
         statistics.fmean(cost.seconds for cost in costs),
         statistics.fmean(cost.green_applications for cost in costs),
     )

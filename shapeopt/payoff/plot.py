@@ -3,13 +3,8 @@
 import math
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-
 from shapeopt.payoff.payoff import Payoff
-from surrogate.files import whole_file
+from shapeopt.render.figures import plt, save_figure
 
 
 def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
@@ -32,10 +27,7 @@ def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
                 axis.plot(k, k * direct, "o", color=line.get_color())
         axis.set(xscale="log", yscale="log", xlabel="designs", ylabel=f"cumulative {quantity}")
         axis.legend(frameon=False)
-    with whole_file(path) as part:
-        figure.savefig(part, dpi=140)
-    plt.close(figure)
-    return Path(path)
+    return save_figure(figure, path)
 
 
 def _crossing(payoff, unit):

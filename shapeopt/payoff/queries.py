@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 
+from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
@@ -11,11 +12,17 @@ LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that bind for most opti
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
-    """``count`` solvable problems: Re uniform in its logarithm, each bound asked half the time."""
+    """``count`` solvable problems: Re uniform in its logarithm, each bound asked half the time.
+
+    Raises:
+      InvalidInput: the family's bodies are all longer or thinner than the bounds that are asked.
+    """
     queries: list[Problem] = []
     key = jax.random.fold_in(jax.random.key(seed), 7)
     low, high = np.log(scene.reynolds)
-    while len(queries) < count:
+    for _ in range(100 * count):
+        if len(queries) == count:
+            return queries
         key, drawing = jax.random.split(key)
         place, length, thickness, long, thick = np.asarray(jax.random.uniform(drawing, (5,), float))
         problem = Problem(
@@ -25,11 +32,11 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
             _between(THICKNESSES, thickness) if thick < 0.5 else None,
         )
         try:
-            problem.candidates()
+            candidates(problem)
         except InvalidInput:
             continue  # the bounds drawn contradict each other: nobody's query
         queries.append(problem)
-    return queries
+    raise InvalidInput("queries: hardly any bound on length or thickness suits this family")
 
 
 def _between(ends, share):

@@ -2,13 +2,14 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from surrogate.body.measures import chord, radii, thickness, thickness_at
 from surrogate.arrays import AnyArray
-from surrogate.body.family import LEAST_OPENING, opening
+from surrogate.body.family import ROOMY, opening
+from surrogate.body.measures import chord, radii, thickness, thickness_at
 
 
 class Station(NamedTuple):
@@ -18,7 +19,7 @@ class Station(NamedTuple):
     thickness: float
 
 
-class Limits(NamedTuple):
+class Limits(eqx.Module):
     """All constraints as numbers; what is not bounded cannot be reached."""
 
     low: Float[AnyArray, " parameters"]
@@ -28,6 +29,12 @@ class Limits(NamedTuple):
     min_thickness: Float[AnyArray, ""]
     stations: Float[AnyArray, "stations 2"]
     min_radius: Float[AnyArray, ""]
+    modes: tuple[int, ...] = eqx.field(static=True)
+
+    @property
+    def width(self) -> Float[AnyArray, " parameters"]:
+        """Of the ranges; what is fixed has next to none."""
+        return jnp.maximum(self.high - self.low, 1e-12)
 
 
 @jax.jit
@@ -35,15 +42,16 @@ def margins(
     parameters: Float[AnyArray, " parameters"], limits: Limits
 ) -> Float[AnyArray, " constraints"]:
     """Every constraint as a number that must not be negative; the ranges are not among them."""
-    openings = jax.vmap(lambda shift: opening(parameters + shift))(limits.shift)
-    stations = jax.vmap(lambda s: thickness_at(parameters, s[0]) - s[1])(limits.stations)
+    modes = limits.modes
+    openings = jax.vmap(lambda shift: opening(parameters + shift, modes))(limits.shift)
+    stations = jax.vmap(lambda s: thickness_at(parameters, modes, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
-            jnp.min(openings, keepdims=True) - 2 * LEAST_OPENING,
+            jnp.min(openings, keepdims=True) - ROOMY,
             jnp.stack([limits.max_length - chord(parameters)]),
-            jnp.stack([thickness(parameters) - limits.min_thickness]),
+            jnp.stack([thickness(parameters, modes) - limits.min_thickness]),
             stations,
-            jnp.stack(radii(parameters)) - limits.min_radius,
+            jnp.stack(radii(parameters, modes)) - limits.min_radius,
         ]
     )
 

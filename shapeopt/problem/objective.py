@@ -5,23 +5,21 @@ one number made of their drags, so search, flow and verification share one defin
 """
 
 import dataclasses
-import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.special import ndtr, ndtri
+from scipy import stats
 
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.arrays import AnyArray
-from surrogate.body.family import PARAMETERS, ellipse
+from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.model.network import DragNetwork
 from surrogate.scene.scene import Scene
 
-CYLINDER = ellipse(1.0)
 DEVIATIONS = 2.0  # where the normal changes of shape are cut off
 LEAST_KEPT = 0.5 - 1e-6  # of the spread's probability that must lie in the trained range
 
@@ -51,8 +49,7 @@ class AtReynolds:
         return self.reynolds
 
     def scenarios(self, scene: Scene) -> Scenarios:
-        check_trained(self.reynolds, scene)
-        return _scenarios([self.reynolds], [1.0])
+        return _scenarios(scene, [scene.check_reynolds(self.reynolds)], [1.0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +68,7 @@ class Weighted:
                 f"weights: {len(self.weights)} for {len(self.reynolds)} Reynolds numbers; "
                 "give one for each"
             )
-        if not all(math.isfinite(weight) and weight > 0 for weight in self.weights):
+        if not all(finite_number("weight", weight) > 0 for weight in self.weights):
             raise InvalidInput("weights: every one must be a finite number above 0")
 
     @property
@@ -80,10 +77,9 @@ class Weighted:
         return self.reynolds[int(np.argmax(self.weights))]
 
     def scenarios(self, scene: Scene) -> Scenarios:
-        for reynolds in self.reynolds:
-            check_trained(reynolds, scene)
+        reynolds = [scene.check_reynolds(value) for value in self.reynolds]
         weight = np.array(self.weights) / sum(self.weights)
-        return _scenarios(self.reynolds, weight, relative=True)
+        return _scenarios(scene, reynolds, weight, relative=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,14 +101,12 @@ class Robust:
     seed: int = 0
 
     def __post_init__(self):
-        if not 0 <= self.level < 1:
+        if not 0 <= finite_number("CVaR level", self.level) < 1:
             raise InvalidInput(f"CVaR level {self.level:g}: from 0 (the mean) to below 1")
-        if not 0 <= self.tolerance <= 0.1:
+        if not 0 <= finite_number("tolerance", self.tolerance) <= 0.1:
             raise InvalidInput(f"tolerance {self.tolerance:g}: from 0 to 0.1 of a range's width")
-        if not 2 <= self.samples <= 4096:
-            raise InvalidInput(f"samples {self.samples}: from 2 to 4096")
-        if not 0 <= self.seed < 2**31:
-            raise InvalidInput(f"seed {self.seed}: a whole number from 0 to 2147483647")
+        whole_number("samples", self.samples, 2, 4096)
+        whole_number("seed", self.seed, 0, 2**31 - 1)
 
     @property
     def nominal(self) -> float:
@@ -120,32 +114,32 @@ class Robust:
 
     def kept(self, scene: Scene) -> float:
         """Probability of the spread that lies within the trained range."""
-        below, above = self._ends(scene)
-        return above - below
+        return float(np.ptp(self._ends(scene)))
 
     def scenarios(self, scene: Scene) -> Scenarios:
-        check_trained(self.reynolds, scene)
-        kept = self.kept(scene) if self.spread.spread else 1.0
+        nominal, kept = scene.check_reynolds(self.reynolds), self.kept(scene)
         if kept < LEAST_KEPT:
             raise InvalidInput(
-                f"spread {self.spread.spread:g} about Re {self.reynolds:g}: only "
+                f"spread {self.spread.spread:g} about Re {nominal:g}: only "
                 f"{100 * kept:.0f} % of it lies within the trained range; at least half must"
             )
-        fractions = latin_hypercube(self.seed, self.samples, 1 + len(PARAMETERS))
-        below, _ = self._ends(scene)
-        reynolds = self.spread.quantile(below + kept * fractions[:, 0], self.reynolds)
-        reynolds = np.clip(reynolds, *scene.reynolds)  # rounding alone
-        low, high = ndtr(-DEVIATIONS), ndtr(DEVIATIONS)
-        normal = ndtri(low + (high - low) * fractions[:, 1:])
         width = np.ptp(scene.family.bounds, axis=1)
+        fractions = latin_hypercube(self.seed, self.samples, 1 + len(width))
+        reynolds = np.full(self.samples, nominal)
+        if self.spread.spread:
+            place = self._ends(scene)[0] + kept * fractions[:, 0]
+            reynolds = self.spread.around(nominal).ppf(place)
+        reynolds = np.clip(reynolds, *scene.reynolds)  # rounding alone
+        normal = stats.truncnorm(-DEVIATIONS, DEVIATIONS).ppf(fractions[:, 1:])
         weight = np.full(self.samples, 1 / self.samples)
         shift = self.tolerance * width * normal
-        return _scenarios(reynolds, weight, shift, level=self.level)
+        return _scenarios(scene, reynolds, weight, shift, level=self.level)
 
     def _ends(self, scene):
+        """Probabilities below both ends of the trained range."""
         if not self.spread.spread:
             return 0.0, 1.0
-        return tuple(self.spread.below(edge, self.reynolds) for edge in scene.reynolds)
+        return tuple(self.spread.around(self.reynolds).cdf(scene.reynolds).tolist())
 
 
 Objective = AtReynolds | Weighted | Robust
@@ -187,19 +181,14 @@ def predicted_drags(
 ) -> tuple[Float[Array, " cases"], Float[Array, " cases"]]:
     """Cd of a body and of the cylinder in every scenario."""
     drags = jax.vmap(network.drag)(parameters + scenarios.shift, scenarios.reynolds)
-    cylinder = jax.vmap(network.drag, in_axes=(None, 0))(jnp.asarray(CYLINDER), scenarios.reynolds)
+    round_body = jnp.zeros_like(parameters, float).at[0].set(1.0)
+    cylinder = jax.vmap(network.drag, in_axes=(None, 0))(round_body, scenarios.reynolds)
     return drags, cylinder
 
 
-def check_trained(reynolds: float, scene: Scene) -> None:
-    """Raise InvalidInput unless the scene covers this Reynolds number."""
-    low, high = scene.reynolds
-    if not low * (1 - 1e-9) <= reynolds <= high * (1 + 1e-9):
-        raise InvalidInput(f"Reynolds number {reynolds:g}: the scene covers {low:g} to {high:g}")
-
-
-def _scenarios(reynolds, weight, shift=None, relative=False, level=0.0):
-    shift = np.zeros((len(reynolds), len(PARAMETERS))) if shift is None else shift
+def _scenarios(scene, reynolds, weight, shift=None, relative=False, level=0.0):
+    if shift is None:
+        shift = np.zeros((len(reynolds), len(scene.family.names)))
     values = (shift, reynolds, weight)
     return Scenarios(
         *(np.asarray(value, float) for value in values), np.asarray(relative), np.asarray(level)

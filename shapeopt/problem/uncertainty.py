@@ -1,13 +1,13 @@
 """Distributions of an uncertain Reynolds number, and even draws from one seed."""
 
 import dataclasses
-import math
+from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr, ndtri
+from scipy import stats
 
+from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
 
@@ -18,17 +18,12 @@ class LogNormal:
     spread: float
 
     def __post_init__(self):
-        if not 0 <= self.spread <= 2:
+        if not 0 <= finite_number("spread", self.spread) <= 2:
             raise InvalidInput(f"spread {self.spread:g}: from 0 to 2, of log Re")
 
-    def below(self, reynolds: float, nominal: float) -> float:
-        """Probability of a smaller Re."""
-        return float(ndtr(math.log(reynolds / nominal) / max(self.spread, 1e-12)))
-
-    def quantile(
-        self, probability: Float[np.ndarray, " cases"], nominal: float
-    ) -> Float[np.ndarray, " cases"]:
-        return nominal * np.exp(self.spread * ndtri(probability))
+    def around(self, nominal: float) -> Any:
+        """The distribution, a frozen one of SciPy's; ``spread`` above 0."""
+        return stats.lognorm(s=self.spread, scale=nominal)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,27 +33,14 @@ class Uniform:
     spread: float
 
     def __post_init__(self):
-        if not 0 <= self.spread < 1:
+        if not 0 <= finite_number("spread", self.spread) < 1:
             raise InvalidInput(f"spread {self.spread:g}: from 0 to below 1, of Re")
 
-    def below(self, reynolds: float, nominal: float) -> float:
-        """Probability of a smaller Re."""
-        place = (reynolds / nominal - 1) / max(self.spread, 1e-12)
-        return float(np.clip((place + 1) / 2, 0, 1))
-
-    def quantile(
-        self, probability: Float[np.ndarray, " cases"], nominal: float
-    ) -> Float[np.ndarray, " cases"]:
-        return nominal * (1 + self.spread * (2 * probability - 1))
+    def around(self, nominal: float) -> Any:
+        """The distribution, a frozen one of SciPy's; ``spread`` above 0."""
+        return stats.uniform(nominal * (1 - self.spread), 2 * nominal * self.spread)
 
 
 def latin_hypercube(seed: int, count: int, columns: int) -> Float[np.ndarray, "count columns"]:
     """Uniform in [0, 1), one draw in every count-th part of every column."""
-
-    def column(key):
-        place, inside = jax.random.split(key)
-        draws = jax.random.uniform(inside, (count,), float)
-        return (jax.random.permutation(place, count) + draws) / count
-
-    keys = jax.random.split(jax.random.key(seed), columns)
-    return np.stack([np.asarray(column(key)) for key in keys], axis=1)
+    return stats.qmc.LatinHypercube(columns, rng=seed).random(count)

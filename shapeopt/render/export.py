@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from shapeopt.render.mesh import outline, solid
-from surrogate.flow.loads.surface import Surface
 from surrogate.arrays import AnyArray
 from surrogate.files import whole_file
+from surrogate.flow.loads.surface import Surface
 
 
 def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> Path:

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from scipy.ndimage import zoom
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.loads.forces import vorticity
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.loads.forces import vorticity
 
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no display needed
 
@@ -60,23 +60,7 @@ def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:
 
     ``markers`` go once around a clockwise contour.
     """
-    count = len(markers)
-    points = np.concatenate(
-        [np.column_stack([markers, np.full(count, z)]) for z in (0.0, float(span))]
+    block = polygon(markers).extrude((0, 0, float(span)), capping=True).triangulate().clean()
+    return block.compute_normals(
+        cell_normals=False, point_normals=False, consistent_normals=True, auto_orient_normals=True
     )
-    cap = polygon(markers).regular_faces
-    upward = _turns_left(markers, cap)
-    cap = np.where(upward[:, None], cap, cap[:, ::-1])
-    here = np.arange(count)
-    following = np.roll(here, -1)
-    lower = np.stack([here, here + count, following], axis=1)
-    upper = np.stack([following, here + count, following + count], axis=1)
-    return pv.PolyData.from_regular_faces(
-        points, np.concatenate([cap[:, ::-1], cap + count, lower, upper])
-    )
-
-
-def _turns_left(markers, triangles):
-    a, b, c = np.asarray(markers)[triangles.T]
-    first, second = b - a, c - a
-    return first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0] > 0

@@ -8,14 +8,12 @@ from jaxtyping import Float
 
 from shapeopt.render.mesh import flow_mesh, outline, polygon, pv
 from surrogate.arrays import AnyArray
-from surrogate.body.family import ellipse, family_markers
+from surrogate.body.family import Family
 from surrogate.files import whole_file
-from surrogate.flow.grid.domain import Domain
-from surrogate.flow.flow import Solution
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.solution import Solution
 
 VIEW = (-1.6, 4.4, -1.35, 1.35)  # x and y range shown, in D
-STREAM = np.array([1.0, 0.0])[:, None, None]
 PIXELS = 150  # per D
 STRIP = 0.5  # white strip above a field for its caption, in D
 GAP = 0.06  # white margin around a field, in D
@@ -27,8 +25,6 @@ COLOURS = "RdBu_r"
 class Panel(NamedTuple):
     """One picture of a sheet: a solved flow, and a title and a line of small print above it."""
 
-    domain: Domain
-    markers: Float[AnyArray, "nodes 2"]
     solution: Solution
     title: str
     note: str = ""
@@ -70,13 +66,14 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
 
 
 def render_evolution(
+    family: Family,
     path_of_bodies: Float[AnyArray, "steps parameters"],
     captions: list[str],
     path: str | Path,
 ) -> Path:
     """A GIF of the body along the optimiser's path, the cylinder's outline behind it."""
-    bodies = [np.asarray(family_markers(parameters, 240)) for parameters in path_of_bodies]
-    cylinder = np.asarray(family_markers(ellipse(1.0), 240))
+    bodies = [np.asarray(family.markers(parameters, 240)) for parameters in path_of_bodies]
+    cylinder = np.asarray(family.markers(family.ellipse(1.0), 240))
     reach = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
     view = (-reach[0], reach[0], -reach[1], reach[1] + 0.18)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 720))
@@ -124,10 +121,10 @@ def render_march(
 def _draw_flow(plotter, panel, mesh, limit):
     field = mesh.clip_box((*VIEW, -1, 1), invert=False)
     _colour(plotter, field, _squashed(field["vorticity"]), _squashed(limit))
-    for lines in _streamlines(field, panel.markers):
+    for lines in _streamlines(field, panel.solution.markers):
         plotter.add_mesh(lines, color=INK, line_width=1.2, opacity=0.5, lighting=False)
-    plotter.add_mesh(polygon(panel.markers, 0.02), color=BODY, lighting=False)
-    plotter.add_mesh(outline(panel.markers, 0.03), color=INK, line_width=3, lighting=False)
+    plotter.add_mesh(polygon(panel.solution.markers, 0.02), color=BODY, lighting=False)
+    plotter.add_mesh(outline(panel.solution.markers, 0.03), color=INK, line_width=3, lighting=False)
     _write(plotter, panel.title, (0.012, 0.925), 15)
     _write(plotter, panel.note, (0.012, 0.868), 11, QUIET)
     left, right, low, high = VIEW
@@ -151,8 +148,8 @@ def _draw_bar(plotter, limit, width):
 
 
 def _solved_mesh(panel):
-    lattice, velocity = panel.domain.lattice, panel.solution.state.velocity
-    return flow_mesh(lattice.unfolded, np.asarray(lattice.unfold(velocity)) + STREAM, refined=3)
+    solution = panel.solution
+    return flow_mesh(solution.domain.lattice.unfolded, solution.velocity, refined=3)
 
 
 def _streamlines(field, markers):

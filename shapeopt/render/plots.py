@@ -3,27 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 
+from shapeopt.render.figures import INK, OPTIMUM, START, STYLE, plt, save_figure
 from shapeopt.render.sheets import standing
+from shapeopt.runs import run_body, run_scene
 from surrogate.flow.loads.surface import Surface
-from surrogate.body.family import PARAMETERS, family_markers
-from surrogate.files import whole_file
-
-START, OPTIMUM, INK = "#8a8f98", "#0b5394", "#1a1a1a"
-STYLE = {
-    "font.size": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": INK,
-    "axes.titlesize": 12,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-}
 
 
 def plot_surfaces(
@@ -56,7 +41,7 @@ def plot_surfaces(
             pressure.legend(frameon=False, title=standing(record), alignment="left")
         for axis in axes[-1]:
             axis.set_xlabel("x / c, nose to tail")
-        return _save(figure, path)
+        return save_figure(figure, path)
 
 
 def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
@@ -65,10 +50,7 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
     Returns the path of the PNG, which is written whole or not at all.
     """
     records = sorted(records, key=lambda record: record["reynolds"])
-    bodies = [
-        np.asarray(family_markers(np.array([r["parameters"][n] for n in PARAMETERS]), 400))
-        for r in records
-    ]
+    bodies = [np.asarray(run_scene(r).family.markers(run_body(r), 400)) for r in records]
     reach = np.max([np.abs(body).max(axis=0) for body in bodies], axis=0) * 1.06
     reach[1] = max(reach[1], 0.53)  # the cylinder is drawn too
     colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.72, len(records)))
@@ -76,7 +58,8 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
     with plt.rc_context(STYLE):
         figure = plt.figure(figsize=(width, 5.2), layout="constrained")
         grid = figure.add_gridspec(2, len(records), height_ratios=(1, 1.5))
-        circle = np.asarray(family_markers(np.array([1.0, 0, 0, 0]), 200))
+        family = run_scene(records[0]).family
+        circle = np.asarray(family.markers(family.ellipse(1.0), 200))
         for k, (record, body) in enumerate(zip(records, bodies, strict=True)):
             axis = figure.add_subplot(grid[0, k])
             axis.fill(*body.T, color=colours[k], lw=0)
@@ -85,7 +68,7 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
             axis.set_title(f"Re {record['reynolds']:g}", loc="center")
             axis.set_axis_off()
         _draw_fall(figure.add_subplot(grid[1, :]), records, colours)
-        return _save(figure, path)
+        return save_figure(figure, path)
 
 
 def _draw_fall(axis, records, colours):
@@ -107,10 +90,3 @@ def _draw_fall(axis, records, colours):
     )
     axis.set_xticks(reynolds, [f"{value:g}" for value in reynolds])
     axis.minorticks_off()
-
-
-def _save(figure, path):
-    with whole_file(path) as part:
-        figure.savefig(part, dpi=140)
-    plt.close(figure)
-    return Path(path)

@@ -1,4 +1,4 @@
-"""Verification: what the flow itself says of a body the surrogate proposed."""
+"""Verification: what the flow itself says of a body that was proposed."""
 
 import dataclasses
 
@@ -6,58 +6,84 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.problem.objective import CYLINDER, combine
+from shapeopt.problem.objective import combine
 from shapeopt.problem.problem import Problem
 from surrogate.arrays import AnyArray
-from surrogate.body.family import family_markers
-from surrogate.flow.flow import DragReport, report
-from surrogate.scene.scene import Scene
-from surrogate.training.physics import scene_domain
+from surrogate.flow.flow import Flow
+from surrogate.flow.solution import Solution
 
 
 @dataclasses.dataclass(frozen=True)
 class Verified:
-    """An objective by the flow, the drags of its scenarios, and the time of their solves."""
+    """An objective by the flow, every scenario's flow, and the cylinder's drags beside them."""
 
-    value: float
-    drags: Float[AnyArray, " cases"]
-    wall_s: float
+    objective: float
+    cylinder_objective: float
+    solutions: tuple[Solution, ...]
+    cylinder: Float[AnyArray, " cases"]
+
+    @property
+    def drags(self) -> Float[np.ndarray, " cases"]:
+        """Cd of every scenario."""
+        return np.array([solution.drag for solution in self.solutions])
+
+    @property
+    def status(self) -> str:
+        """accurate where every flow is, else degraded."""
+        statuses = {solution.status for solution in self.solutions}
+        return "accurate" if statuses == {"accurate"} else "degraded"
+
+    @property
+    def estimated_error(self) -> float | None:
+        """The largest of the flows', relative; None where one has no estimate."""
+        errors = [solution.estimated_error for solution in self.solutions]
+        return None if None in errors else max(errors)
+
+    @property
+    def green_applications(self) -> int:
+        """Of the body's flows."""
+        return sum(solution.green_applications for solution in self.solutions)
+
+    @property
+    def seconds(self) -> float:
+        """Of the body's flows."""
+        return sum(solution.seconds for solution in self.solutions)
 
 
-def verify(scene: Scene, parameters: AnyArray, reynolds: float) -> DragReport:
-    """Body flow of a family body on the scene's own grid.
-
-    Raises:
-      NotConverged: the flow was not found.
-    """
-    domain = scene_domain(scene)
-    return report(domain, np.asarray(family_markers(parameters, domain.nodes)), reynolds)
-
-
-def verify_objective(
-    problem: Problem, parameters: AnyArray, cylinder: Float[AnyArray, " cases"]
+def verify(
+    problem: Problem,
+    parameters: AnyArray,
+    cylinder: Float[AnyArray, " cases"] | None = None,
+    estimate: bool = True,
 ) -> Verified:
-    """The objective of a body, every scenario's flow solved.
+    """The objective of a body, every scenario's flow solved, with status and estimated error.
+
+    ``cylinder`` are its drags at the same Reynolds numbers, where they are known already.
 
     Raises:
       NotConverged: a flow was not found.
     """
-    scenarios = problem.scenarios
-    pairs = zip(scenarios.shift, scenarios.reynolds, strict=True)
-    reports = [verify(problem.scene, parameters + shift, float(re)) for shift, re in pairs]
-    drags = np.array([report.cd for report in reports])
-    value = combined(drags, cylinder, problem)
-    return Verified(value, drags, sum(report.wall_s for report in reports))
+    flow, scenarios = Flow(problem.scene), problem.scenarios
+    cylinder = cylinder_drags(problem) if cylinder is None else cylinder
+    solutions = tuple(
+        flow.solve(np.asarray(parameters) + shift, reynolds, estimate=estimate, allow_unsteady=True)
+        for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
+    )
+    drags = np.array([solution.drag for solution in solutions])
+    own, others = (combine(*map(jnp.asarray, (d, cylinder)), scenarios) for d in (drags, cylinder))
+    return Verified(float(own), float(others), solutions, cylinder)
 
 
-def combined(
-    drags: Float[AnyArray, " cases"], cylinder: Float[AnyArray, " cases"], problem: Problem
-) -> float:
-    """The objective from the drags of its scenarios."""
-    return float(combine(jnp.asarray(drags), jnp.asarray(cylinder), problem.scenarios))
+def cylinder_drags(problem: Problem) -> Float[np.ndarray, " cases"]:
+    """Cd of the cylinder at the Reynolds number of every scenario.
 
-
-def cylinder_drags(problem: Problem) -> Float[AnyArray, " cases"]:
-    """Cd of the cylinder, exact in shape, at the Reynolds number of every scenario."""
-    reynolds = problem.scenarios.reynolds
-    return np.array([verify(problem.scene, CYLINDER, float(re)).cd for re in reynolds])
+    Raises:
+      NotConverged: a flow was not found.
+    """
+    flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
+    return np.array(
+        [
+            flow.solve(cylinder, reynolds, estimate=False, allow_unsteady=True).drag
+            for reynolds in problem.scenarios.reynolds
+        ]
+    )

@@ -30,7 +30,7 @@ PASSES = 12  # over all samples: the first solves their flows
 LEARNING_RATE = 1e-3  # a third of a fresh training's: the weights are nearly right
 
 
-class Verified(NamedTuple):
+class KnownDrag(NamedTuple):
     """A body whose drag the flow has told."""
 
     parameters: AnyArray
@@ -40,7 +40,7 @@ class Verified(NamedTuple):
 
 def refine(
     surrogate: Surrogate,
-    verified: Sequence[Verified],
+    verified: Sequence[KnownDrag],
     tolerance: float | None = None,
     around: int = 16,
     out: str | Path | None = None,
@@ -90,7 +90,9 @@ def refine(
     return result
 
 
-def samples_around(scene: Scene, bodies: Sequence[Verified], count: int, key: jax.Array) -> Samples:
+def samples_around(
+    scene: Scene, bodies: Sequence[KnownDrag], count: int, key: jax.Array
+) -> Samples:
     """Every body itself and ``count`` normal draws around it, cut to the trained ranges."""
     bounds = np.concatenate([scene.family.bounds, np.log([scene.reynolds])])
     low, high = bounds.T
@@ -103,7 +105,7 @@ def samples_around(scene: Scene, bodies: Sequence[Verified], count: int, key: ja
     return Samples(rows[:, :-1], np.exp(rows[:, -1]))
 
 
-def _gap(surrogate: Surrogate, body: Verified) -> float:
+def _gap(surrogate: Surrogate, body: KnownDrag) -> float:
     predicted = surrogate.drag(np.asarray(body.parameters), body.reynolds, extrapolate=True)
     return abs(float(predicted) / body.drag - 1)
 

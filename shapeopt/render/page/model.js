@@ -1,7 +1,8 @@
 // The surrogate, its shape gradient and the family of bodies, in plain numbers: no document here.
 function makeModel(data) {
-  const { layers, low, high, size, mean, spread, bounds, reynolds, leastOpening } = data;
+  const { layers, low, high, size, mean, spread, bounds, modes, reynolds } = data;
   const width = bounds.map(([a, b]) => b - a);
+  const span = high.map((b, k) => b - low[k] || 1); // a scene of one Reynolds number has none
 
   // size[0] x^2 + size[1] x + size[2], as numpy's polyval.
   const polyval = (coefficients, x) => coefficients.reduce((sum, c) => sum * x + c, 0);
@@ -10,7 +11,7 @@ function makeModel(data) {
   function drag(parameters, re) {
     const logRe = Math.log(re);
     const inputs = [...parameters, logRe];
-    const trace = [inputs.map((x, k) => (2 * (x - low[k])) / (high[k] - low[k]) - 1)];
+    const trace = [inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1)];
     for (let k = 0; k < layers.length - 1; k++) {
       trace.push(affine(layers[k], trace[k]).map(Math.tanh));
     }
@@ -25,35 +26,39 @@ function makeModel(data) {
     const factor = -2 * scale * spread[0];
     return {
       cd: -2 * scale * (mean[0] + spread[0] * output),
-      gradient: parameters.map((_, k) => (factor * back[k] * 2) / (high[k] - low[k])),
+      gradient: parameters.map((_, k) => (factor * back[k] * 2) / span[k]),
     };
   }
 
   const affine = ({ weight, bias }, x) => weight.map((row, i) => dot(row, x) + bias[i]);
   const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
-  // Least y / (b sin t); sin kt / sin t by the Chebyshev recurrence in cos t.
-  function opening([, ...betas]) {
-    let least = Infinity;
-    for (let n = 0; n <= 180; n++) {
-      const c = Math.cos((Math.PI * n) / 180);
-      let [before, now, sum] = [1, 2 * c, 1];
-      for (const beta of betas) {
-        sum += beta * now;
-        [before, now] = [now, 2 * c * now - before];
-      }
-      least = Math.min(least, sum);
+  // sin kt / sin t of every mode, a Chebyshev polynomial of cos t, at places from nose to tail.
+  const waves = Array.from({ length: 181 }, (_, n) => {
+    const c = Math.cos((Math.PI * n) / 180);
+    const ratios = [1, 2 * c];
+    for (let k = 2; k < Math.max(...modes); k++) ratios.push(2 * c * ratios[k - 1] - ratios[k - 2]);
+    return modes.map((k) => ratios[k - 1]);
+  });
+
+  // Least y / (b sin t), and the modes where it is.
+  function thinnest([, ...betas]) {
+    let [opening, place] = [Infinity, waves[0]];
+    for (const wave of waves) {
+      const here = 1 + dot(wave, betas);
+      if (here < opening) [opening, place] = [here, wave];
     }
-    return least;
+    return { opening, place };
   }
 
-  const valid = (parameters) => opening(parameters) >= leastOpening;
+  const opening = (parameters) => thinnest(parameters).opening;
+  const valid = (parameters) => opening(parameters) >= data.leastOpening;
 
   // Contour, clockwise from the nose, area centroid at the origin.
   function contour([aspect, ...betas], nodes) {
     const points = Array.from({ length: nodes }, (_, n) => {
       const t = (2 * Math.PI * n) / nodes;
-      const y = betas.reduce((sum, beta, k) => sum + beta * Math.sin((k + 2) * t), Math.sin(t));
+      const y = betas.reduce((sum, beta, k) => sum + beta * Math.sin(modes[k] * t), Math.sin(t));
       return [(-Math.sqrt(aspect) / 2) * Math.cos(t), y / (2 * Math.sqrt(aspect))];
     });
     let [area, moment] = [0, 0];
@@ -69,15 +74,30 @@ function makeModel(data) {
   const within = (parameters) =>
     parameters.map((x, k) => Math.min(Math.max(x, bounds[k][0]), bounds[k][1]));
 
+  // Into the ranges, and wider wherever it is too thin, by the shortest ways.
+  function nearest(parameters) {
+    let body = within(parameters);
+    for (let n = 0; n < 40; n++) {
+      const { opening, place } = thinnest(body);
+      if (opening >= data.roomy) break;
+      const slope = place.map((wave, k) => wave * width[k + 1]);
+      const stride = (data.roomy + 1e-4 - opening) / dot(slope, slope);
+      body = within(body.map((x, k) => (k ? x + stride * slope[k - 1] * width[k] : x)));
+    }
+    return body;
+  }
+
+  const roomy = (parameters) => opening(parameters) >= data.roomy;
+
   // Projected gradient descent on log Cd in parameters scaled to [0, 1], the step grown and halved.
   function descend(start, re, iterations = 600) {
     let here = start;
     let { cd, gradient } = drag(here, re);
     let step = 0.1;
     for (let n = 0; n < iterations && step > 1e-10; n++) {
-      const trial = within(here.map((x, k) => x - (step * gradient[k] * width[k] ** 2) / cd));
+      const trial = nearest(here.map((x, k) => x - (step * gradient[k] * width[k] ** 2) / cd));
       const found = drag(trial, re);
-      if (found.cd < cd && opening(trial) >= 2 * leastOpening) {
+      if (found.cd < cd && roomy(trial)) {
         [here, { cd, gradient }, step] = [trial, found, step * 1.7];
       } else {
         step /= 2.3;
@@ -86,22 +106,33 @@ function makeModel(data) {
     return { parameters: here, cd };
   }
 
-  // The best of a coarse grid of bodies, and of the given one, polished by descent.
-  function leastDrag(current, re, kept = 5) {
-    let grid = [[]];
-    for (const [a, b] of bounds) {
-      grid = grid.flatMap((head) => [0, 0.25, 0.5, 0.75, 1].map((s) => [...head, a + s * (b - a)]));
-    }
-    const ranked = [current, ...grid]
-      .filter((parameters) => opening(parameters) >= 2 * leastOpening)
-      .map((parameters) => ({ parameters, cd: drag(parameters, re).cd }))
-      .sort((a, b) => a.cd - b.cd)
-      .slice(0, kept);
-    return ranked
-      .map(({ parameters }) => descend(parameters, re))
-      .reduce((best, found) => (found.cd < best.cd ? found : best));
+  // Ellipses of all aspects, and bodies spread evenly (Roberts 2018) over a family of any size.
+  function starts(ellipses = 25, spreadOut = 600) {
+    const [least, most] = bounds[0];
+    let golden = 2;
+    for (let n = 0; n < 40; n++) golden = (1 + golden) ** (1 / (bounds.length + 1));
+    return [
+      ...Array.from({ length: ellipses }, (_, n) =>
+        bounds.map((_, k) => (k ? 0 : least + ((most - least) * n) / (ellipses - 1))),
+      ),
+      ...Array.from({ length: spreadOut }, (_, n) =>
+        bounds.map(([a], k) => a + width[k] * ((0.5 + (n + 1) / golden ** (k + 1)) % 1)),
+      ),
+    ];
   }
 
-  const cylinder = [1, ...width.slice(1).map(() => 0)];
-  return { drag, opening, valid, contour, within, leastDrag, cylinder, bounds, width, reynolds };
+  // The best of the starts and of the given body, polished by descent.
+  function leastDrag(current, re, kept = 5) {
+    return [current, ...starts()]
+      .map(nearest)
+      .filter(roomy)
+      .map((parameters) => ({ parameters, cd: drag(parameters, re).cd }))
+      .sort((a, b) => a.cd - b.cd)
+      .slice(0, kept)
+      .map(({ parameters }) => descend(parameters, re))
+      .reduce((best, found) => (found.cd < best.cd ? found : best), { parameters: current, cd: Infinity });
+  }
+
+  const { reference } = data;
+  return { drag, opening, valid, contour, within, leastDrag, reference, bounds, width, reynolds };
 }

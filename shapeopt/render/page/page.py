@@ -12,21 +12,17 @@ from string import Template
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from shapeopt.search.verify import CYLINDER
-from surrogate.body.family import LEAST_OPENING, PARAMETERS
-from surrogate.errors import InvalidInput
+from surrogate.arrays import AnyArray
+from surrogate.body.family import LEAST_OPENING, ROOMY, Family, describe
 from surrogate.files import whole_file
-from surrogate.scene.scene import Unbounded
-from surrogate.model.store import Surrogate
+from surrogate.model.surrogate import Surrogate
+from surrogate.scene.stream import describe_stream
 
 MINUS = "\N{MINUS SIGN}"
-LABELS = {
-    "aspect": "Aspect, length to thickness",
-    "beta2": "Fuller fore or aft, \N{GREEK SMALL LETTER BETA}2",
-    "beta3": "Blunt or pointed ends, \N{GREEK SMALL LETTER BETA}3",
-    "beta4": "Finer fore and aft, \N{GREEK SMALL LETTER BETA}4",
-}
+START = 1.6  # aspect of the first body shown, over the reference's
+TALLEST = 1.4  # that is drawn with room above, over an ellipse of the least aspect
 
 
 def write_page(surrogate: Surrogate, path: str | Path) -> Path:
@@ -38,16 +34,17 @@ def write_page(surrogate: Surrogate, path: str | Path) -> Path:
 
 def page(surrogate: Surrogate) -> str:
     """The page as text."""
-    files = resources.files("shapeopt") / "page"
-    length, height = surrogate.scene.family.extent
-    left, top = -length / 2 - 0.55, -height / 2 - 0.12
-    middle = left + 0.06
+    files = resources.files(__package__)
+    parts = {
+        part: (files / name).read_text(encoding="utf-8")
+        for part, name in (("style", "style.css"), ("model", "model.js"), ("view", "view.js"))
+    }
+    name = reference_name(surrogate.scene.family)
     return Template((files / "page.html").read_text(encoding="utf-8")).substitute(
-        style=(files / "style.css").read_text(encoding="utf-8"),
-        model=(files / "model.js").read_text(encoding="utf-8"),
-        view_script=(files / "view.js").read_text(encoding="utf-8"),
-        view=f"{left:.3f} {top:.3f} {length + 0.7:.3f} {-2 * top:.3f}",
-        arrow="".join(f"M{middle:.3f} {y}h.3m-.08 -.05l.08 .05l-.08 .05" for y in (-0.4, 0.0, 0.4)),
+        parts,
+        **_frame(surrogate.scene.family),
+        reference=name,
+        reference_button=name[0].upper() + name[1:],
         sliders="\n".join(_sliders(surrogate)),
         lead=html.escape(_lead(surrogate)),
         provenance=html.escape(_provenance(surrogate)),
@@ -56,14 +53,8 @@ def page(surrogate: Surrogate) -> str:
 
 
 def page_data(surrogate: Surrogate) -> dict[str, Any]:
-    """What the page's arithmetic needs: weights, scales, bounds; every number as it is here.
-
-    Raises:
-      InvalidInput: the surrogate was not trained on the cylinder, which the page compares with.
-    """
-    network, bounds = surrogate.network, surrogate.scene.family.bounds
-    if not surrogate.scene.family.contains(CYLINDER):
-        raise InvalidInput("explore: the surrogate's family must hold the cylinder, its reference")
+    """What the page's arithmetic needs: weights, scales, bounds; every number as it is here."""
+    network, family = surrogate.network, surrogate.scene.family
     return {
         "layers": [
             {"weight": np.asarray(layer.weight).tolist(), "bias": np.asarray(layer.bias).tolist()}
@@ -73,63 +64,91 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
             name: np.asarray(getattr(network, name)).tolist()
             for name in ("low", "high", "size", "mean", "spread")
         },
-        "names": list(PARAMETERS),
-        "bounds": bounds.tolist(),
+        "names": list(family.names),
+        "modes": list(family.modes),
+        "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),
+        "reference": reference_body(family).tolist(),
         "leastOpening": LEAST_OPENING,
+        "roomy": ROOMY,
+    }
+
+
+def reference_body(family: Family) -> Float[AnyArray, " parameters"]:
+    """The body that all are compared with: the cylinder, or the family's nearest to it."""
+    return np.clip(family.ellipse(1.0), *family.bounds.T)
+
+
+def reference_name(family: Family) -> str:
+    """What the reference is, for a person."""
+    aspect, *betas = reference_body(family)
+    if any(betas):
+        return "roundest body"
+    return "cylinder" if aspect == 1 else f"{aspect:g}:1 ellipse"
+
+
+def _frame(family):
+    """The part of the plane that is drawn, and three arrows of the stream at its left."""
+    length, height = family.extent
+    height = min(height, TALLEST / math.sqrt(family.bounds[0, 0]))  # most taller ones cross
+    left, top = -length / 2 - 0.55, -height / 2 - 0.12
+    dart = "h.3m-.08 -.05l.08 .05l-.08 .05"
+    return {
+        "frame": f"{left:.3f} {top:.3f} {length + 0.7:.3f} {-2 * top:.3f}",
+        "arrow": "".join(f"M{left + 0.06:.3f} {y}{dart}" for y in (-0.4, 0, 0.4)),
     }
 
 
 def _lead(surrogate):
-    """How right the numbers are, as it was measured."""
-    recorded = surrogate.recorded
-    return (
+    """How right the numbers are, as it was measured, and what they are compared with."""
+    recorded, name = surrogate.recorded, reference_name(surrogate.scene.family)
+    text = (
         "Every number comes from a trained network that runs in this page: "
         f"{100 * recorded('drag_error_mean'):.2f} % off on average, "
         f"{100 * recorded('drag_error_max'):.2f} % at worst, on {recorded('held_out')} unseen "
         "bodies."
     )
+    if name != "cylinder":
+        text += f" It knows no cylinder: its bodies are compared with the {name}."
+    return text
 
 
 def _provenance(surrogate):
     """What the surrogate knows."""
     scene = surrogate.scene
-    low, high = scene.reynolds
-    bounds = ", ".join(
-        f"{name} {a:g} to {b:g}".replace("-", MINUS)
-        for name, (a, b) in zip(PARAMETERS, scene.family.bounds, strict=True)
+    ranges = ", ".join(
+        f"{name} {_number(low)} to {_number(high)}"
+        for name, (low, high) in (("Re", scene.reynolds), *scene.family.ranges)
     )
-    stream = "an unbounded stream"
-    if scene.stream != Unbounded():
-        stream = f"a slip-walled tunnel of height {scene.stream.height:g} D"
     return (
-        f"Steady laminar flow in {stream}; drag per unit span over \N{GREEK SMALL LETTER RHO}"
-        "U\N{SUPERSCRIPT TWO}D / 2, D the diameter of the cylinder of the same area, Re = U D / "
-        f"\N{GREEK SMALL LETTER NU}. Trained by the method {surrogate.recorded('method')} on Re "
-        f"{low:g} to {high:g}, {bounds}; the sliders end there. Errors are against the flow solver."
+        f"Steady laminar flow in {describe_stream(scene.stream)}; drag per unit span over "
+        "\N{GREEK SMALL LETTER RHO}U\N{SUPERSCRIPT TWO}D / 2, D the diameter of the cylinder of "
+        f"the same area, Re = U D / \N{GREEK SMALL LETTER NU}. Trained by the method "
+        f"{surrogate.recorded('method')} on {ranges}; the sliders end there. Errors are against "
+        "the flow solver."
     )
 
 
 def _sliders(surrogate):
     """Reynolds number by its logarithm, then every shape parameter, from an ellipse."""
+    family = surrogate.scene.family
     low, high = (math.log(value) for value in surrogate.scene.reynolds)
-    yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, "")
-    for name, (low, high) in zip(PARAMETERS, surrogate.scene.family.bounds, strict=True):
-        start = min(max(1.6 if name == "aspect" else 0.0, low), high)
-        yield _slider(name, LABELS[name], low, high, start, f'<small id="{name}-way"></small>')
+    yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, math.exp)
+    start = np.clip(family.ellipse(START * reference_body(family)[0]), *family.bounds.T)
+    for (name, (low, high)), value in zip(family.ranges, start, strict=True):
+        yield _slider(name, describe(name), low, high, value)
 
 
-def _slider(name, label, low, high, start, way):
-    way = way.replace("<small", '<small class="way"')
+def _slider(name, label, low, high, start, shown=float):
     return (
         f'<div class="slider"><label for="{name}">{label}</label>'
+        f'<small id="{name}-way" class="way"></small>'
         f'<output id="{name}-value" for="{name}"></output>'
-        f'<input type="range" id="{name}" min="{float(low)!r}" max="{float(high)!r}" '
-        f'step="any" value="{float(start)!r}">'
-        f"<small>{_end(name, low)} to {_end(name, high)}</small>{way}</div>"
+        f'<small>{_number(shown(low))}</small><input type="range" id="{name}" '
+        f'min="{float(low)!r}" max="{float(high)!r}" step="any" value="{float(start)!r}">'
+        f"<small>{_number(shown(high))}</small></div>"
     )
 
 
-def _end(name, value):
-    number = math.exp(value) if name == "reynolds" else value
-    return f"{number:.3g}".replace("-", MINUS)
+def _number(value):
+    return f"{value:.4g}".replace("-", MINUS)

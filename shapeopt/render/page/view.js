@@ -5,6 +5,7 @@ const element = (id) => document.getElementById(id);
 const sliders = data.names.map(element);
 const signed = (value, digits) => (value < 0 ? "\u2212" : "+") + Math.abs(value).toFixed(digits);
 const significant = (value) => value.toPrecision(4);
+const minus = (text) => text.replace("-", "\u2212");
 const parameters = () => sliders.map((slider) => Number(slider.value));
 const reynolds = () => Math.exp(Number(element("reynolds").value));
 
@@ -16,20 +17,26 @@ function update() {
   const [body, re] = [parameters(), reynolds()];
   const valid = model.valid(body);
   const found = model.drag(body, re);
-  const reference = model.drag(model.cylinder, re).cd;
-  element("reynolds-value").textContent = re.toPrecision(3);
+  const reference = model.drag(model.reference, re).cd;
+  tell(element("reynolds"), String(Number(re.toPrecision(3))));
   sliders.forEach((slider, k) => {
-    element(`${slider.id}-value`).textContent = body[k].toFixed(3).replace("-", "\u2212");
+    tell(slider, minus(body[k].toFixed(3)));
     element(`${slider.id}-way`).textContent = valid ? way(found, k, body[k]) : "";
   });
   document.body.classList.toggle("crossed", !valid);
   element("cd").textContent = valid ? significant(found.cd) : "\u2013";
-  element("reference").textContent = significant(reference);
+  element("reference-cd").textContent = significant(reference);
   element("difference").textContent = valid ? `${signed(100 * (found.cd / reference - 1), 1)} %` : "\u2013";
   element("warning").hidden = valid;
   element("download").disabled = !valid;
   drawBody(body, found, valid);
   drawCurve(body, re, valid);
+}
+
+// A slider's value as it is written and spoken: of a logarithm nobody wants to hear.
+function tell(slider, text) {
+  element(`${slider.id}-value`).textContent = text;
+  slider.setAttribute("aria-valuetext", text);
 }
 
 // Which way to move a slider, and what a tenth of its range would bring to first order.
@@ -45,38 +52,46 @@ function drawBody(body, { cd, gradient }, valid) {
   const steepness = Math.hypot(...gradient.map((g, k) => (g * model.width[k]) / cd));
   const stride = Math.min(0.12, 0.8 * steepness) / (steepness || 1);
   const downhill = model.within(body.map((x, k) => x - (stride * gradient[k] * model.width[k] ** 2) / cd));
-  element("cylinder").setAttribute("d", path(model.contour(model.cylinder, 120)));
+  element("reference").setAttribute("d", path(model.contour(model.reference, 120)));
   element("shape").setAttribute("d", path(model.contour(body, 240)));
   const shown = valid && model.valid(downhill);
   element("downhill").setAttribute("d", shown ? path(model.contour(downhill, 240)) : "");
 }
 
+// Round numbers of a logarithmic axis, as many as have room; in even steps where it is short.
+function ticks(least, most, room) {
+  const inside = (value) => value >= least * (1 - 1e-9) && value <= most * (1 + 1e-9);
+  const rounds = (marks) => [...Array(10).keys()].flatMap((e) => marks.map((m) => m * 10 ** (e - 4)));
+  for (const marks of [[1, 2, 5], [1]]) {
+    const found = rounds(marks).filter(inside);
+    if (found.length > 2 && found.length <= room) return found;
+  }
+  const step = rounds([1, 2, 5]).find((value) => most - least <= value * Math.min(room, 6));
+  return Array.from({ length: 7 }, (_, n) => (Math.ceil(least / step - 1e-9) + n) * step).filter(inside);
+}
+
 function drawCurve(body, re, valid) {
   const [low, high] = model.reynolds.map(Math.log);
+  element("curve").parentElement.hidden = low === high;
+  if (low === high) return;
   const across = element("curve").clientWidth || 600;
-  const [left, right, top, bottom] = [34, across - 10, 8, 188];
+  const [left, right, top, bottom] = [44, across - 14, 8, 188];
   const values = Array.from({ length: 81 }, (_, k) => Math.exp(low + ((high - low) * k) / 80));
-  const curves = [model.cylinder, body].map((p) => values.map((value) => model.drag(p, value).cd));
+  const curves = [model.reference, body].map((p) => values.map((value) => model.drag(p, value).cd));
   const shown = (valid ? curves.flat() : curves[0]).map(Math.log10);
   const [least, most] = [Math.min(...shown) - 0.05, Math.max(...shown) + 0.05];
   const x = (value) => left + ((right - left) * (Math.log(value) - low)) / (high - low);
   const y = (value) => bottom - ((bottom - top) * (Math.log10(value) - least)) / (most - least);
   const line = (drags) => "M" + drags.map((d, k) => `${x(values[k]).toFixed(1)} ${y(d).toFixed(1)}`).join("L");
-  const ticks = [1, 2, 5].flatMap((m) => [-4, -3, -2, -1, 0, 1, 2, 3].map((e) => m * 10 ** e));
-  const inside = (value, a, b) => value >= a * (1 - 1e-9) && value <= b * (1 + 1e-9);
-  const text = (value) => Number(value.toPrecision(1));
-  const vertical = ticks
-    .filter((tick) => inside(tick, ...model.reynolds))
-    .map(
-      (tick) => `<path class="grid" d="M${x(tick)} ${top}V${bottom}"/>
-        <text x="${x(tick)}" y="${bottom + 18}" text-anchor="middle">${text(tick)}</text>`,
-    );
-  const horizontal = ticks
-    .filter((tick) => inside(tick, 10 ** least, 10 ** most))
-    .map(
-      (tick) => `<path class="grid" d="M${left} ${y(tick)}H${right}"/>
-        <text x="${left - 8}" y="${y(tick) + 4}" text-anchor="end">${text(tick)}</text>`,
-    );
+  const text = (value) => Number(value.toPrecision(3));
+  const vertical = ticks(...model.reynolds, across / 45).map(
+    (tick) => `<path class="grid" d="M${x(tick)} ${top}V${bottom}"/>
+      <text x="${x(tick)}" y="${bottom + 18}" text-anchor="middle">${text(tick)}</text>`,
+  );
+  const horizontal = ticks(10 ** least, 10 ** most, 9).map(
+    (tick) => `<path class="grid" d="M${left} ${y(tick)}H${right}"/>
+      <text x="${left - 8}" y="${y(tick) + 4}" text-anchor="end">${text(tick)}</text>`,
+  );
   const own = valid
     ? `<path class="own" d="${line(curves[1])}"/>
       <circle r="6" cx="${x(re)}" cy="${y(model.drag(body, re).cd)}"/>`
@@ -112,14 +127,29 @@ function download() {
   URL.revokeObjectURL(link.href);
 }
 
-[...sliders, element("reynolds")].forEach((slider) =>
+// Arrows go a hundredth of the range, page keys a tenth: with step "any" browsers disagree.
+const STRIDES = { Arrow: 0.01, Page: 0.1, Home: Infinity, End: Infinity };
+function press(event) {
+  const [, key, way] = event.key.match(/^(Arrow|Page|Home|End)(Up|Right|Down|Left|)$/) || [];
+  if (!key || event.altKey || event.ctrlKey || event.metaKey) return;
+  event.preventDefault();
+  const { target: slider } = event;
+  const back = key === "Home" || way === "Down" || way === "Left";
+  const [low, high] = [Number(slider.min), Number(slider.max)];
+  const moved = Number(slider.value) + (back ? -1 : 1) * STRIDES[key] * (high - low);
+  slider.value = Math.min(Math.max(moved, low), high);
+  slider.dispatchEvent(new Event("input"));
+}
+
+[...sliders, element("reynolds")].forEach((slider) => {
+  slider.addEventListener("keydown", press);
   slider.addEventListener("input", () => {
     glide++;
     update();
-  }),
-);
+  });
+});
 element("least").addEventListener("click", () => moveTo(model.leastDrag(parameters(), reynolds()).parameters));
-element("round").addEventListener("click", () => moveTo(model.cylinder));
+element("round").addEventListener("click", () => moveTo(model.reference));
 element("download").addEventListener("click", download);
 addEventListener("resize", update);
 update();

@@ -1,22 +1,16 @@
-"""The search: every start at once by projected Adam, the best of them by SLSQP."""
+"""One descent from one start by SLSQP, and the optimality condition at its end."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.optimize import minimize, nnls
 
-from shapeopt.problem.constraints import Limits, margins, satisfied
-from shapeopt.problem.objective import Scenarios, predicted
+from shapeopt.problem.constraints import Limits, margins
 from surrogate.arrays import AnyArray
-from surrogate.model.network import DragNetwork
 
-STEPS = 60  # of the first stage
-RATE = 0.03  # of a parameter's range
-PENALTY = 100.0  # of a squared violation, in objectives
 ACTIVE = 1e-5  # a constraint with less room than this counts as met with equality
 
 ValueAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
@@ -41,7 +35,7 @@ def descend(
     tolerance: float = 1e-9,
 ) -> Found:
     """SLSQP (Kraft 1988) in parameters scaled to [0, 1]."""
-    low, width = limits.low, np.maximum(limits.high - limits.low, 1e-12)
+    low, width = limits.low, np.asarray(limits.width)
     path, last = [start], {}
 
     def scaled(z):
@@ -100,62 +94,6 @@ def kkt_residual(
     active = np.concatenate(normals).T
     left = nnls(active, gradient)[1] if active.shape[1] else float(np.linalg.norm(gradient))
     return float(left / abs(value))
-
-
-@jax.jit
-def ranked(
-    network: DragNetwork,
-    bodies: Float[AnyArray, "bodies parameters"],
-    limits: Limits,
-    scenarios: Scenarios,
-) -> Float[Array, " bodies"]:
-    """Predicted objective of every body, infinite where a constraint is not met."""
-    values = jax.vmap(predicted, in_axes=(None, 0, None))(network, bodies, scenarios)
-    return jnp.where(satisfied(bodies, limits), values, jnp.inf)
-
-
-@jax.jit
-def descend_together(
-    network: DragNetwork,
-    starts: Float[AnyArray, "starts parameters"],
-    limits: Limits,
-    scenarios: Scenarios,
-) -> tuple[Float[Array, "starts parameters"], Float[Array, " starts"]]:
-    """A fixed number of projected Adam steps from all starts at once; violations are penalised.
-
-    Returns the bodies and their penalised objectives.
-    """
-    width = limits.high - limits.low
-
-    def loss(z):
-        body = limits.low + width * z
-        violation = jnp.minimum(margins(body, limits), 0.0)
-        return predicted(network, body, scenarios) * (1 + PENALTY * jnp.sum(violation**2))
-
-    def step(carry, k):
-        z, mean, square = carry
-        gradient = jax.grad(loss)(z)
-        mean, square = 0.9 * mean + 0.1 * gradient, 0.99 * square + 0.01 * gradient**2
-        unbiased = mean / (1 - 0.9 ** (k + 1)), square / (1 - 0.99 ** (k + 1))
-        rate = RATE * (1 + jnp.cos(jnp.pi * k / STEPS)) / 2
-        change = rate * unbiased[0] / (jnp.sqrt(unbiased[1]) + 1e-12)
-        return (jnp.clip(z - change, 0, 1), mean, square), None
-
-    def one(start):
-        z = jnp.clip((start - limits.low) / jnp.maximum(width, 1e-12), 0, 1)
-        zero = jnp.zeros_like(z)
-        (z, _, _), _ = jax.lax.scan(step, (z, zero, zero), jnp.arange(STEPS, dtype=float))
-        return limits.low + width * z, loss(z)
-
-    return jax.vmap(one)(starts)
-
-
-@jax.jit
-def predicted_and_gradient(
-    network: DragNetwork, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
-) -> tuple[Float[Array, ""], Float[Array, " parameters"]]:
-    """The predicted objective and its gradient."""
-    return jax.value_and_grad(predicted, argnums=1)(network, parameters, scenarios)
 
 
 @jax.jit

@@ -1,0 +1,9 @@
+"""The whole chain, and when training pays: python scripts/payoff.py --help"""
+
+import sys
+
+from shapeopt.commands.cli import run
+from shapeopt.commands.payoff import main
+
+if __name__ == "__main__":
+    sys.exit(run(main))

@@ -1,0 +1,9 @@
+"""Drag by a trained surrogate: python scripts/predict_drag.py --help"""
+
+import sys
+
+from shapeopt.commands.cli import run
+from shapeopt.commands.predict import main
+
+if __name__ == "__main__":
+    sys.exit(run(main))
