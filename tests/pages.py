@@ -1,0 +1,119 @@
+"""Pages of three surrogates: one that ships, one of eight modes, one that knows no cylinder."""
+
+import functools
+import json
+from html.parser import HTMLParser
+
+import browser
+import jax
+import numpy as np
+import pytest
+
+from shapeopt.render.page.page import page
+from surrogate import Family, Scene, Surrogate, Tunnel, load
+from surrogate.model.network import make_network
+
+NAMES = ("pretrained", "eight modes", "no cylinder")
+RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
+REYNOLDS = 20.0  # where the least drag is asked for
+
+
+@functools.cache
+def surrogate_of(name):
+    if name == "pretrained":
+        return load("pretrained")
+    betas = {f"beta{k}": (-0.15, 0.15) for k in (2, 3, 4, 5, 6, 7, 9, 12)}
+    if name == "eight modes":
+        return untrained(Scene(family=Family(aspect=(1, 4), **betas)))
+    family = Family(aspect=(2, 4), beta2=(-0.3, 0.3), beta5=(-0.1, 0.1))
+    return untrained(Scene(Tunnel(12), (0.01, 200), family))
+
+
+def untrained(scene):
+    """Random weights, three times the usual for a drag that varies; scales of a slow stream."""
+    generator = np.random.default_rng(0)
+    reynolds = np.geomspace(*scene.reynolds, 64)
+    modes = 1 + 0.1 * generator.standard_normal((64, 2 * scene.fidelity.harmonics + 1))
+    network = make_network(scene, jax.random.key(1), reynolds, -modes / reynolds[:, None] ** 0.6)
+    return Surrogate(network.with_weights(3 * network.weights), scene, RECORD)
+
+
+class Reader(HTMLParser):
+    """Tags with their attributes, and the text of scripts by id."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.scripts, self.open = [], {}, None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        self.open = dict(attributes).get("id") if tag == "script" else None
+
+    def handle_data(self, data):
+        if self.open:
+            self.scripts[self.open] = self.scripts.get(self.open, "") + data
+
+    def handle_endtag(self, tag):
+        self.open = None
+
+
+@functools.cache
+def read(name):
+    return Reader(page(surrogate_of(name)))
+
+
+def cases(name):
+    """Bodies from all over the family, some of them at its corners, with Reynolds numbers."""
+    generator, scene = np.random.default_rng(0), surrogate_of(name).scene
+    low, high = scene.family.bounds.T
+    bodies = np.concatenate([generator.uniform(low, high, (12, len(low))), [low, high]])
+    return bodies, np.exp(generator.uniform(*np.log(scene.reynolds), len(bodies)))
+
+
+def crossing(family):
+    """The body of the ranges that is thinnest at its tail, where sin kt / sin t is k or -k."""
+    betas = zip(family.modes, family.ranges[1:], strict=True)
+    return [family.ranges[0][1][0], *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
+
+
+def expression(name):
+    """What the page's model says of the cases, in its language."""
+    bodies, reynolds = (json.dumps(values.tolist()) for values in cases(name))
+    return (
+        f"{bodies}.map((body, k) => ({{...model.drag(body, {reynolds}[k]), opening: "
+        "model.opening(body), valid: model.valid(body), contour: model.contour(body, 64)}))"
+    )
+
+
+@functools.cache
+def visited(name):
+    """One visit in the browser: sliders moved, buttons clicked, keys pressed."""
+    if not browser.BROWSER:
+        pytest.skip(f"none of {', '.join(browser.NAMES)} is installed to click in the page")
+    family = surrogate_of(name).scene.family
+    bent = zip(family.names, crossing(family), strict=True)
+    scenes = {
+        "moved": [("set", "aspect", 3.7)],
+        "faster": [("set", "reynolds", float(np.log(REYNOLDS)))],
+        "least": [("click", "least")],
+        "saved": [("click", "download")],
+        "crossed": [("set", *pair) for pair in bent],
+        "round": [("click", "round")],
+        "stepped": [("press", "reynolds", "PageDown"), ("press", "aspect", "ArrowRight")],
+        "ended": [("press", "reynolds", "End"), ("press", "aspect", "Home")],
+    }
+    return browser.visit(page(surrogate_of(name)), scenes, expression(name))
+
+
+@functools.cache
+def computed(name):
+    """What the page's model says of the cases, in the browser or else in node."""
+    if browser.BROWSER:
+        return visited(name)["computed"]
+    if not browser.NODE:
+        pytest.skip("neither Chromium nor node is installed to run the page's script")
+    return browser.compute(read(name).scripts, expression(name))
+
+
+every = pytest.mark.parametrize("name", NAMES)
