@@ -59,7 +59,8 @@ def _text(r: dict[str, Any], problem: Problem, out: str) -> str:
         f"Re {r['reynolds']:g}: {shape}",
         f"{name} {r['cd_verified']:.4f} verified ({r['status']}, {error}), "
         f"{abs(gain):.1f} % {side} the cylinder's {r['cd_start']:.4f}; "
-        f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, KKT residual {r['kkt_residual']:.0e} -> {out}",
+        f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
+        f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
     if relative:
         lines += [

@@ -29,7 +29,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     print(plan.scene.explain(plan.samples + plan.held_out), file=sys.stderr)
     print(
         f"This training: about {foreseen.green_applications:,.0f} applications of G and "
-        f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows, {foreseen.network_s:.0f} s of network).",
+        f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows, {foreseen.network_s:.0f} s of "
+        "network).",
         file=sys.stderr,
     )
     record = carry_out(plan, out).record

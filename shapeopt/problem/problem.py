@@ -9,6 +9,7 @@ import numpy as np
 
 from shapeopt.problem.constraints import Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Scenarios
+from surrogate.arrays import Number
 from surrogate.checks import finite_number, interval
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
@@ -31,13 +32,13 @@ class Problem:
     """
 
     scene: Scene
-    reynolds: float | Objective
-    max_length: float | None = None
-    min_thickness: float | None = None
+    reynolds: Number | Objective
+    max_length: Number | None = None
+    min_thickness: Number | None = None
     stations: tuple[Station, ...] = ()
-    min_radius: float | None = None
-    within: Mapping[str, tuple[float, float]] | None = None
-    trust: float = 0.0
+    min_radius: Number | None = None
+    within: Mapping[str, Any] | None = None
+    trust: Number = 0.0
 
     def __post_init__(self):
         if not isinstance(self.scene, Scene):

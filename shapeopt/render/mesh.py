@@ -62,5 +62,5 @@ def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:
     """
     block = polygon(markers).extrude((0, 0, float(span)), capping=True).triangulate().clean()
     return block.compute_normals(
-        cell_normals=False, point_normals=False, consistent_normals=True, auto_orient_normals=True
+        point_normals=False, consistent_normals=True, auto_orient_normals=True
     )

@@ -49,7 +49,7 @@ class Design:
 
 def optimise(
     problem: Problem,
-    model: Surrogate | Flow,
+    model: Surrogate | Flow | Any,
     until: str = "surrogate",
     start: Float[AnyArray, " parameters"] | None = None,
 ) -> Design:

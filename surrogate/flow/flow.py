@@ -3,14 +3,14 @@
 import dataclasses
 import functools
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.family import family_markers, modes_of
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
@@ -80,8 +80,8 @@ class Flow:
 
     def drag(
         self,
-        parameters: Float[AnyArray, " parameters"],
-        reynolds: float | Float[AnyArray, ""],
+        parameters: Body,
+        reynolds: Number,
         allow_unsteady: bool = False,
     ) -> Float[Array, ""]:
         """Cd = 2 Fx per unit span of a family body; jit, vmap, jax.grad in both arguments.
@@ -103,9 +103,7 @@ class Flow:
             raise NotConverged(_failure(float(reynolds), info))
         return cd
 
-    def slope(
-        self, parameters: Float[AnyArray, " parameters"], reynolds: float | Float[AnyArray, ""]
-    ) -> Slope:
+    def slope(self, parameters: Body, reynolds: Number) -> Slope:
         """Drag and shape gradient by one adjoint of few digits, cheaper than ``jax.grad``."""
         return _slope(self, jnp.asarray(parameters, float), jnp.asarray(reynolds, float))
 
@@ -126,8 +124,8 @@ class Flow:
 
     def solve(
         self,
-        body: Shape | Float[AnyArray, " parameters"] | Any,
-        reynolds: float,
+        body: Shape | Body,
+        reynolds: Number,
         *,
         gradient: bool = False,
         estimate: bool = True,

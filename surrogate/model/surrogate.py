@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Body, Number
 from surrogate.checks import traced
 from surrogate.errors import InvalidInput
 from surrogate.model.network import DragNetwork
@@ -26,8 +26,8 @@ class Surrogate:
 
     def drag(
         self,
-        parameters: Float[AnyArray, " parameters"],
-        reynolds: float | Float[AnyArray, ""],
+        parameters: Body,
+        reynolds: Number,
         extrapolate: bool = False,
     ) -> Float[Array, ""]:
         """Cd = 2 Fx per unit span of a family body; jit, vmap, jax.grad in both arguments.

@@ -35,14 +35,16 @@ ONSET_OF_SHEDDING = 46.7  # cylinder, unbounded stream
 class Scene:
     """A family of bodies in a stream over a range of Reynolds numbers U D / nu.
 
+    ``stream`` and ``fidelity`` may be given by their names in a file.
+
     Raises:
       InvalidInput: a range or the fidelity is none that can be modelled.
     """
 
-    stream: Stream = Unbounded()
-    reynolds: tuple[float, float] = (1.0, 40.0)
-    family: Family = Family()
-    fidelity: Fidelity = FIDELITIES["standard"]
+    stream: Stream | Any = Unbounded()
+    reynolds: tuple[float, float] | Any = (1.0, 40.0)
+    family: Family | Any = Family()
+    fidelity: Fidelity | Any = FIDELITIES["standard"]
 
     def __post_init__(self):
         reynolds = interval("Reynolds range", self.reynolds)
