@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +22,7 @@ class Radii(NamedTuple):
     side: Float[AnyArray, ""]
 
 
+@jax.jit
 def moments(
     markers: Float[AnyArray, "nodes 2"],
 ) -> tuple[Float[AnyArray, ""], Float[AnyArray, " 2"]]:

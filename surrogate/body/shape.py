@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Mapping
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -39,7 +40,7 @@ def family_shape(parameters: Mapping[str, float], incidence: float = 0.0) -> Sha
     values, modes = jnp.array(list(named.values())), modes_of(tuple(named))
 
     def draw(nodes):
-        return np.asarray(rotate(family_markers(values, modes, nodes), turn))
+        return np.asarray(rotate(_drawn(values, modes, nodes), turn))
 
     return Shape(draw, turn == 0, named)
 
@@ -65,7 +66,10 @@ def rotate(markers: Float[AnyArray, "nodes 2"], degrees: float) -> Float[AnyArra
     """Nose-up rotation about the origin: the angle of incidence in a stream along +x."""
     angle = np.deg2rad(degrees)
     c, s = np.cos(angle), np.sin(angle)
-    return markers @ jnp.array([[c, -s], [s, c]])
+    return markers @ np.array([[c, -s], [s, c]])
+
+
+_drawn = jax.jit(family_markers, static_argnames=("modes", "nodes"))
 
 
 def _incidence(degrees):
