@@ -21,7 +21,7 @@ from surrogate.flow.loads.forces import Coefficients, coefficients, drag_coeffic
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
-from surrogate.flow.solver.tangent import Effort, drag_slope
+from surrogate.flow.solver.tangent import Effort, drag_slope, with_body
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import Scene, check_reynolds
 
@@ -246,44 +246,57 @@ def _failure(reynolds, info):
 
 def _gradient(domain, settings, shape, reynolds, found) -> dict[str, float]:
     names, values = tuple(shape.parameters), jnp.array(list(shape.parameters.values()))
-    re = jnp.asarray(reynolds)
-    slopes = _slopes(domain, settings, names, values, re, found.state)
+    slopes = _slopes(domain, settings, modes_of(names), values, jnp.asarray(reynolds), found.state)
     flat = np.array([*slopes[0], slopes[1]], float)
     if not np.all(np.isfinite(flat)):
         raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
     return dict(zip((*names, "reynolds"), flat.tolist(), strict=True))
 
 
-@functools.partial(jax.jit, static_argnames=("domain", "settings", "names"))
-def _slopes(domain, settings, names, parameters, reynolds, guess):
+@functools.partial(jax.jit, static_argnames=("domain", "settings", "modes"))
+def _slopes(domain, settings, modes, parameters, reynolds, state, case=None):
     """dCd/d(parameters, Re) by one adjoint, back through the kernel and the far field as well."""
-    modes = modes_of(names)
 
-    def drag(parameters, reynolds):
-        markers = family_markers(parameters, modes, domain.nodes)
-        case = steady.prepare(domain, markers, reynolds)
-        state, _ = steady.body_flow(domain, case, guess, settings)
-        return drag_coefficient(state.amplitude)
+    def rebuild(parameters, reynolds):
+        return steady.prepare(domain, family_markers(parameters, modes, domain.nodes), reynolds)
 
-    return jax.grad(drag, argnums=(0, 1))(parameters, reynolds)
+    case = rebuild(parameters, reynolds) if case is None else case
+    effort = Effort(settings.linear_tolerance, settings.max_vectors)
+    slopes, work = drag_slope(domain, case, state, rebuild, (parameters, reynolds), effort)
+    return jax.tree.map(lambda slope: jnp.where(work.converged, slope, jnp.nan), slopes)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def _drag(flow, parameters, reynolds):
+    return _drag_and_state(flow, parameters, reynolds)[0]
 
 
 @functools.partial(jax.jit, static_argnames="flow")
-def _drag(flow: Flow, parameters, reynolds):
+def _drag_and_state(flow, parameters, reynolds):
+    """(Cd, status), and what its derivative needs."""
     case = steady.prepare(flow.domain, flow.markers(parameters), reynolds)
     state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
-    return drag_coefficient(state.amplitude), info
+    return (drag_coefficient(state.amplitude), info), (parameters, reynolds, state, case)
+
+
+def _drag_slopes(flow, saved, cotangent):
+    slopes = _slopes(flow.domain, flow.settings, flow.scene.family.modes, *saved)
+    return jax.tree.map(lambda slope: cotangent[0] * slope, slopes)
+
+
+_drag.defvjp(_drag_and_state, _drag_slopes)
 
 
 @functools.partial(jax.jit, static_argnames="flow")
 def _slope(flow: Flow, parameters, reynolds):
-    domain = flow.domain
-    case = steady.prepare(domain, flow.markers(parameters), reynolds)
-    state, info = steady.body_flow(domain, case, settings=flow.settings)
-    gradient, work = drag_slope(domain, case, state, flow.markers, parameters, ADJOINT)
+    (drag, info), (*_, state, case) = _drag_and_state(flow, parameters, reynolds)
+
+    def rebuild(parameters):
+        return with_body(flow.domain, case, flow.markers(parameters))
+
+    (gradient,), work = drag_slope(flow.domain, case, state, rebuild, (parameters,), ADJOINT)
     converged = info.converged & work.converged & jnp.all(jnp.isfinite(gradient))
-    spent = info.products + work.products + steady.preparation_cost(domain)
-    drag = drag_coefficient(state.amplitude)
+    spent = info.products + work.products + steady.preparation_cost(flow.domain)
     drag, gradient = (jnp.where(converged, value, jnp.nan) for value in (drag, gradient))
     return Slope(drag, gradient, spent, converged)
 

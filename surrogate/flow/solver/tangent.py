@@ -11,13 +11,14 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import spread_modes
 from surrogate.flow.solver.krylov import gmres
-from surrogate.flow.solver.newton import single
+from surrogate.flow.solver.newton import SINGLE, single
 from surrogate.flow.solver.steady import (
     Case,
     FlowState,
@@ -26,6 +27,9 @@ from surrogate.flow.solver.steady import (
     pinning,
     slip_residual,
 )
+
+FEW_DIGITS = 1e-4  # relative residual that single precision alone reaches
+ROUNDS = 8
 
 
 class Effort(NamedTuple):
@@ -65,33 +69,65 @@ def drag_slope(
     domain: Domain,
     case: Case,
     state: FlowState,
-    draw: Callable[[Array], Array],
-    parameters: Float[AnyArray, " parameters"],
+    rebuild: Callable[..., Case],
+    arguments: tuple[Float[AnyArray, "..."], ...],
     effort: Effort,
-) -> tuple[Float[Array, " parameters"], Work]:
-    """dCd/d(parameters) of the body ``draw(parameters)`` whose flow is ``state``: one adjoint."""
+) -> tuple[tuple[Float[Array, "..."], ...], Work]:
+    """dCd in the arguments of ``rebuild``, which gives back the case: one adjoint for them all."""
     adjoint, work = drag_adjoint(domain, case, state, effort)
+    pull = jax.vjp(lambda *moved: _residual(domain, rebuild(*moved), state), *arguments)[1]
+    slopes = pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))
+    return slopes, work._replace(products=work.products + 1)
 
-    def moved(parameters):
-        body = spread_modes(domain.lattice, domain.modes, domain.box, draw(parameters))
-        return _residual(domain, eqx.tree_at(lambda c: c.body, case, body), state)
 
-    pull = jax.vjp(moved, parameters)[1]
-    slope = pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))[0]
-    return slope, work._replace(products=work.products + 1)
+def with_body(domain: Domain, case: Case, markers: Float[Array, "nodes 2"]) -> Case:
+    """The same stream around another contour; the response stays, which no residual asks for."""
+    body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
+    return eqx.tree_at(lambda c: c.body, case, body)
 
 
 def drag_adjoint(
     domain: Domain, case: Case, state: FlowState, effort: Effort
 ) -> tuple[FlowState, Work]:
-    """lambda in single precision: a Newton step from x adds lambda . F(x) to the drag."""
-    inverse = single(eliminate(domain, case))
-    case, state = single((case, state))
-    adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
-    precondition = jax.linear_transpose(inverse, state)
+    """lambda: a Newton step from x adds lambda . F(x) to the drag.
+
+    GMRES in single precision; where that is not enough, its residual is renewed in double.
+    """
     goal = FlowState(jnp.zeros_like(state.velocity), jnp.zeros_like(state.amplitude).at[0].set(2.0))
-    result = gmres(lambda z: precondition(adjoint(z)[0])[0], precondition(goal)[0], *effort)
-    return result.x, Work(result.steps, result.converged)
+    inverse = eliminate(domain, case)
+
+    def system(case, state, inverse):
+        adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
+        precondition = jax.linear_transpose(inverse, state)
+        return lambda z: precondition(adjoint(z)[0])[0], lambda b: precondition(b)[0]
+
+    matvec, precondition = system(*single((case, state, inverse)))
+    first = gmres(matvec, precondition(single(goal)), *effort)
+    if effort.tolerance >= FEW_DIGITS:
+        return first.x, Work(first.steps, first.converged)
+    exact, renewed = system(case, state, inverse)
+    target = renewed(goal)
+    size = optax.tree.norm(target)
+
+    def miss(x):
+        return jax.tree.map(jnp.subtract, target, exact(x))
+
+    def unfinished(carry):
+        _, residual, _, rounds = carry
+        return (optax.tree.norm(residual) > effort.tolerance * size) & (rounds < ROUNDS)
+
+    def improve(carry):
+        x, residual, steps, rounds = carry
+        needed = 0.7 * effort.tolerance * size / optax.tree.norm(residual)
+        needed = jnp.maximum(needed, SINGLE).astype(jnp.float32)
+        change = gmres(matvec, single(residual), needed, effort.max_vectors)
+        x = jax.tree.map(jnp.add, x, change.x)
+        return x, miss(x), steps + change.steps + 1, rounds + 1
+
+    x = jax.tree.map(lambda leaf: leaf.astype(float), first.x)
+    start = (x, miss(x), first.steps + 1, jnp.array(0))
+    x, residual, steps, _ = jax.lax.while_loop(unfinished, improve, start)
+    return x, Work(steps, optax.tree.norm(residual) <= effort.tolerance * size)
 
 
 def slip_adjoint(

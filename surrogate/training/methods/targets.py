@@ -18,7 +18,7 @@ from surrogate.flow.loads.forces import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.solver.tangent import Effort, Work, coupled_step, drag_slope
+from surrogate.flow.solver.tangent import Effort, Work, coupled_step, drag_slope, with_body
 from surrogate.training.methods.method import Batch, keep, per_sample
 from surrogate.training.physics import Physics
 
@@ -117,7 +117,11 @@ def log_drag_slope(
     """d log Cd / d(parameters) of a sample whose body flow is ``state``."""
     parameters = physics.samples.parameters[index]
     flow, case = physics.flow, physics.case(index)
-    slope, work = drag_slope(flow.domain, case, state, flow.markers, parameters, effort)
+
+    def rebuild(parameters):
+        return with_body(flow.domain, case, flow.markers(parameters))
+
+    (slope,), work = drag_slope(flow.domain, case, state, rebuild, (parameters,), effort)
     return slope / drag_coefficient(state.amplitude), work
 
 
