@@ -1,0 +1,158 @@
+"""Gradients: Taylor tests (rate above 1.9), central differences, adjoints against tangents."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TINY
+
+from surrogate import Flow, Scene, load
+from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.flow.solver import steady, tangent
+from surrogate.flow.solver.newton import NewtonSettings
+
+LENS = jnp.array([2.2, 0.12, -0.05, 0.03])
+SCENE = Scene(reynolds=(0.5, 45), fidelity=dataclasses.replace(TINY, wake=0.0))
+EXACT = Flow(SCENE, NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8))
+DIRECTION = np.array([0.4, 0.1, -0.08, 0.05, 0.3])  # in shape and Re
+
+
+@pytest.fixture(scope="module")
+def sloped():
+    """Cd and its gradient in the parameters and Re; NaN where a solve fails."""
+    return jax.value_and_grad(EXACT.drag, argnums=(0, 1))
+
+
+def taylor_rates(sloped, reynolds, steps):
+    """Rates at which the remainder of the tangent line falls as the step is halved."""
+
+    def evaluate(step):
+        moved = LENS + step * DIRECTION[:4]
+        drag, (shape, re) = sloped(moved, jnp.asarray(reynolds + step * DIRECTION[4]))
+        return float(drag), float(shape @ DIRECTION[:4] + re * DIRECTION[4])
+
+    drag, slope = evaluate(0.0)
+    remainders = [abs(evaluate(step)[0] - drag - step * slope) for step in steps]
+    return np.log2(np.array(remainders[:-1]) / remainders[1:]), remainders
+
+
+@pytest.mark.parametrize("reynolds", [1.0, 16.0, 40.0])  # at 16 a cell's Re is 2 exactly
+def test_taylor_of_the_flow(sloped, reynolds):
+    """Halve the step four times; the remainder must fall at second order, in shape and Re."""
+    rates, remainders = taylor_rates(sloped, reynolds, 0.1 / 2.0 ** np.arange(5))
+    assert rates[-1] > 1.9, f"remainders {remainders}, rates {rates}"
+
+
+@pytest.mark.parametrize("reynolds", [2.0, 38.0])
+def test_taylor_of_a_surrogate(reynolds):
+    sloped = jax.jit(jax.value_and_grad(load("pretrained").drag, argnums=(0, 1)))
+    rates, remainders = taylor_rates(sloped, reynolds, 0.02 / 2.0 ** np.arange(5))
+    assert rates[-1] > 1.9, f"remainders {remainders}, rates {rates}"
+
+
+def test_central_differences_over_a_sweep_of_steps(sloped):
+    """The difference falls with the step squared until the solver's tolerance takes over."""
+    _, (shape, slope) = sloped(LENS, jnp.asarray(10.0))
+    for k, expected in enumerate([*shape, slope]):
+        direction = jnp.zeros(5).at[k].set(1.0)
+
+        def drag(step, direction=direction):
+            return float(EXACT.drag(LENS + step * direction[:4], 10.0 + step * direction[4]))
+
+        errors = [
+            abs((drag(h) - drag(-h)) / (2 * h) / float(expected) - 1) for h in (2e-2, 5e-3, 1e-3)
+        ]
+        assert errors[0] < 0.1, f"parameter {k}: {errors}"
+        assert errors[1] < errors[0] / 10, f"parameter {k}: {errors}"
+        assert errors[2] < 5e-4, f"parameter {k}: {errors}"
+
+
+@pytest.mark.parametrize("reynolds", [1.0, 40.0])
+def test_quick_slope_has_three_digits(sloped, reynolds):
+    drag, (expected, _) = sloped(LENS, jnp.asarray(reynolds))
+    quick = Flow(SCENE).slope(LENS, reynolds)
+    assert bool(quick.converged)
+    assert float(quick.drag) == pytest.approx(float(drag), rel=1e-5)
+    miss = float(jnp.linalg.norm(quick.gradient - expected) / jnp.linalg.norm(expected))
+    assert miss < 2e-3, f"miss {miss:.1e}"
+
+
+def test_gradient_of_a_solution_is_that_of_the_drag(sloped):
+    drag, (shape, slope) = sloped(LENS, jnp.asarray(20.0))
+    found = EXACT.solve(LENS, 20.0, gradient=True, estimate=False)
+    assert found.drag == pytest.approx(float(drag), rel=1e-9)
+    assert list(found.gradient) == [*SCENE.family.names, "reynolds"]
+    assert np.allclose(list(found.gradient.values()), [*shape, slope], rtol=1e-6)
+
+
+@pytest.fixture(scope="module")
+def driven(cylinder_domain):
+    """A flow driven by a traction that is not the body's."""
+    domain, tight = cylinder_domain, NewtonSettings(tolerance=1e-11, linear_tolerance=1e-8)
+    angle = 2 * np.pi * np.arange(96) / 96
+    cylinder = jnp.asarray(np.stack([-np.cos(angle), np.sin(angle)], axis=1) / 2)
+
+    @jax.jit
+    def start():
+        case = steady.prepare(domain, cylinder, jnp.asarray(20.0))
+        return case, steady.body_flow(domain, case)[0].amplitude
+
+    case, solved = start()
+
+    @jax.jit
+    def drive(amplitude):
+        velocity, info = steady.forced_flow(domain, case, amplitude, settings=tight)
+        state = steady.FlowState(velocity, amplitude)
+        return state, steady.slip_residual(domain, case, state), info.converged
+
+    state, _, converged = drive(0.9 * solved)
+    assert bool(converged)
+    return case, state, lambda amplitude: drive(amplitude)[1]
+
+
+TIGHT = tangent.Effort(1e-6, 60)
+
+
+@pytest.fixture(scope="module")
+def compliance(cylinder_domain, driven):
+    case, state, _ = driven
+    matrix, cost = jax.jit(lambda: tangent.compliance(cylinder_domain, case, state, TIGHT))()
+    assert bool(cost.converged)
+    return matrix
+
+
+def test_compliance_is_the_derivative_of_the_slip(driven, compliance):
+    _, state, slip = driven
+    step = 1e-5 * np.linspace(1, -1, state.amplitude.size)
+    difference = (slip(state.amplitude + step) - slip(state.amplitude - step)) / 2
+    assert np.allclose(difference, compliance @ step, atol=1e-11)
+
+
+def test_slip_adjoint_agrees_with_the_compliance(cylinder_domain, driven, compliance):
+    """And both with a central difference."""
+    case, state, slip = driven
+    weights = jnp.linspace(-1, 2, state.amplitude.size)
+    gradient, _ = jax.jit(
+        lambda: tangent.slip_adjoint(cylinder_domain, case, state, weights, TIGHT)
+    )()
+    assert np.allclose(gradient, compliance.T @ weights, rtol=1e-5, atol=1e-6)
+    step = 1e-5 * np.cos(np.arange(state.amplitude.size))
+    difference = weights @ (slip(state.amplitude + step) - slip(state.amplitude - step)) / 2
+    assert float(gradient @ step) == pytest.approx(float(difference), abs=1e-10)
+
+
+def test_drag_weights_predict_the_newton_step(cylinder_domain, driven):
+    """lambda . y is the drag that one coupled step removes, for the flow a traction drives."""
+    case, state, _ = driven
+
+    @jax.jit
+    def steps():
+        weights, _ = tangent.drag_weights(cylinder_domain, case, state, TIGHT)
+        moved, _ = tangent.coupled_step(cylinder_domain, case, state, TIGHT)
+        return weights, moved.amplitude, steady.slip_residual(cylinder_domain, case, state)
+
+    weights, moved, slip = steps()
+    change = drag_coefficient(moved) - drag_coefficient(state.amplitude)
+    assert float(weights @ slip) == pytest.approx(float(change), rel=1e-5)
