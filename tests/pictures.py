@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 
 from shapeopt.render.mesh import pv
-from surrogate.body.family import PARAMETERS
-from surrogate.scene.scene import Scene
-from surrogate.model.store import scene_record
+from surrogate import Scene
 
 LENS = np.array([2.0, 0.1, -0.05, 0.0])
 
@@ -16,12 +14,12 @@ LENS = np.array([2.0, 0.1, -0.05, 0.0])
 def record_of(scene: Scene, reynolds: float = 20.0, parameters=LENS) -> dict[str, Any]:
     """The record of a run that found ``parameters``."""
     return {
-        "parameters": dict(zip(PARAMETERS, parameters.tolist(), strict=True)),
+        "parameters": scene.family.named(parameters),
         "reynolds": reynolds,
         "cd_start": 2.2,
         "cd_verified": 2.2 - reynolds / 100,
         "surrogate": "none",
-        "scene": scene_record(scene),
+        "scene": scene.record,
         "path": [parameters.tolist()],
     }
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from common import run
+
+from shapeopt.commands.cli import run
 
 ROOT = Path(__file__).parents[1]
 FAMILY = ["--aspect", "2", "--beta2", "0.1"]
@@ -26,11 +27,35 @@ def answer(capsys, script, *arguments):
     return json.loads(captured.out.splitlines()[-1])
 
 
+TINY = """
+stream = "tunnel:12"
+reynolds = [5, 45]
+[family]
+aspect = [1, 3]
+beta2 = [-0.2, 0.2]
+[fidelity]
+name = "tiny"
+cells = 8
+upstream = 2.5
+downstream = 4
+height = 4
+harmonics = 5
+"""
+
+
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """A surrogate by the real command, on a budget of a few seconds."""
+def scene(tmp_path_factory):
+    """A scene in a file: a tunnel, two parameters, small enough for a test."""
+    path = tmp_path_factory.mktemp("scenes") / "tunnel.toml"
+    path.write_text(TINY)
+    return path
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, scene):
+    """A surrogate by the real command."""
     folder = tmp_path_factory.mktemp("trained") / "sip"
-    arguments = ["--method", "sip", "--preset", "quick", "--budget-seconds", "2", "--out", folder]
+    arguments = ["--method", "sip", "--scene", scene, "--samples", "24", "--out", folder]
     assert call("train_surrogate", *arguments) == 0
     return folder
 
@@ -65,35 +90,28 @@ def test_solve_drag_of_contours(capsys, tmp_path):
 
 
 def test_train_predict_optimise_render(capsys, trained, tmp_path):
+    """A scene of one's own from its file to a picture: a tunnel, bounds, a verified optimum."""
     record = json.loads((trained / "surrogate.json").read_text())
     for key in ("scene", "method", "seed", "versions", "drag_error_mean", "command"):
         assert key in record
-    assert record["drag_error_mean"] < 0.1
+    assert record["scene"]["stream"] == "tunnel:12.0"
+    assert record["samples"] == 24
+    assert record["drag_error_mean"] < 0.05
     assert not list(trained.parent.glob("*.checkpoint*"))
 
-    result = answer(
-        capsys, "predict_drag", "--surrogate", trained, *FAMILY, "--reynolds", "5,20", "--certify"
-    )
-    for row in result["results"]:
+    arguments = ["--surrogate", trained, *FAMILY, "--reynolds", "10,20", "--verify"]
+    for row in answer(capsys, "predict_drag", *arguments)["results"]:
         assert row["in_trained_range"]
-        assert row["cd"] == pytest.approx(row["cd_corrected"], rel=0.2)
-        assert row["by"] == "body flow"  # the flows that ship are of another grid
-
-    answer(capsys, "reduce_flow", "--bodies", "64", "--out", tmp_path / "flows.npz")
-    arguments = ["--surrogate", trained, "--flows", tmp_path / "flows.npz", "--certify"]
-    again = answer(capsys, "predict_drag", *arguments, *FAMILY, "--reynolds", "5,20")
-    for quick, solved in zip(again["results"], result["results"], strict=True):
-        assert quick["by"] == "reduced flow"
-        assert quick["cd_corrected"] == pytest.approx(solved["cd_corrected"], rel=1e-3)
-        spent, whole = (r["certificate_green_applications"] for r in (quick, solved))
-        assert spent < whole / 3
+        assert row["cd"] == pytest.approx(row["cd_flow"], rel=0.1)
+        assert row["error"] == pytest.approx(abs(row["cd"] / row["cd_flow"] - 1))
+        assert row["status"] in ("accurate", "degraded")
 
     out = tmp_path / "run"
     arguments = ["--surrogate", trained, "--reynolds", "20", "--out", out, "--max-length", "1.6"]
     result = answer(capsys, "optimize_shape", *arguments)
     assert set(result) >= {
         *("parameters", "cd_start", "cd_surrogate", "cd_verified", "calls", "loop_s", "verify_s"),
-        *("contour", "converged"),
+        *("contour", "converged", "flows", "green_applications", "kkt_residual", "status"),
     }
     assert result["converged"]
     assert result["cd_verified"] < result["cd_start"]
@@ -105,40 +123,87 @@ def test_train_predict_optimise_render(capsys, trained, tmp_path):
         picture = answer(capsys, "render_shapes", "--runs", out, "--out", tmp_path / name)["out"]
         assert Path(picture).stat().st_size > 5000
 
+    page = answer(capsys, "explore", "--surrogate", trained, "--out", tmp_path / "page.html")
+    assert page["bytes"] == (tmp_path / "page.html").stat().st_size
 
-def test_several_reynolds_numbers_polished(capsys, trained, tmp_path):
-    arguments = ["--surrogate", trained, "--reynolds", "5,40", "--weights", "1,3", "--polish"]
-    result = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "run")
+
+def test_several_reynolds_numbers_to_the_flows_optimum(capsys, trained, tmp_path):
+    arguments = ["--surrogate", trained, "--reynolds", "6,40", "--weights", "1,3"]
+    result = answer(
+        capsys, "optimize_shape", *arguments, "--until", "flow", "--out", tmp_path / "run"
+    )
     assert result["cd_start"] == pytest.approx(1.0)
     ratios = [case["cd_verified"] / case["cd_start"] for case in result["cases"]]
     assert result["cd_verified"] == pytest.approx(np.average(ratios, weights=[1, 3]))
-    assert result["cd_verified"] <= result["cd_before_polish"] + 1e-9
     assert result["kkt_residual"] <= 1e-3
-    assert result["polish_calls"] % 2 == 0
+    assert result["flows"] % 2 == 0
+    assert result["green_applications"] > 20 * result["flows"]
     assert result["reynolds"] == 40
 
 
 def test_refinement_closes_the_gap(capsys, trained, tmp_path):
-    """Optima of a quick surrogate, and the same surrogate trained on around them."""
+    """The optimum of a quick surrogate, and the same surrogate trained on around it."""
     run_folder = tmp_path / "run"
-    answer(capsys, "optimize_shape", "--surrogate", trained, "--reynolds", "1", "--out", run_folder)
+    answer(capsys, "optimize_shape", "--surrogate", trained, "--reynolds", "5", "--out", run_folder)
     arguments = ["--surrogate", trained, "--runs", run_folder, "--out", tmp_path / "refined"]
     result = answer(capsys, "refine_surrogate", *arguments, "--tolerance", "1e-6")
-    # how good a training of a few seconds is depends on the machine: a tiny gap may stay
-    assert result["gap_after"] < max(0.8 * result["gap_before"], 1e-3)
-    before = json.loads((trained / "surrogate.json").read_text())
-    assert result["drag_error_mean"] < 1.2 * before["drag_error_mean"]
+    assert result["gap_after"] < max(0.8 * result["gap_before"], 2e-3)
     record = json.loads((tmp_path / "refined" / "surrogate.json").read_text())
     assert len(record["added"][1]) == result["samples_added"]
     assert call("refine_surrogate", *arguments[:-1], tmp_path / "x", "--tolerance", "1") == 2
 
 
-def test_optimise_directly(capsys, tmp_path):
-    arguments = ["--surrogate", "none", "--fidelity", "draft", "--reynolds", "40"]
+def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path):
+    arguments = ["--surrogate", "none", "--scene", scene, "--reynolds", "40"]
     result = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "direct")
-    assert result["cd_direct"] == pytest.approx(result["cd_verified"], rel=1e-6)
-    assert result["cd_verified"] < 0.78 * result["cd_start"]
+    assert result["cd_verified"] < 0.85 * result["cd_start"]
     assert result["cd_surrogate"] is None
+    assert result["flows"] > 1
+
+
+def test_march(capsys, tmp_path):
+    arguments = ["--aspect", "1", "--reynolds", "20", "--time", "5", "--height", "6"]
+    result = answer(capsys, "march_flow", *arguments, "--out", tmp_path / "march")
+    assert result["cd"] == pytest.approx(result["cd_steady"], rel=0.2)
+    assert Path(result["gif"]).read_bytes().startswith(b"GIF8")
+
+
+def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
+    """The README's main job, tiny: four trainings, designs by each, tables and pictures."""
+    out = tmp_path / "payoff"
+    arguments = ["--scene", scene, "--samples", "16", "--queries", "3", "--out", out]
+    result = answer(capsys, "payoff", *arguments)
+    assert {row["method"] for row in result["payoff"]} == {"dp", "sip", "hig", "supervised"}
+    assert all(np.isfinite(row["gap_mean"]) for row in result["payoff"])
+    assert Path(result["shapes"]).exists()
+    assert Path(result["plot"]).exists()
+    before = (out / "sip" / "weights.eqx").stat().st_mtime_ns
+    (out / "sip" / "notes.txt").write_text("mine")
+    again = answer(capsys, "payoff", *arguments)
+    assert (out / "sip" / "weights.eqx").stat().st_mtime_ns == before
+    assert (out / "sip" / "notes.txt").exists()
+    assert again["designs"] == result["designs"]
+
+
+def test_entry_point(capsys, monkeypatch):
+    """The installed package's one command gives the same answers and refusals."""
+    from shapeopt.commands.entry import COMMANDS, main
+
+    def entered(*words):
+        monkeypatch.setattr(sys, "argv", ["drag-surrogates", *words])
+        status = main()
+        return status, capsys.readouterr()
+
+    status, printed = entered("predict", "--aspect", "2", "--reynolds", "20", "--json")
+    assert status == 0
+    assert json.loads(printed.out)["results"][0]["cd"] > 1
+    status, printed = entered("fly")
+    assert (status, printed.out) == (2, "")
+    assert len(printed.err.splitlines()) == 1
+    status, printed = entered("--help")
+    assert status == 0
+    assert all(name in printed.out for name in COMMANDS)
+    assert len(COMMANDS) == len(list((ROOT / "scripts").glob("*.py")))
 
 
 def test_pretrained_optimum_beats_the_cylinder_by_a_quarter(capsys, tmp_path):
@@ -157,7 +222,7 @@ MISTAKES = {  # and what the answer must say
     f"solve_drag {BODY} --reynolds 100": "Reynolds number 100: bluff bodies shed",  # sheds vortices
     "solve_drag --aspect nan --reynolds 10": "body: every shape parameter must be",
     "solve_drag --aspect two --reynolds 10": "argument --aspect: invalid float value: 'two'",
-    "solve_drag --aspect 2 --beta2 0.9 --reynolds 10": "beta2 to beta4 = 0.9",
+    "solve_drag --aspect 2 --beta2 0.9 --reynolds 10": "beta2 0.9 make the contour",
     "solve_drag --contour {crossing} --reynolds 10": "contour: it crosses or touches itself",
     "solve_drag --contour {missing} --reynolds 10": "cannot be read",
     "solve_drag --aspect 2 --naca 0012 --reynolds 10": "body: give exactly one of --aspect",
@@ -167,8 +232,6 @@ MISTAKES = {  # and what the answer must say
     "march_flow --aspect 1 --reynolds 20 --time 0 --out {folder}/x": "--time 0: from 5 to 2000",
     "march_flow --aspect 1 --reynolds 0.01 --out {folder}/x": "--reynolds 0.01: a march",
     "march_flow --aspect 20 --reynolds 20 --out {folder}/x": "can be marched",
-    "measure_network --batch 0": "--batch 0: from 1 to 1000000",
-    "measure_hig --batch -1 --out {folder}/x": "--batch: from 1 to 512",
     "render_shapes --runs {damaged} --out {folder}/y.png": "must name a file that ends",
     "solve_drag --reynolds 10": "body: give exactly one of --aspect",
     f"solve_drag {BODY}": "the following arguments are required: --reynolds",
@@ -186,7 +249,7 @@ MISTAKES = {  # and what the answer must say
     f"predict_drag --surrogate {{missing}} {BODY} --reynolds 9": "no such folder",
     f"predict_drag --surrogate {{damaged}} {BODY} --reynolds 9": "damaged or",
     f"predict_drag --surrogate pretrained {BODY} --reynolds 0": "Reynolds number 0: must be a",
-    "predict_drag --surrogate pretrained --aspect 2 --beta2 0.9 --reynolds 9": "beta4 = 0.9",
+    "predict_drag --surrogate pretrained --aspect 2 --beta2 0.9 --reynolds 9": "beta2 0.9 make",
     "predict_drag --surrogate pretrained --reynolds 9": "body: --aspect is needed",
     f"{OPTIMISE} --reynolds 45": "Reynolds number 45: the scene covers",  # not trained there
     f"{OPTIMISE} --reynolds nan": "Reynolds number nan: must be a",
@@ -201,13 +264,12 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 20 --tolerance 0.5": "tolerance 0.5: from 0 to 0.1",
     f"{OPTIMISE} --reynolds 20 --thickness-at 0.5": "--thickness-at '0.5': x/c:thickness",
     f"{OPTIMISE} --reynolds 20 --thickness-at 1.5:0.2": "station x/c = 1.5: between 0",
-    f"{OPTIMISE} --reynolds 20 --range length=1:2": "--range 'length=1:2': of aspect",
+    f"{OPTIMISE} --reynolds 20 --range length=1:2": "range of length: the family has",
     f"{OPTIMISE} --reynolds 20 --range aspect=1:9": "range of aspect 1 to 9:",
     f"{OPTIMISE} --reynolds 20 --range aspect=nan:2": "range of aspect nan to 2:",
     f"{OPTIMISE} --reynolds 20 --trust 0.5": "trust 0.5: from 0 to below",
     f"{OPTIMISE} --reynolds 20 --trust 0.1 --range aspect=1:1.1": "aspect: its range and trust 0.1",
     f"{OPTIMISE} --reynolds 20 --min-radius 2": "min radius 2: every body of",
-    "optimize_shape --surrogate none --polish --reynolds 20 --out {folder}/x": "--polish: belongs",
     "refine_surrogate --surrogate pretrained --runs {missing} --out {folder}/x": "no run.json",
     "refine_surrogate --surrogate pretrained --runs {damaged} --out {folder}/x": "is damaged",
     "refine_surrogate --surrogate {damaged} --runs {missing} --out {folder}/x": "damaged or",
@@ -216,19 +278,20 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 40 --min-thickness 3": "min thickness 3: every body of",
     f"{OPTIMISE} --reynolds 40 --max-length 1.2 --range aspect=2:4": "max length 1.2 and ranges of",
     f"{OPTIMISE} --reynolds 40 --fidelity draft": "--fidelity: belongs to --surrogate none",
+    f"{OPTIMISE} --reynolds 40 --scene {{crossing}}": "--scene: belongs to --surrogate none",
+    "optimize_shape --surrogate none --reynolds 40 --scene {missing} --out {folder}/x": "cannot be",
+    "optimize_shape --surrogate none --until surrogate --reynolds 9 --out {folder}/x": "--until",
+    "train_surrogate --method hig --scene {crossing} --out {folder}/x": "is not TOML",
+    "train_surrogate --method hig --samples 2 --out {folder}/x": "samples 2: a whole number from 4",
+    "payoff --scene {missing} --out {folder}/x": "cannot be read",
+    "payoff --preset quick --out {folder}": "is not empty and has no payoff.json",
+    "predict_drag --aspect 2 --beta7 0.1 --reynolds 9": "beta7 is none of the family's",
     "optimize_shape --surrogate {damaged} --reynolds 40 --out {folder}/x": "damaged or",
     "optimize_shape --surrogate pretrained --reynolds 40 --out {folder}": "is not empty and has no",
     "render_shapes --runs {missing} --out {folder}/x.png": "no run.json",
     "render_shapes --runs {damaged} --out {folder}/x.png": "run.json is damaged",
     "render_shapes --runs {damaged} --out {folder}/x.bmp": "must name a file that ends",
     "payoff --preset huge --out {folder}/x": "invalid choice: 'huge'",
-    "reduce_flow --bodies 4 --out {folder}/x.npz": "--bodies 4: from 32 to 4096",
-    "reduce_flow --out {folder}/x": "must name a file that ends",
-    f"predict_drag --certify --flows {{missing}} {BODY} --reynolds 9": "no such file",
-    f"predict_drag --flows {{missing}} {BODY} --reynolds 9": "--flows: is for --certify quick",
-    "measure_training --gradients 0 --out {folder}/x": "--gradients 0: from 1 to 48",
-    "measure_training --preset quick --seeds 1 --out {damaged}": "rows.json: is damaged",
-    f"predict_drag --certify --flows {{crossing}} {BODY} --reynolds 9": "damaged",
 }
 
 
@@ -239,7 +302,7 @@ def test_mistakes_get_exit_2_and_one_clear_line(capsys, tmp_path, mistake, answe
     (tmp_path / "y.png").mkdir()
     damaged = tmp_path / "damaged"
     damaged.mkdir()
-    for name in ("surrogate.json", "weights.npz", "run.json", "rows.json"):
+    for name in ("surrogate.json", "weights.eqx", "run.json"):
         (damaged / name).write_text("{}")
     names = {
         "crossing": tmp_path / "eight.csv",
@@ -278,12 +341,3 @@ def test_scripts_start_from_anywhere(tmp_path):
     assert done.returncode == 2
     assert done.stderr.strip().splitlines() == [done.stderr.strip()]
     assert done.stdout == ""
-
-
-@pytest.mark.slow
-def test_payoff_quick(capsys, tmp_path):
-    result = answer(capsys, "payoff", "--preset", "quick", "--out", tmp_path / "payoff")
-    assert {row["method"] for row in result["payoff"]} == {"dp", "sip", "hig", "supervised"}
-    assert all(row["drag_error_mean"] < 0.05 for row in result["payoff"])
-    assert Path(result["shapes"]).exists()
-    assert Path(result["plot"]).exists()

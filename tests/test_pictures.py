@@ -11,47 +11,42 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import render_shapes
-from common import run
 from pictures import LENS, pixels, record_of
 
+from shapeopt import Problem, optimise, save_run, verify
+from shapeopt.commands.cli import run
 from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.render.mesh import flow_mesh, pv, solid
-from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.pictures import Panel, render_evolution, render_flows
-from shapeopt.runs import load_run, save_run
+from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after
-from surrogate.flow.loads.surface import Surface, solve_surface, surface_of
-from surrogate.body.family import ellipse, family_markers
-from surrogate.flow.grid.domain import make_domain
-from surrogate.flow.flow import solve
+from surrogate import Family, Fidelity, Flow, Scene, family_shape
 from surrogate.flow.grid.immersed import outward
-from surrogate.scene.scene import Fidelity, Unbounded
 
+FAMILY = Family()
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
-def flows(cylinder_domain):
-    """The cylinder and an ellipse that fits the same box, solved at Re 20."""
-    bodies = (ellipse(1.0), ellipse(1.5))
-    markers = [np.asarray(family_markers(jnp.asarray(body), 96)) for body in bodies]
-    return [(m, solve(cylinder_domain, jnp.asarray(m), jnp.asarray(20.0))) for m in markers]
+def flows(tiny_scene):
+    """The cylinder and an ellipse, solved at Re 20."""
+    flow = Flow(tiny_scene)
+    return [flow.solve(FAMILY.ellipse(aspect), 20.0, estimate=False) for aspect in (1.0, 1.5)]
 
 
 @pytest.fixture(scope="module")
-def surfaces(cylinder_domain, flows):
-    return tuple(surface_of(cylinder_domain, m, solution, m, 20.0) for m, solution in flows)
+def surfaces(flows):
+    return tuple(solution.surface(96) for solution in flows)
 
 
 def test_surface_loads_add_up_to_the_drag():
     """Integrated pressure and friction against the drag of the zeroth mode."""
-    domain = make_domain(Unbounded(), Fidelity("fine near", 16, 2.5, 4, 4), (2.0, 1.0), True)
-    markers = family_markers(jnp.asarray(LENS), domain.nodes)
-    solution = solve(domain, markers, jnp.asarray(20.0))
-    surface = surface_of(domain, markers, solution, markers, 20.0)
-    normal = np.asarray(outward(markers))
+    scene = Scene(fidelity=Fidelity("fine near", 16, 3.0, 4, 4))
+    solution = Flow(scene).solve(family_shape(FAMILY.named(LENS)), 20.0, estimate=False)
+    surface = solution.surface()
+    normal = np.asarray(outward(jnp.asarray(surface.markers)))
     loads = -surface.cp * normal[:, 0] + surface.cf * normal[:, 1]
-    assert 2 * np.pi * loads.mean() == pytest.approx(float(solution.coefficients.drag), rel=0.05)
+    assert 2 * np.pi * loads.mean() == pytest.approx(solution.drag, rel=0.05)
 
 
 def test_surface_pressure_of_the_cylinder(surfaces):
@@ -65,8 +60,12 @@ def test_surface_pressure_of_the_cylinder(surfaces):
 
 
 def test_solid_is_watertight_with_outward_normals(tmp_path):
-    for parameters in (ellipse(1.0), LENS, np.array([1.2, 0.3, 0.2, 0.1])):  # the last has a waist
-        markers = np.asarray(family_markers(jnp.asarray(parameters), 200))
+    for parameters in (
+        FAMILY.ellipse(1.0),
+        LENS,
+        np.array([1.2, 0.3, 0.2, 0.1]),
+    ):  # the last has a waist
+        markers = np.asarray(FAMILY.markers(jnp.asarray(parameters), 200))
         for mesh in (solid(markers, 2.0), pv.read(write_solid_stl(markers, tmp_path / "b.stl", 2))):
             assert mesh.n_open_edges == 0
             assert mesh.is_manifold
@@ -91,22 +90,20 @@ def test_contour_files_carry_the_loads(surfaces, tmp_path):
     np.testing.assert_allclose(rows, surface.markers, atol=1e-9)
 
 
-def test_a_run_is_saved_with_all_its_files(tiny_scene, tmp_path):
-    save_run(tmp_path / "run", record_of(tiny_scene), LENS)
-    names = {path.name for path in (tmp_path / "run").iterdir()}
+def test_a_run_is_saved_with_all_its_files(flows, runs):
+    names = {path.name for path in (runs / "re20").iterdir()}
     assert names == {"run.json", "contour.csv", "contour.vtp", "body.stl"}
-    mesh = pv.read(tmp_path / "run" / "contour.vtp")
-    expected = solve_surface(tiny_scene, LENS, 20.0)
+    mesh = pv.read(runs / "re20" / "contour.vtp")
+    record = json.loads((runs / "re20" / "run.json").read_text())
+    body = np.array(list(record["parameters"].values()))
+    expected = Flow(Scene.of(record["scene"])).solve(body, 20.0, estimate=False).surface()
     np.testing.assert_allclose(mesh["Cp"], expected.cp, atol=1e-12)
     np.testing.assert_allclose(mesh["Cf"], expected.cf, atol=1e-12)
-    assert load_run(tmp_path / "run")["reynolds"] == 20
 
 
-def test_stream_function_gives_back_the_velocity(cylinder_domain, flows):
+def test_stream_function_gives_back_the_velocity(flows):
     """Its differences are the flux through the cells' faces; it is level in the body."""
-    lattice = cylinder_domain.lattice.unfolded
-    velocity = np.array(cylinder_domain.lattice.unfold(flows[0][1].state.velocity))
-    velocity[0] += 1
+    lattice, velocity = flows[0].domain.lattice.unfolded, flows[0].velocity
     mesh = flow_mesh(lattice, velocity)
     nx, ny, _ = mesh.dimensions
     stream = mesh["stream function"].reshape(ny, nx).T
@@ -117,10 +114,10 @@ def test_stream_function_gives_back_the_velocity(cylinder_domain, flows):
     assert np.abs(mesh["stream function"][inside]).max() < 0.02
 
 
-def test_flow_pictures_show_their_bodies(cylinder_domain, flows, tmp_path):
+def test_flow_pictures_show_their_bodies(flows, tmp_path):
     sheets = []
-    for k, (markers, solution) in enumerate(flows):
-        panel = Panel(cylinder_domain, markers, solution, "Re 20", "small print")
+    for k, solution in enumerate(flows):
+        panel = Panel(solution, "Re 20", "small print")
         sheets.append(pixels(render_flows([[panel, panel]], tmp_path / f"{k}.png")))
     (size, first), (other_size, second) = sheets
     assert size == other_size
@@ -132,20 +129,20 @@ def test_flow_pictures_show_their_bodies(cylinder_domain, flows, tmp_path):
 
 
 def test_plots_of_bodies_differ_with_the_bodies(tiny_scene, surfaces, tmp_path):
-    records = [record_of(tiny_scene, 5.0), record_of(tiny_scene, 20.0, ellipse(1.5))]
+    records = [record_of(tiny_scene, 5.0), record_of(tiny_scene, 20.0, FAMILY.ellipse(1.5))]
     family = pixels(plot_family(records, tmp_path / "family.png"))
     other = pixels(plot_family([records[0], record_of(tiny_scene)], tmp_path / "other.png"))
     assert family[0] == other[0]
     assert np.any(family[1] != other[1], axis=1).mean() > 0.001
     loads = pixels(plot_surfaces([(records[0], surfaces)], tmp_path / "loads.png"))
-    swapped = Surface(*surfaces[1])._replace(cp=surfaces[0].cp)
+    swapped = surfaces[1]._replace(cp=surfaces[0].cp)
     again = pixels(plot_surfaces([(records[0], (surfaces[0], swapped))], tmp_path / "again.png"))
     assert np.any(loads[1] != again[1], axis=1).mean() > 0.001
 
 
 def test_evolution_has_a_frame_for_every_step(tmp_path):
-    bodies = np.array([ellipse(1.0), LENS, ellipse(3.0)])
-    gif = render_evolution(bodies, ["start", "then", "end"], tmp_path / "evolution.gif")
+    bodies = np.array([FAMILY.ellipse(1.0), LENS, FAMILY.ellipse(3.0)])
+    gif = render_evolution(FAMILY, bodies, ["start", "then", "end"], tmp_path / "evolution.gif")
     frames = imageio.imread(gif)
     distinct = {frame.tobytes() for frame in frames}
     assert len(distinct) == 3
@@ -156,18 +153,14 @@ SILENT = """
 import sys
 import numpy as np
 from shapeopt.render.pictures import Panel, render_evolution, render_flows
-from surrogate.body.family import ellipse, family_markers
-from surrogate.flow.grid.domain import make_domain
-from surrogate.flow.flow import Solution
-from surrogate.flow.solver.steady import FlowState
-from surrogate.scene.scene import FIDELITIES, Unbounded
+from surrogate import Family, Fidelity, Flow, Scene
 
-domain = make_domain(Unbounded(), FIDELITIES["draft"], (1.5, 1.5), symmetric=True)
-undisturbed = FlowState(np.zeros((2, *domain.lattice.shape)), np.zeros(domain.modes.count))
-markers = np.asarray(family_markers(ellipse(1.0), 96))
-panel = Panel(domain, markers, Solution(undisturbed, None, None), "Re 20")
+family = Family()
+flow = Flow(Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5)))
+panel = Panel(flow.solve(family.ellipse(1.0), 20.0, estimate=False), "Re 20")
 render_flows([[panel, panel]], sys.argv[1] + "/flows.png")
-render_evolution(np.array([ellipse(1.0), ellipse(2.0)]), ["a", "b"], sys.argv[1] + "/e.gif")
+bodies = np.array([family.ellipse(1.0), family.ellipse(2.0)])
+render_evolution(family, bodies, ["a", "b"], sys.argv[1] + "/e.gif")
 """
 
 
@@ -190,7 +183,9 @@ def test_rendering_is_silent_without_a_display(tmp_path):
 def runs(tiny_scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     for reynolds in (5.0, 20.0):
-        save_run(folder / f"re{reynolds:g}", record_of(tiny_scene, reynolds), LENS)
+        problem = Problem(tiny_scene, reynolds, max_length=1.5)
+        design = optimise(problem, Flow(tiny_scene))
+        save_run(folder / f"re{reynolds:g}", problem, design, verify(problem, design.parameters))
     (folder / "bare").mkdir()
     bare = record_of(tiny_scene) | {"cd_verified": None}
     (folder / "bare" / "run.json").write_text(json.dumps(bare))
@@ -226,9 +221,8 @@ def test_mistakes_with_sheets_get_one_clear_line(runs, mistake, tmp_path, capsys
 
 def test_captions_say_what_is_known(tiny_scene):
     before, after = before_and_after(record_of(tiny_scene))
-    drag = float(after.solution.coefficients.drag)
     assert before.title.startswith("Re 20 ")
-    assert f"Cd {drag:.4f}" in after.title
+    assert f"Cd {after.solution.drag:.4f}" in after.title
     assert after.note == "found by the flow's adjoint, verified by the flow"
     unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
     assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"

@@ -1,4 +1,4 @@
-"""Shape optimisation, payoff arithmetic, and pictures that are not blank."""
+"""Shape optimisation by both models, verification, runs, payoff arithmetic."""
 
 import dataclasses
 import math
@@ -7,30 +7,28 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from shapeopt.problem.constraints import margins
-from surrogate.body.measures import chord, thickness
-from shapeopt.search.optimise import optimise
-from shapeopt.payoff.payoff import Campaign, Cost, Design, break_even, payoff
+import shapeopt
+from shapeopt import LogNormal, Problem, Robust, load_run, optimise, save_run, verify
+from shapeopt.payoff.payoff import Answer, Bill, Campaign, break_even, payoff
 from shapeopt.payoff.plot import plot_payoff
-from shapeopt.problem.problem import Problem
 from shapeopt.payoff.queries import query_stream
-from shapeopt.render.pictures import pv
-from shapeopt.search.verify import verify
-from surrogate.body.family import family_markers
-from surrogate.errors import InvalidInput
-from surrogate.scene.scene import Tunnel
-from surrogate.model.store import load_surrogate
+from shapeopt.problem.conflicts import candidates
+from shapeopt.problem.constraints import margins
+from shapeopt.render.mesh import pv
+from shapeopt.runs import verified_bodies
+from surrogate import Family, Flow, InvalidInput, Tunnel, load
+from surrogate.body.measures import chord, thickness
 
 
 @pytest.fixture(scope="module")
 def pretrained():
-    return load_surrogate("pretrained")
+    return load("pretrained")
 
 
 def test_optimum_is_no_worse_than_any_candidate(pretrained):
     problem = Problem(pretrained.scene, 20.0)
     optimum = optimise(problem, pretrained)
-    drags = [float(pretrained.drag(jnp.asarray(p), 20.0)) for p in problem.candidates()[::50]]
+    drags = [float(pretrained.drag(jnp.asarray(p), 20.0)) for p in candidates(problem)[::50]]
     assert optimum.drag <= min(drags) + 1e-9
     assert optimum.calls > len(drags)
 
@@ -57,16 +55,16 @@ def test_constraints_hold_at_the_optimum(pretrained, length, thick):
 
 def test_measures_of_a_body():
     body = jnp.array([4.0, 0, 0, 0])
-    markers = np.asarray(family_markers(body, 400))
+    markers = np.asarray(Family().markers(body, 400))
     assert float(chord(body)) == pytest.approx(np.ptp(markers[:, 0]))
-    assert float(thickness(body)) == pytest.approx(np.ptp(markers[:, 1]))
+    assert float(thickness(body, Family().modes)) == pytest.approx(np.ptp(markers[:, 1]))
 
 
 def test_impossible_problems_name_the_constraint(pretrained):
     with pytest.raises(InvalidInput, match="max length"):
-        Problem(pretrained.scene, 20.0, max_length=0.5).candidates()
+        candidates(Problem(pretrained.scene, 20.0, max_length=0.5))
     with pytest.raises(InvalidInput, match="min thickness 3"):
-        Problem(pretrained.scene, 20.0, min_thickness=3.0).candidates()
+        candidates(Problem(pretrained.scene, 20.0, min_thickness=3.0))
     with pytest.raises(InvalidInput, match="covers 1 to 40"):
         Problem(pretrained.scene, 41.0)
 
@@ -78,10 +76,10 @@ def test_break_even():
 
 def example_payoffs():
     designs = [
-        Design(Cost(1, 10), 1.01, Cost(3, 110), 1.0),
-        Design(Cost(1, 10), 1.03, Cost(5, 90), 1.0),
+        Answer(Bill(1, 10), 1.01, Bill(3, 110), 1.0),
+        Answer(Bill(1, 10), 1.03, Bill(5, 90), 1.0),
     ]
-    return [payoff("sip", [Campaign(Cost(30, 900), 0.01, 0.02, designs)])]
+    return [payoff("sip", [Campaign(Bill(30, 900), 0.01, 0.02, designs)])]
 
 
 def test_payoff_of_known_designs():
@@ -98,12 +96,14 @@ def test_queries_are_solvable_and_repeat(pretrained):
     first, again = (query_stream(pretrained.scene, 3, 4) for _ in range(2))
     assert [q.reynolds for q in first] == [q.reynolds for q in again]
     assert len({q.reynolds for q in first}) == 4
-    assert all(len(q.candidates()) for q in first)
+    assert all(len(candidates(q)) for q in first)
 
 
 def test_payoff_plot_names_its_axes(tmp_path, monkeypatch):
     figures = []
-    monkeypatch.setattr("shapeopt.plot.plt.close", figures.append)
+    monkeypatch.setattr(
+        "shapeopt.payoff.plot.save_figure", lambda f, path: figures.append(f) or path
+    )
     plot_payoff(example_payoffs(), tmp_path / "payoff.png")
     labels = [axis.get_ylabel() for axis in figures[0].axes]
     assert labels == ["cumulative wall seconds", "cumulative applications of G"]
@@ -113,8 +113,67 @@ def test_what_does_not_fit_the_scene_is_refused(pretrained):
     elsewhere = dataclasses.replace(pretrained.scene, stream=Tunnel(16.0))
     with pytest.raises(InvalidInput, match="different scenes"):
         optimise(Problem(elsewhere, 20.0), pretrained)
+    with pytest.raises(InvalidInput, match="no drag model"):
+        optimise(Problem(pretrained.scene, 20.0), "pretrained")
+    with pytest.raises(InvalidInput, match="'surrogate' or 'flow'"):
+        optimise(Problem(pretrained.scene, 20.0), pretrained, until="dawn")
     with pytest.raises(InvalidInput, match="reaches beyond"):
-        verify(pretrained.scene, np.array([9.0, 0.0, 0.0, 0.0]), 20.0)
+        verify(Problem(pretrained.scene, 20.0), np.array([9.0, 0.0, 0.0, 0.0]))
+
+
+def test_front_door():
+    assert dir(shapeopt) == sorted(shapeopt.__all__)
+    for name in shapeopt.__all__:
+        assert getattr(shapeopt, name).__doc__
+
+
+@pytest.fixture(scope="module")
+def designed(tiny_scene):
+    """A design on the flow, at two Reynolds numbers, and what the flow says of it."""
+    objective = Robust(20.0, LogNormal(0.2), samples=2)
+    problem = Problem(tiny_scene, objective, max_length=1.5)
+    design = optimise(problem, Flow(tiny_scene))
+    return problem, design, verify(problem, design.parameters)
+
+
+def test_verification_carries_status_and_estimated_error(designed):
+    problem, design, verified = designed
+    assert verified.objective == pytest.approx(design.objective, rel=1e-5)
+    assert verified.status == "degraded"  # so coarse a grid has no coarser one to compare with
+    assert verified.estimated_error is None
+    assert {s.status for s in verified.solutions} == {"degraded"}
+    assert verified.cylinder_objective > verified.objective
+    assert design.drag == pytest.approx(float(Flow(problem.scene).drag(design.parameters, 20.0)))
+
+
+def test_a_run_is_saved_and_loaded_and_strangers_files_stay(designed, tmp_path):
+    problem, design, verified = designed
+    folder = tmp_path / "run"
+    record = save_run(folder, problem, design, verified)
+    assert load_run(folder) == record
+    assert record["cd_verified"] == verified.objective
+    assert [case["status"] for case in record["cases"]]
+    assert len(verified_bodies(record)) == 2
+    (folder / "notes.txt").write_text("mine")
+    (folder / "sub").mkdir()
+    save_run(folder, problem, design)
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert (folder / "sub").is_dir()
+    assert load_run(folder)["cd_verified"] is None
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("mine")
+    with pytest.raises(InvalidInput, match="not empty"):
+        save_run(tmp_path / "thesis", problem, design)
+
+
+def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
+    ranges = {f"beta{k}": (-0.05, 0.05) for k in range(2, 9)}
+    scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1.0, 3.0), **ranges))
+    design = optimise(Problem(scene, 20.0, max_length=1.5), Flow(scene))
+    assert len(design.parameters) == 8
+    assert design.kkt_residual <= 1e-3
+    assert design.drag < design.start
+    assert float(chord(design.parameters)) <= 1.5 + 1e-6
 
 
 def test_payoff_plot_is_not_blank(tmp_path, capfd):

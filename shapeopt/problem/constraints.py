@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.family import ROOMY, opening
-from surrogate.body.measures import chord, radii, thickness, thickness_at
+from surrogate.body.measures import chord, least, radii, thickness, thickness_at
 
 
 class Station(NamedTuple):
@@ -47,7 +47,7 @@ def margins(
     stations = jax.vmap(lambda s: thickness_at(parameters, modes, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
-            jnp.min(openings, keepdims=True) - ROOMY,
+            least(openings)[None] - ROOMY,
             jnp.stack([limits.max_length - chord(parameters)]),
             jnp.stack([thickness(parameters, modes) - limits.min_thickness]),
             stations,

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray
-from surrogate.body.measures import moments
+from surrogate.body.measures import least, moments
 from surrogate.checks import interval
 from surrogate.errors import InvalidInput
 
@@ -188,7 +188,7 @@ def opening(
     """Least y / (b sin t) over the body: it crosses itself where this is not positive."""
     c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
     waves = np.array([eval_chebyu(k - 1, c) for k in modes]).reshape(len(modes), c.size)
-    return jnp.min(1 + jnp.asarray(parameters)[1:] @ waves)
+    return least(1 + jnp.asarray(parameters)[1:] @ waves)
 
 
 def family_markers(

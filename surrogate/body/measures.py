@@ -46,7 +46,7 @@ def chord(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
 
 def thickness(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Float[AnyArray, ""]:
     """Greatest thickness across the stream."""
-    return 2 * jnp.max(_height(parameters, modes, ANGLES))
+    return 2 * -least(-_height(parameters, modes, ANGLES))
 
 
 def thickness_at(
@@ -63,7 +63,12 @@ def radii(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Radii:
     x1, x2 = half * np.sin(t), half * np.cos(t)
     y1, y2 = _height(parameters, modes, t, 1), _height(parameters, modes, t, 2)
     curvature = jnp.abs(x1 * y2 - y1 * x2) / (x1**2 + y1**2 + 1e-12) ** 1.5
-    return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, 1 / jnp.max(curvature[1:-1]))
+    return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, -1 / least(-curvature[1:-1]))
+
+
+def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:
+    """The least value; its derivative is one value's, where that of a minimum can be 0 / 0."""
+    return values[jnp.argmin(values)]
 
 
 def _height(parameters, modes, t, derivative=0):
