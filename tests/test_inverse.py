@@ -7,7 +7,7 @@ import pytest
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
 
 
-def test_half_inverse_is_the_svd_formula(generator):
+def test_exact_half_inverse_is_the_svd_formula(generator):
     jacobian = generator.normal(size=(6, 20)) * np.logspace(0, -3, 6)[:, None]
     y = generator.normal(size=6)
     U, S, Vt = np.linalg.svd(jacobian, full_matrices=False)
@@ -18,7 +18,7 @@ def test_half_inverse_is_the_svd_formula(generator):
 
 
 @pytest.mark.parametrize("tau", [0.0, 1e-2, 0.3])
-def test_lanczos_inverts_as_the_dense_svd_does(generator, tau):
+def test_exact_lanczos_inverts_as_the_dense_svd_does(generator, tau):
     """Singular values over four decades, a few vanishing, in random directions."""
     rows, weights = 40, 90
     U = np.linalg.qr(generator.normal(size=(rows, rows)))[0]
