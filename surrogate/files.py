@@ -87,5 +87,8 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise InvalidInput(f"{folder}: cannot be made ({problem.strerror})") from None
-    if not os.access(folder, os.W_OK):
-        raise InvalidInput(f"{folder}: is not writable")
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as problem:
+        raise InvalidInput(f"{folder}: is not writable ({problem.strerror})") from None

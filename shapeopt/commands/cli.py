@@ -1,9 +1,12 @@
 """What every command shares: arguments in, progress to stderr, JSON out, exit statuses."""
 
 import argparse
+import contextlib
 import json
 import math
+import os
 import re
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,8 +15,8 @@ from typing import Any
 from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 
-DONE, BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 0, 2, 3, 130
-STATUSES = "exit status: 0 done, 2 bad input, 3 not converged"
+DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 0, 2, 3, 4, 130
+STATUSES = "exit status: 0 done, 2 bad input, 3 not converged, 4 not written"
 
 
 class Parser(argparse.ArgumentParser):
@@ -48,13 +51,20 @@ class Parser(argparse.ArgumentParser):
 def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> int:
     """Run a command's main and turn its outcome into an exit status."""
     try:
+        with contextlib.suppress(ValueError):  # only a main thread hears signals
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
         use_compilation_cache()
         main(argv)
+        return DONE
+    except BrokenPipeError:  # whoever read has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except InvalidInput as problem:
         status, message = BAD_INPUT, str(problem)
     except NotConverged as problem:
         status, message = NOT_CONVERGED, str(problem)
+    except OSError as problem:
+        status, message = NOT_WRITTEN, f"{problem.filename or 'output'}: {problem.strerror}"
     except KeyboardInterrupt:
         status = INTERRUPTED
         message = "interrupted; trainings go on where they stopped, by the same command"

@@ -1,5 +1,6 @@
 """Any closed contour: read it, check it, and give it smooth markers at equidistant t."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,23 +17,34 @@ FINE = 4096  # points of the intermediate resampling
 
 
 def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
-    """Read x,y rows: CSV, white space, or a Selig .dat with a title line.
+    """Read rows of x and y: CSV with any usual delimiter, Selig's or Lednicer's .dat.
+
+    Titles, headers, comments and empty lines are passed over.
 
     Raises:
-      InvalidInput: the file is missing, is not text, or a row is not two finite numbers.
+      InvalidInput: the file is missing or is not text, or a row is not two finite numbers.
     """
     path = Path(path)
     try:
-        lines = path.read_text().splitlines()
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as problem:
         reason = getattr(problem, "strerror", None) or "it is not a text file"
         raise InvalidInput(f"contour {path}: cannot be read ({reason})") from None
-    rows = [line.replace(",", " ").split() for line in lines if line.strip()]
-    if rows and _numbers(rows[0]) is None:
-        rows = rows[1:]  # the title of a Selig file, or a CSV header
-    points = [_numbers(row) for row in rows]
-    if not points or any(p is None or len(p) != 2 or not np.all(np.isfinite(p)) for p in points):
-        raise InvalidInput(f"contour {path}: every row must be two finite numbers, x and y")
+    lines = [line.split("#")[0].strip() for line in lines]
+    rows = [(k, re.split(r"[\s,;]+", line)) for k, line in enumerate(lines, start=1) if line]
+    while rows and (_pair(rows[0][1]) is None and (len(rows[0][1]) != 2 or not _told(rows[0][1]))):
+        rows = rows[1:]  # titles and headers, a lone number among them
+    if not rows:
+        raise InvalidInput(f"contour {path}: holds no row of two finite numbers, x and y")
+    points = []
+    for k, words in rows:
+        if (pair := _pair(words)) is None:
+            raise InvalidInput(f"contour {path}: row {k} must be two finite numbers, x and y")
+        points.append(pair)
+    counts, sides = points[0], np.array(points[1:]).reshape(-1, 2)
+    if sum(counts) == len(sides) and min(counts) >= 2:  # Lednicer: both sides from nose to tail
+        upper = int(counts[0])
+        return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
     return np.array(points)
 
 
@@ -83,6 +95,9 @@ def smooth_contour(
     size = np.ptp(points, axis=0).max()
     if not 1e-9 < size < 1e9:
         raise InvalidInput(f"contour: its size is {size:g}; from 1e-9 to 1e9 can be scaled")
+    if np.spacing(np.abs(points).max()) > 1e-7 * size:
+        raise InvalidInput("contour: so far from the origin its points lose their digits; move it")
+    points = points - points.mean(axis=0)
     points = _distinct(points)
     if len(points) < 8:
         raise InvalidInput(f"contour: {len(points)} distinct points; at least 8 are needed")
@@ -108,11 +123,21 @@ def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
     return not LinearRing(points).is_simple
 
 
-def _numbers(row):
+def _pair(words):
+    """Two finite numbers, or None."""
     try:
-        return [float(word) for word in row]
+        values = [float(word) for word in words]
     except ValueError:
         return None
+    return values if len(values) == 2 and np.all(np.isfinite(values)) else None
+
+
+def _told(words):
+    """Whether words are numbers at all, if only nan: a row that is wrong, not a title."""
+    try:
+        return bool([float(word) for word in words])
+    except ValueError:
+        return False
 
 
 def _distinct(points):

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import eval_chebyu
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Body
 from surrogate.body.measures import least, moments
 from surrogate.checks import interval
 from surrogate.errors import InvalidInput
@@ -143,7 +143,7 @@ class Family:
         slack = 1e-9
         return bool(np.all((parameters >= low - slack) & (parameters <= high + slack)))
 
-    def check(self, parameters: AnyArray) -> Float[np.ndarray, " parameters"]:
+    def check(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
         """The parameters of one body, in whatever kind of numbers they came.
 
         Raises:

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray, Body, Number
-from surrogate.body.family import family_markers, modes_of
+from surrogate.body.family import LEAST_OPENING, family_markers, modes_of, opening
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
 from surrogate.errors import InvalidInput, NotConverged
@@ -23,7 +23,7 @@ from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.tangent import Effort, drag_slope, with_body
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.scene import Scene, check_reynolds
+from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS, Scene, check_reynolds
 
 ADJOINT = Effort(2e-4, 40)
 HALVINGS = 3  # of the step in Re, where Newton from the Oseen flow fails
@@ -51,7 +51,7 @@ class Labels(NamedTuple):
 
     @property
     def drag(self) -> Float[AnyArray, " bodies"]:
-        return drag_coefficient(self.amplitude.T)
+        return jax.vmap(drag_coefficient)(jnp.asarray(self.amplitude))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,8 +97,8 @@ class Flow:
         re = jnp.asarray(reynolds, float)
         cd, info = _drag(self, jnp.asarray(parameters, float), re)
         if traced(parameters, reynolds):
-            highest = self.scene.reynolds[1] * (1 + 1e-9)
-            return jnp.where(info.converged & (re > 0) & (re <= highest), cd, jnp.nan)
+            known = info.converged & self._answers(parameters, re, allow_unsteady)
+            return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
         if not bool(info.converged):
             raise NotConverged(_failure(float(reynolds), info))
         return cd
@@ -181,6 +181,14 @@ class Flow:
 
         height = float(np.ptp(shape.draw(NODES_TO_FIT)[:, 1]))
         return judge(drag, solve, self.scene.fidelity, reynolds, height)
+
+    def _answers(self, parameters, reynolds, allow_unsteady):
+        """What ``_checked`` asks of numbers, of traced ones."""
+        highest = min(self.scene.reynolds[1], np.inf if allow_unsteady else ONSET_OF_SHEDDING)
+        reach = jnp.abs(self.markers(parameters)).max(axis=0)
+        body = opening(parameters, self.scene.family.modes) >= LEAST_OPENING
+        body &= jnp.all(reach <= self.domain.reach)
+        return body & (reynolds >= REYNOLDS[0]) & (reynolds <= highest * (1 + 1e-9))
 
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Body and Re as numbers that the scene's grid can take."""

@@ -49,8 +49,8 @@ class Surrogate:
             return cd
         low, high = self._bounds.T
         values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
-        outside = jnp.maximum(low - values, values - high) > SLACK * (high - low + 1)
-        return jnp.where(jnp.any(outside) | ~jnp.all(jnp.isfinite(values)), jnp.nan, cd)
+        inside = jnp.maximum(low - values, values - high) <= SLACK * (high - low + 1)
+        return cd * jnp.where(jnp.all(inside), 1.0, jnp.nan)  # so is its gradient
 
     def knows(self, parameters: AnyArray, reynolds: float) -> bool:
         """Whether body and Reynolds number lie within the trained ranges."""

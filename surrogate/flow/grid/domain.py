@@ -108,7 +108,8 @@ def fitted_domain(
     if thickness < THINNEST:
         needed = math.ceil(fidelity.cells * THINNEST / thickness)
         raise InvalidInput(
-            f"body: its mean thickness is {thickness:.2g} cells and at least {THINNEST:g} are "
+            f"body: its mean thickness is {math.floor(100 * thickness) / 100:g} cells and at least "
+            f"{THINNEST:g} are "
             f"needed; {needed} cells per D would resolve it"
         )
     reach = np.abs(outline).max(axis=0) * 2
