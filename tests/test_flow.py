@@ -73,6 +73,7 @@ def test_golden_split_of_the_cylinders_drag():
     found = solve(CYLINDER, 1.0)
     assert found.drag_pressure == pytest.approx(5.22, rel=0.04)
     assert found.drag_friction == pytest.approx(5.11, rel=0.04)
+    assert found.surface().pressure_drag == pytest.approx(5.22, rel=0.04)
 
 
 @pytest.mark.slow

@@ -150,9 +150,12 @@ class Family:
           InvalidInput: they are not as many numbers as the family has, or describe no body.
         """
         try:
-            values = np.asarray(parameters, float)
-        except (TypeError, ValueError):
-            raise InvalidInput(f"body {parameters!r}: must be numbers, {self._wanted}") from None
+            values = np.asarray(parameters)
+        except ValueError:
+            values = np.empty((), object)
+        if values.dtype.kind not in "iuf":
+            raise InvalidInput(f"body {parameters!r}: must be numbers, {self._wanted}")
+        values = values.astype(float)
         if values.ndim == 2:
             raise InvalidInput(f"body: a batch of {len(values)}; jax.vmap takes batches, one here")
         if values.shape != (len(self.names),):

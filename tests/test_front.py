@@ -1,0 +1,218 @@
+"""The front door: what it shows, two drag models alike in everything, what they refuse."""
+
+import dataclasses
+import functools
+import importlib.metadata
+import inspect
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TINY
+
+import surrogate
+from surrogate import Flow, InvalidInput, Scene, load
+
+NAMES = """
+    FIDELITIES Family Fidelity Flow InvalidInput NotConverged Scene Shape Solution Surrogate Tunnel
+    Unbounded __version__ contour_shape family_shape load naca4 read_contour save train
+"""
+FLOW = Flow(Scene(fidelity=dataclasses.replace(TINY, wake=0.0)))
+NET = load("pretrained")
+MODELS = {"flow": FLOW, "surrogate": NET}
+both = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+BODY = np.array([2.0, 0.125, -0.0625, 0.03125])  # exact in any kind of floating-point number
+
+
+def test_front_door_shows_what_there_is():
+    assert sorted(dir(surrogate)) == sorted(NAMES.split())
+    assert all(hasattr(surrogate, name) for name in dir(surrogate))
+    assert surrogate.__version__ == importlib.metadata.version("drag-surrogates")
+
+
+def test_both_models_are_asked_alike():
+    flow, net = (list(inspect.signature(model.drag).parameters) for model in MODELS.values())
+    assert flow[:2] == net[:2] == ["parameters", "reynolds"]
+    for model in MODELS.values():
+        more = list(inspect.signature(model.drag).parameters.values())[2:]
+        assert all(argument.default is False for argument in more)
+    assert float(FLOW.drag(BODY, 20.0)) == pytest.approx(float(NET.drag(BODY, 20.0)), rel=0.03)
+
+
+def test_a_solution_tells_loads_fields_and_work():
+    found = FLOW.solve(BODY, 20.0, gradient=True, estimate=False)
+    assert found.drag == pytest.approx(float(FLOW.drag(BODY, 20.0)), rel=1e-6)
+    assert found.drag == pytest.approx(found.drag_pressure + found.drag_friction)
+    assert found.lift == 0
+    assert found.moment == pytest.approx(0, abs=1e-9)
+    assert (found.status, found.estimated_error) == ("unknown", None)
+    assert found.green_applications > 10
+    assert found.seconds > 0
+    assert set(found.gradient) == {*FLOW.scene.family.names, "reynolds"}
+    assert found.markers.shape == (FLOW.domain.nodes, 2)
+    assert found.velocity.shape == (2, *FLOW.domain.lattice.unfolded.shape)
+    assert found.surface(50).cp.shape == (50,)
+
+
+@both
+def test_drag_under_jit_vmap_and_grad(model):
+    plain = float(model.drag(BODY, 20.0))
+    slope = jax.jit(jax.value_and_grad(model.drag, argnums=(0, 1)))
+    drag, (shape, re) = slope(jnp.asarray(BODY), 20.0)
+    assert float(drag) == pytest.approx(plain, rel=1e-9)
+    step = np.array([0.02, 0.0, 0.0, 0.0])
+    change = float(model.drag(BODY + step, 20.2)) - float(model.drag(BODY - step, 19.8))
+    assert float(2 * step @ shape + 0.4 * re) == pytest.approx(change, rel=5e-3)
+    bodies, reynolds = np.stack([BODY, BODY + step]), np.array([20.0, 10.0])
+    batch = jax.vmap(model.drag)(jnp.asarray(bodies), jnp.asarray(reynolds))
+    alone = [float(model.drag(*pair)) for pair in zip(bodies, reynolds, strict=True)]
+    assert np.allclose(batch, alone, rtol=1e-6)
+
+
+def test_nothing_recompiles_in_a_jitted_surrogate(compiled):
+    drag = jax.jit(NET.drag)
+    drag(jnp.asarray(BODY), jnp.asarray(20.0))
+    assert compiled
+    other = jnp.asarray(BODY + 0.01), jnp.asarray(3.0)
+    compiled.clear()
+    drag(*other)
+    assert compiled == []
+
+
+NUMBERS = {
+    "int": 20,
+    "float": 20.0,
+    "float32": np.float32(20),
+    "float16": np.float16(20),
+    "int64": np.int64(20),
+    "uint8": np.uint8(20),
+    "0-d": np.array(20.0),
+    "0-d int": np.array(20),
+    "jax": jnp.asarray(20.0),
+    "jax int": jnp.asarray(20),
+}
+BODIES = {
+    "list": BODY.tolist(),
+    "tuple": tuple(BODY.tolist()),
+    "numpy scalars": list(BODY),
+    "float32": BODY.astype(np.float32),
+    "jax": jnp.asarray(BODY),
+    "jax float32": jnp.asarray(BODY, jnp.float32),
+}
+
+
+@both
+def test_numbers_of_every_kind_are_numbers(model):
+    expected = float(model.drag(BODY, 20.0))
+    for kind, reynolds in NUMBERS.items():
+        assert float(model.drag(BODY, reynolds)) == expected, kind
+    for kind, body in BODIES.items():
+        assert float(model.drag(body, 20.0)) == expected, kind
+
+
+REYNOLDS_THAT_ARE_NONE = {
+    "0": (0, "must be a finite number above 0"),
+    "-5": (-5.0, "must be a finite number above 0"),
+    "nan": (np.nan, "must be a finite number"),
+    "inf": (np.inf, "must be a finite number"),
+    "text": ("40", "must be one number"),
+    "none": (None, "must be one number"),
+    "complex": (20 + 0j, "must be one number"),
+    "list": ([10.0, 20.0], "must be one number"),
+    "array": (np.array([10.0, 20.0]), "must be one number"),
+    "one in an array": (np.array([10.0]), "must be one number"),
+    "tiny": (1e-6, "tested from 0.001"),
+    "huge": (1e4, "tested up to 300"),
+}
+BODIES_THAT_ARE_NONE = {
+    "three": (BODY[:3], "4 parameters are needed: aspect, beta2, beta3, beta4"),
+    "five": (np.append(BODY, 0.0), "4 parameters are needed"),
+    "number": (2.0, "4 parameters are needed"),
+    "text": ("cylinder", "must be numbers"),
+    "texts": (["2", "0", "0", "0"], "must be numbers"),
+    "none": (None, "must be numbers"),
+    "truth": ([True, False, False, False], "must be numbers"),
+    "complex body": ([2j, 0, 0, 0], "must be numbers"),
+    "names": ({"aspect": 2.0}, "must be numbers"),
+    "batch": (np.stack([BODY, BODY]), "a batch of 2; jax.vmap takes batches"),
+    "nan": ([np.nan, 0, 0, 0], "finite number"),
+    "flat": ([0.0, 0, 0, 0], "between 0.1 and 20"),
+    "crossing": ([2.0, 0.9, 0, 0], "cross"),
+    "ragged": ([[2.0], 0.1, 0, 0], "must be numbers"),
+}
+
+
+@both
+@pytest.mark.parametrize("bad", REYNOLDS_THAT_ARE_NONE)
+def test_reynolds_numbers_that_are_none_are_refused(model, bad):
+    value, words = REYNOLDS_THAT_ARE_NONE[bad]
+    with pytest.raises(InvalidInput, match=words):
+        model.drag(BODY, value)
+
+
+@both
+@pytest.mark.parametrize("bad", BODIES_THAT_ARE_NONE)
+def test_bodies_that_are_none_are_refused(model, bad):
+    value, words = BODIES_THAT_ARE_NONE[bad]
+    with pytest.raises(InvalidInput, match=words):
+        model.drag(value, 20.0)
+
+
+@pytest.mark.parametrize("bad", [*REYNOLDS_THAT_ARE_NONE, *BODIES_THAT_ARE_NONE])
+def test_solve_refuses_what_drag_refuses(bad):
+    body, reynolds = BODY, 20.0
+    if bad in BODIES_THAT_ARE_NONE:
+        body, words = BODIES_THAT_ARE_NONE[bad]
+    else:
+        reynolds, words = REYNOLDS_THAT_ARE_NONE[bad]
+    with pytest.raises(InvalidInput, match=words):
+        FLOW.solve(body, reynolds)
+
+
+def test_a_surrogate_beyond_its_trained_ranges():
+    """Refused, NaN when traced, answered where extrapolation is asked for."""
+    outside = {"aspect": ([7.0, 0, 0, 0], 20.0), "log Re": (BODY, 46.0)}
+    jitted, bold = jax.jit(NET.drag), jax.jit(functools.partial(NET.drag, extrapolate=True))
+    for name, (body, reynolds) in outside.items():
+        with pytest.raises(InvalidInput, match=f"outside the trained ranges: {name}.*extrapolate"):
+            NET.drag(body, reynolds)
+        drag = float(NET.drag(body, reynolds, extrapolate=True))
+        assert drag > 0
+        body = jnp.asarray(body, float)
+        assert np.isnan(float(jitted(body, reynolds)))
+        assert float(bold(body, reynolds)) == pytest.approx(drag)
+    with pytest.raises(InvalidInput, match="cross"):
+        NET.drag([2.0, 0.9, 0, 0], 20.0, extrapolate=True)
+
+
+@both
+def test_traced_what_cannot_be_answered_is_nan(model):
+    batch = [(BODY, 20.0), (BODY, 0.0), (BODY, -1.0), (BODY, np.nan), (BODY, 60.0)]
+    batch += [([2.0, 0.9, 0, 0], 20.0), ([9.0, 0, 0, 0], 20.0), ([np.nan, 0, 0, 0], 20.0)]
+    bodies, reynolds = (jnp.asarray(part, float) for part in zip(*batch, strict=True))
+    slope = jax.value_and_grad(model.drag, argnums=(0, 1))
+    answers, (shape, re) = jax.jit(jax.vmap(slope))(bodies, reynolds)
+    assert np.isfinite([answers[0], *shape[0], re[0]]).all()
+    for values in (answers, re, shape[:, 0]):
+        assert np.isnan(values[1:]).all(), values
+
+
+def test_the_steady_flow_beyond_the_onset_of_shedding_must_be_asked_for():
+    flow = Flow(dataclasses.replace(FLOW.scene, reynolds=(1, 60)))
+    for ask in (flow.drag, flow.solve):
+        with pytest.raises(InvalidInput, match="allow_unsteady asks for it all the same"):
+            ask(BODY, 50.0)
+    drag = float(flow.drag(BODY, 50.0, allow_unsteady=True))
+    assert drag < float(flow.drag(BODY, 46.0))
+    assert flow.solve(BODY, 50.0, allow_unsteady=True, estimate=False).drag == pytest.approx(drag)
+
+
+def test_a_flow_above_its_scenes_range_is_refused():
+    with pytest.raises(InvalidInput, match="made for wakes up to Re 40"):
+        FLOW.drag(BODY, 45.0)
+
+
+def test_what_is_no_scene_is_no_flow(unchecked):
+    with pytest.raises(InvalidInput, match="is no Scene"):
+        Flow("scene.toml")
