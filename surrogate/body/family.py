@@ -7,7 +7,8 @@ of the equivalent diameter D.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +45,7 @@ class Family:
 
     ranges: tuple[tuple[str, Range], ...]
 
-    def __init__(self, **ranges: Sequence[float]):
+    def __init__(self, /, **ranges: Range | Any):
         ranges = ranges or DEFAULT
         for name in ranges:
             if name not in PARAMETERS:

@@ -30,14 +30,17 @@ class Fidelity:
     promise: float = 0.015
 
     def __post_init__(self):
-        whole_number("cells per D", self.cells, 3, MOST_CELLS)
-        whole_number("harmonics", self.harmonics, 1, 31)
-        for name in ("upstream", "downstream", "height"):
-            if not 1 <= finite_number(name, getattr(self, name)) <= 2 * LONGEST_WINDOW:
-                raise InvalidInput(f"fidelity: {name} {getattr(self, name):g}: from 1 to 80 D")
-        for name in ("wake", "promise"):
-            if not 0 <= finite_number(name, getattr(self, name)) <= 1:
-                raise InvalidInput(f"fidelity: {name} {getattr(self, name):g}: from 0 to 1")
+        plain = {
+            "cells": whole_number("cells per D", self.cells, 3, MOST_CELLS),
+            "harmonics": whole_number("harmonics", self.harmonics, 1, 31),
+        }
+        lengths = dict.fromkeys(("upstream", "downstream", "height"), (1, 2 * LONGEST_WINDOW))
+        for name, (low, high) in {**lengths, "wake": (0, 1), "promise": (0, 1)}.items():
+            plain[name] = finite_number(name, getattr(self, name))
+            if not low <= plain[name] <= high:
+                raise InvalidInput(f"fidelity: {name} {plain[name]:g}: from {low:g} to {high:g}")
+        for name, value in plain.items():
+            object.__setattr__(self, name, value)
 
     def reaching(self, reynolds: float, height: float) -> "Fidelity":
         """The same for bodies of this height at up to this Re: bluff ones need a longer window."""

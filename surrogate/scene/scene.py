@@ -12,6 +12,7 @@ In a file it is a few lines of TOML; what they leave out is as in ``Scene()``:
 """
 
 import dataclasses
+import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,7 +26,14 @@ from surrogate.errors import InvalidInput
 from surrogate.files import whole_file
 from surrogate.scene.cost import APPLICATIONS, application_seconds
 from surrogate.scene.fidelity import FIDELITIES, Fidelity, read_fidelity
-from surrogate.scene.stream import Stream, Tunnel, Unbounded, describe_stream, parse_stream
+from surrogate.scene.stream import (
+    Stream,
+    Tunnel,
+    Unbounded,
+    describe_stream,
+    parse_stream,
+    window_height,
+)
 
 REYNOLDS = (1e-3, 300.0)  # that the steady solver is tested for
 ONSET_OF_SHEDDING = 46.7  # cylinder, unbounded stream
@@ -52,11 +60,10 @@ class Scene:
             check_reynolds(end, allow_unsteady=True)
         object.__setattr__(self, "reynolds", reynolds)
         object.__setattr__(self, "fidelity", read_fidelity(self.fidelity))
-        if isinstance(self.stream, str):
+        if not isinstance(self.stream, Stream):
             object.__setattr__(self, "stream", parse_stream(self.stream))
-        for name, kind in (("stream", Stream), ("family", Family)):
-            if not isinstance(getattr(self, name), kind):
-                raise InvalidInput(f"scene: {getattr(self, name)!r} is no {name}")
+        if not isinstance(self.family, Family):
+            raise InvalidInput(f"scene: {self.family!r} is no family; Family(aspect=(1, 5)) is")
 
     @classmethod
     def read(cls, path: str | Path) -> "Scene":
@@ -121,6 +128,17 @@ class Scene:
         with whole_file(path) as part:
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Length and height in D of a box that holds every body, and the cylinder."""
+        length, height = self.family.extent
+        return max(length, 1.0), max(height, 1.0)
+
+    @property
+    def reaching(self) -> Fidelity:
+        """The fidelity with a window for the longest wake."""
+        return self.fidelity.reaching(self.reynolds[1], self.extent[1])
+
     def check_reynolds(self, reynolds: Any) -> float:
         """A Reynolds number of the scene, in whatever kind of number it came.
 
@@ -135,8 +153,9 @@ class Scene:
 
     def explain(self, bodies: int = 512) -> str:
         """What is modelled and why, what is left out, what ``bodies`` and a design will cost."""
-        f = self.fidelity
-        shape = round((f.upstream + f.downstream) * f.cells), round(f.height * f.cells / 2)
+        f = self.reaching
+        height = window_height(self.stream, f.height)
+        shape = round((f.upstream + f.downstream) * f.cells), round(height * f.cells / 2)
         seconds = application_seconds(shape)
 
         def cost(applications):
@@ -150,7 +169,7 @@ class Scene:
                 f"Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
                 f"Bodies: symmetric family, area pi/4, {bounds}.",
                 f"Grid ({f.name}): {f.cells} cells per D on a window {f.upstream + f.downstream:g} "
-                f"x {f.height:g} D ({shape[0] * shape[1]} cells in its upper half), where the flow "
+                f"x {height:g} D ({shape[0] * shape[1]} cells in its upper half), where the flow "
                 "is non-linear; outside it the Oseen Green's function G and the far field's "
                 f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
                 "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window.",
@@ -214,7 +233,7 @@ def _toml(table):
 
     def text(value):
         if isinstance(value, str):
-            return f'"{value}"'
+            return json.dumps(value, ensure_ascii=False)
         if isinstance(value, list):
             return f"[{', '.join(map(text, value))}]"
         return repr(value)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
@@ -22,8 +23,10 @@ class Tunnel:
     height: float
 
     def __post_init__(self):
-        if not 1 < finite_number("tunnel height", self.height) <= 1000:
-            raise InvalidInput(f"tunnel height {self.height:g}: from 1 to 1000 D")
+        height = finite_number("tunnel height", self.height)
+        if not 1 < height <= 1000:
+            raise InvalidInput(f"tunnel height {height:g}: from 1 to 1000 D")
+        object.__setattr__(self, "height", height)
 
     def __str__(self) -> str:
         return f"tunnel:{self.height!r}"
@@ -32,7 +35,7 @@ class Tunnel:
 Stream = Unbounded | Tunnel
 
 
-def parse_stream(text: str) -> Stream:
+def parse_stream(text: Any) -> Stream:
     """'unbounded' or 'tunnel:H' with H in D.
 
     Raises:
@@ -48,6 +51,12 @@ def parse_stream(text: str) -> Stream:
     if kind != "tunnel" or not 1 < height <= 1000:
         raise InvalidInput(f"stream {text!r}: 'unbounded' or 'tunnel:H' with H from 1 to 1000 D")
     return Tunnel(height)
+
+
+def window_height(stream: Stream, usual: float) -> float:
+    """A tunnel's confined wake is gridded from wall to wall where that is affordable."""
+    spans = isinstance(stream, Tunnel) and stream.height <= 2 * usual
+    return stream.height if spans else usual
 
 
 def describe_stream(stream: Stream) -> str:

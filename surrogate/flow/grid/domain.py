@@ -13,7 +13,7 @@ from surrogate.flow.grid.immersed import Modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import Scene, check_stream
-from surrogate.scene.stream import Stream, Tunnel
+from surrogate.scene.stream import Stream, Tunnel, window_height
 
 FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
@@ -48,9 +48,7 @@ def make_domain(
     """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D."""
     n, upstream, downstream = fidelity.cells, fidelity.upstream, fidelity.downstream
     height = stream.height if isinstance(stream, Tunnel) else None
-    # a tunnel's confined wake is gridded from wall to wall where that is affordable
-    spans = height is not None and height <= 2 * fidelity.height
-    width = height if spans else fidelity.height
+    width = window_height(stream, fidelity.height)
     # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
     repeats = symmetric and height is not None
 
@@ -84,8 +82,7 @@ def scene_domain(scene: Scene) -> Domain:
     Raises:
       InvalidInput: its longest or tallest bodies do not fit window or tunnel.
     """
-    extent = tuple(max(side, 1.0) for side in scene.family.extent)
-    fidelity = scene.fidelity.reaching(scene.reynolds[1], extent[1])
+    extent, fidelity = scene.extent, scene.reaching
     check_stream(scene.stream, fidelity, np.array(extent), room=(1.0, 0.5))
     return make_domain(scene.stream, fidelity, extent, symmetric=True)
 

@@ -1,0 +1,246 @@
+"""Scenes: files written and read again, what explain() says, and the refusals of bad files."""
+
+import dataclasses
+import json
+import time
+
+import numpy as np
+import pytest
+from conftest import TINY
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from surrogate import FIDELITIES, Family, Fidelity, Flow, InvalidInput, Scene, Tunnel, Unbounded
+from surrogate.body.family import PARAMETERS
+from surrogate.scene.scene import check_reynolds
+
+TUNNEL = """
+dimension = 2
+stream = "tunnel:12"      # slip walls
+reynolds = [5, 45]
+fidelity = "standard"
+[family]
+aspect = [1, 3]
+beta2 = [-0.3, 0.3]
+"""
+
+
+def ends(low, high):
+    pair = st.tuples(*(st.floats(low, high) for _ in range(2)))
+    return pair.map(sorted).filter(lambda pair: pair[0] < pair[1]).map(tuple)
+
+
+families = st.builds(
+    lambda aspect, betas: Family(aspect=aspect, **betas),
+    ends(0.1, 20),
+    st.dictionaries(st.sampled_from(PARAMETERS[1:]), ends(-1, 1)),
+)
+windows = (st.floats(1, 80),) * 3
+texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=8)
+fidelities = st.sampled_from(list(FIDELITIES.values())) | st.builds(
+    Fidelity,
+    texts,
+    st.integers(3, 128),
+    *windows,
+    st.integers(1, 31),
+    st.floats(0, 1),
+    st.floats(0, 1),
+)
+streams = st.just(Unbounded()) | st.builds(Tunnel, st.floats(1, 1000, exclude_min=True))
+scenes = st.builds(Scene, streams, ends(1e-3, 300), families, fidelities)
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    return tmp_path_factory.mktemp("scenes") / "scene.toml"
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(scenes)
+def test_robust_any_scene_survives_its_file(path, scene):
+    scene.write(path)
+    assert Scene.read(path) == scene
+    assert hash(Scene.read(path)) == hash(scene)
+    assert Scene.of(json.loads(json.dumps(scene.record))) == scene
+
+
+def test_a_tunnel_in_a_file(tmp_path):
+    path = tmp_path / "tunnel.toml"
+    path.write_text(TUNNEL)
+    scene = Scene.read(path)
+    assert scene == Scene(
+        stream=Tunnel(12), reynolds=(5, 45), family=Family(aspect=(1, 3), beta2=(-0.3, 0.3))
+    )
+    words = scene.explain()
+    for word in ("tunnel of height 12 D", "Re 5 to 45", "aspect 1 to 3", "beta2 -0.3 to 0.3"):
+        assert word in words
+
+
+def test_a_fidelity_of_ones_own_in_a_file(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        "[fidelity]\nname = 'tiny'\ncells = 8\nupstream = 2.5\ndownstream = 4\nheight = 4\n"
+        "harmonics = 5\n"
+    )
+    assert Scene.read(path) == Scene(fidelity=TINY)
+
+
+def test_what_a_file_leaves_out_is_as_in_scene(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text("")
+    assert Scene.read(path) == Scene() == Scene.of({})
+
+
+def test_numbers_of_numpy_and_names_make_the_same_scene(tmp_path, unchecked):
+    scene = Scene(
+        stream=Tunnel(np.float64(12)),
+        reynolds=np.array([5, 45]),
+        family=Family(aspect=[1, np.float32(3)], beta2=np.array([-0.25, 0.25])),
+        fidelity=dataclasses.replace(TINY, cells=np.int64(8), upstream=np.float64(2.5)),
+    )
+    plain = Scene(
+        stream="tunnel:12",
+        reynolds=(5, 45),
+        family=Family(aspect=(1, 3), beta2=(-0.25, 0.25)),
+        fidelity=TINY,
+    )
+    assert scene == plain
+    assert json.dumps(scene.record) == json.dumps(plain.record)
+    scene.write(tmp_path / "scene.toml")
+    assert Scene.read(tmp_path / "scene.toml") == plain
+    assert Scene(fidelity="draft") == Scene(fidelity=FIDELITIES["draft"])
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        Scene(),
+        Scene(stream=Tunnel(12), fidelity="draft"),
+        Scene(stream=Tunnel(50)),
+        Scene(family=Family(aspect=(0.5, 2)), fidelity=TINY),  # bluff bodies have long wakes
+    ],
+    ids=["standard", "tunnel", "wide tunnel", "bluff"],
+)
+def test_explain_says_what_is_modelled_and_what_it_costs(scene):
+    words = scene.explain(bodies=64)
+    assert str(np.prod(Flow(scene).domain.lattice.shape)) + " cells" in words
+    for word in ("Re 1 to 40", "Left out", "64 bodies", "applications of G", " ms", " s"):
+        assert word in words
+    assert ("unbounded stream" in words) == (scene.stream == Unbounded())
+
+
+def test_explain_is_quick(compiled):
+    scene = Scene()
+    scene.explain()
+    compiled.clear()
+    start = time.perf_counter()
+    assert scene.explain() == Scene().explain()
+    assert time.perf_counter() - start < 1
+    assert compiled == []
+
+
+BAD = {
+    "words": ("a scene of bodies", "is not TOML"),
+    "key": ("flow = 3", "no key 'flow'; dimension, stream, reynolds, family, fidelity"),
+    "reversed": ("reynolds = [40, 1]", "low must not be above high"),
+    "one number": ("reynolds = 40", "must be two numbers, low and high"),
+    "three numbers": ("reynolds = [1, 2, 3]", "must be two numbers, low and high"),
+    "text": ("reynolds = ['1', '40']", "must be one number"),
+    "nan": ("reynolds = [nan, 40]", "must be a finite number"),
+    "inf": ("reynolds = [1, inf]", "must be a finite number"),
+    "zero": ("reynolds = [0, 40]", "must be a finite number above 0"),
+    "fast": ("reynolds = [1, 4000]", "tested up to 300"),
+    "dimension": ("dimension = 3", "dimension = 2"),
+    "dimension text": ("dimension = '2'", "dimension = 2"),
+    "stream": ("stream = 'river'", "'unbounded' or 'tunnel:H'"),
+    "narrow": ("stream = 'tunnel:0.5'", "'unbounded' or 'tunnel:H' with H from 1"),
+    "nan wide": ("stream = 'tunnel:nan'", "'unbounded' or 'tunnel:H'"),
+    "stream number": ("stream = 12", "'unbounded' or 'tunnel:H'"),
+    "no family": ("family = 'wings'", "family: must be a table of ranges"),
+    "no aspect": ("[family]\nbeta2 = [0, 0.1]", "aspect needs a range, as aspect = "),
+    "beta13": ("[family]\naspect = [1, 2]\nbeta13 = [0, 0.1]", "no parameter 'beta13'"),
+    "beta1": ("[family]\naspect = [1, 2]\nbeta1 = [0, 0.1]", "no parameter 'beta1'"),
+    "beta02": ("[family]\naspect = [1, 2]\nbeta02 = [0, 0.1]", "no parameter 'beta02'"),
+    "spaces": ("[family]\naspect = [1, 2]\n'a b' = [0, 0.1]", "no parameter 'a b'"),
+    "self": ("[family]\naspect = [1, 2]\nself = [0, 0.1]", "no parameter 'self'"),
+    "family text": ("[family]\naspect = ['1', '2']", "must be one number"),
+    "family number": ("[family]\naspect = 2", "must be two numbers, low and high"),
+    "family reversed": ("[family]\naspect = [5, 1]", "low must not be above high"),
+    "family nan": ("[family]\naspect = [1, nan]", "must be a finite number"),
+    "no width": ("[family]\naspect = [2, 2]", "leave a width"),
+    "fidelity": ("fidelity = 'perfect'", "one of draft, standard, fine"),
+    "fidelity number": ("fidelity = 16", "one of draft, standard, fine"),
+    "fidelity key": ("[fidelity]\nmesh = 3", "a table of name, cells"),
+    "fidelity without": ("[fidelity]\ncells = 8", "a table of name, cells"),
+    "half cells": (
+        "[fidelity]\ncells = 8.5\nupstream = 4\ndownstream = 8\nheight = 8",
+        "a whole number from 3 to 128 is needed",
+    ),
+    "text cells": (
+        "[fidelity]\ncells = '8'\nupstream = 4\ndownstream = 8\nheight = 8",
+        "must be one number",
+    ),
+    "small window": (
+        "[fidelity]\ncells = 8\nupstream = 0.1\ndownstream = 8\nheight = 8",
+        "upstream 0.1: from 1 to 80",
+    ),
+}
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_bad_files_get_one_clear_line(bad, tmp_path, unchecked):
+    text, remedy = BAD[bad]
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(InvalidInput) as refusal:
+        Scene.read(path)
+    line = str(refusal.value)
+    assert line.startswith(f"scene {path}: ")
+    assert remedy in line
+    assert "\n" not in line
+
+
+def test_files_that_cannot_be_read_are_refused(tmp_path):
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        Scene.read(tmp_path / "missing.toml")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        Scene.read(tmp_path)
+    (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InvalidInput, match="is not TOML"):
+        Scene.read(tmp_path / "binary")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"stream": 12},
+        {"family": {"aspect": (1, 5)}},
+        {"fidelity": 16},
+        {"reynolds": 40},
+        {"reynolds": "1,40"},
+    ],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_scenes_that_are_none_are_refused(wrong):
+    with pytest.raises(InvalidInput):
+        Scene(**wrong)
+
+
+def test_bodies_that_do_not_fit_a_scene_are_refused_before_any_work():
+    short = dataclasses.replace(FIDELITIES["draft"], upstream=2)
+    with pytest.raises(InvalidInput, match="leaves less than half a diameter"):
+        Flow(Scene(stream=Tunnel(1.5))).domain  # noqa: B018
+    with pytest.raises(InvalidInput, match="too large for the draft window"):
+        Flow(Scene(family=Family(aspect=(15, 20)), fidelity=short)).domain  # noqa: B018
+
+
+def test_reynolds_numbers_of_a_scene():
+    scene = Scene(reynolds=(1, 60))
+    assert scene.check_reynolds(np.float32(50)) == 50
+    for outside in (0.9, 61):
+        with pytest.raises(InvalidInput, match="the scene covers 1 to 60"):
+            scene.check_reynolds(outside)
+    assert check_reynolds(46) == 46
+    assert check_reynolds(50, allow_unsteady=True) == 50
+    with pytest.raises(InvalidInput, match="allow_unsteady"):
+        check_reynolds(50)
