@@ -1,91 +1,54 @@
 """How right shape gradients are: of the adjoint on each grid, and of the surrogates that ship.
 
-python scripts/measure_gradients.py --out out/gradients
+python scripts/measure/gradients.py
 """
 
-import dataclasses
-import json
 import sys
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
 
 import jax
 import numpy as np
-from common import Parser, emit, markdown, progress_bar, run
+from study import TINY, Result, Study, run_study, table_of_rows
 
-from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_folder, whole_file
-from surrogate.flow.flow import family_drag_and_shape_gradient
-from surrogate.scene.scene import FIDELITIES, Scene
-from surrogate.model.store import load_surrogate
-from surrogate.training.physics import Samples, draw_samples, scene_domain
-from surrogate.training.presets import METHODS
-
-LEVELS = ("draft", "standard", "fine")
+from surrogate import FIDELITIES, Flow, Scene, load
+from surrogate.training.plan import METHODS
+from surrogate.training.samples import Samples, held_out_samples
 
 
-def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
+def measure(tiny: bool, progress: Callable) -> Result:
     """Gradients of unseen bodies by every grid and surrogate, against standard and fine."""
-    arguments = _parser().parse_args(argv)
-    if not 4 <= arguments.bodies <= 1000:
-        raise InvalidInput(f"--bodies {arguments.bodies}: from 4 to 1000")
-    check_folder(arguments.out)
-    scene = Scene()
-    unseen = jax.random.split(jax.random.key(0), 3)[1]
-    bodies = draw_samples(scene, unseen, arguments.bodies)
+    levels = dict.fromkeys(FIDELITIES, TINY) if tiny else FIDELITIES
+    bodies = held_out_samples(Scene(), 0, 2 if tiny else 64)
     found = {}
-    with progress_bar("shape gradients") as progress:
-        for k, level in enumerate(LEVELS):
-            progress(k / len(LEVELS), f"adjoint, {level}")
-            grid = dataclasses.replace(scene, fidelity=FIDELITIES[level])
-            found[f"adjoint, {level}"] = _by_adjoint(grid, bodies)
-        progress(1.0)
+    for k, (name, fidelity) in enumerate(levels.items()):
+        progress(k / len(levels), f"adjoint, {name}")
+        found[f"adjoint, {name}"] = adjoint_slopes(Flow(Scene(fidelity=fidelity)), bodies)
     for method in METHODS:
-        network = load_surrogate(f"pretrained:{method}").network
+        network = load(f"pretrained:{method}").network
         found[method] = np.asarray(jax.vmap(jax.grad(network.drag))(*bodies))
-    widths = np.ptp(scene.family.bounds, axis=1)
+    widths = np.ptp(Scene().family.bounds, axis=1)
+    truths = {level: found[f"adjoint, {level}"] for level in ("standard", "fine")}
     rows = [
-        {
-            "gradient": name,
-            "from_standard": _distance(gradient, found["adjoint, standard"], widths),
-            "from_fine": _distance(gradient, found["adjoint, fine"], widths),
-        }
-        for name, gradient in found.items()
+        {"gradient": name} | {level: distance(g, truth, widths) for level, truth in truths.items()}
+        for name, g in found.items()
     ]
-    with whole_file(Path(arguments.out) / "gradients.json") as part:
-        part.write_text(json.dumps(rows, indent=1) + "\n")
-    heads = ["gradient of", "from the standard adjoint", "from the fine adjoint"]
-    lines = [
-        [r["gradient"], *(f"{100 * r[key]:.1f} %" for key in ("from_standard", "from_fine"))]
-        for r in rows
-    ]
-    return emit({"rows": rows}, arguments.json, markdown(heads, lines))
+    return {"bodies": bodies.count, "rows": rows}
 
 
-def _by_adjoint(scene: Scene, bodies: Samples) -> np.ndarray:
-    domain, slopes = scene_domain(scene), []
-    for body, reynolds in zip(*bodies, strict=True):
-        _, slope, info = family_drag_and_shape_gradient(domain, body, reynolds)
-        if not (bool(info.converged) and np.all(np.isfinite(slope))):
-            raise NotConverged(f"adjoint at Re {float(reynolds):g} did not converge")
-        slopes.append(np.asarray(slope))
-    return np.array(slopes)
+def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
+    """Of the flow's own drag; NaN where flow or adjoint were not found."""
+    return np.array([flow.slope(*query).gradient for query in zip(*bodies, strict=True)])
 
 
-def _distance(gradient: np.ndarray, truth: np.ndarray, widths: np.ndarray) -> float:
+def distance(gradient: np.ndarray, truth: np.ndarray, widths: np.ndarray) -> float:
     """Median over the bodies of |g - truth| / |truth|, in ranges of the parameters."""
     miss = np.linalg.norm((gradient - truth) * widths, axis=1)
-    return float(np.median(miss / np.linalg.norm(truth * widths, axis=1)))
+    return float(np.nanmedian(miss / np.linalg.norm(truth * widths, axis=1)))
 
 
-def _parser():
-    parser = Parser(description=__doc__.splitlines()[0])
-    parser.add_argument("--bodies", type=int, default=64, help="unseen bodies")
-    parser.add_argument("--out", required=True, help="folder of gradients.json")
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout")
-    return parser
-
+HEADS = "gradient of | from the standard adjoint | from the fine adjoint"
+FORMS = "{gradient} | {standard:.1%} | {fine:.1%}"
+STUDY = Study("gradients", measure, table_of_rows(HEADS, FORMS))
 
 if __name__ == "__main__":
-    sys.exit(run(main))
+    sys.exit(run_study(STUDY))
