@@ -10,6 +10,7 @@ or --tolerance: the mean of Cd, or of its worst share with --cvar; cases outside
 range of Re are cut off. All cd_* are then values of that objective; "cases" lists the drags.
 """
 
+import sys
 from collections.abc import Sequence
 from typing import Any
 
@@ -34,6 +35,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         raise InvalidInput("--until surrogate: there is none; --surrogate none ends on the flow")
     problem = problem_of(arguments, surrogate)
     candidates(problem)  # refuses what cannot be met before any work is done
+    if surrogate is None or arguments.until == "flow":
+        print(problem.scene.explain(), file=sys.stderr)
     with progress_bar("shape optimisation") as progress:
         progress(0.05, "searching")
         model = surrogate or Flow(problem.scene)

@@ -8,6 +8,7 @@ Surrogates that --out holds already are not trained again.
 
 import dataclasses
 import json
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,6 +38,7 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
 from surrogate.training.plan import METHODS, PRESETS, make_plan
+from surrogate.training.record import command_line
 from surrogate.training.train import train_all
 
 RECORD = "payoff.json"
@@ -52,7 +54,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     out, preset = Path(arguments.out), arguments.preset
     check_target(out, RECORD, _ours(arguments))
     scene = Scene.read(arguments.scene) if arguments.scene else PRESETS[preset].scene
-    trained = []
+    print(scene.explain(arguments.samples or PRESETS[preset].samples), file=sys.stderr)
+    start, trained = time.perf_counter(), []
     for seed in range(arguments.seed, arguments.seed + seeds):
         folder = out if seed == arguments.seed else out / f"seed{seed}"
 
@@ -73,6 +76,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     payoffs = [payoff(method, found, arguments.seed) for method, found in campaigns.items()]
     best = min(payoffs, key=lambda p: p.gap_mean).method
     result = {
+        "command": command_line(),
+        "seconds": time.perf_counter() - start,
         "payoff": [_plain(p) for p in payoffs],
         "queries": [_query(problem) for problem in queries],
         "direct": [design.drag for design in directs],
