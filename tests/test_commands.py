@@ -171,7 +171,8 @@ def test_march(capsys, tmp_path):
 def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
     """The README's main job, tiny: four trainings, designs by each, tables and pictures."""
     out = tmp_path / "payoff"
-    arguments = ["--scene", scene, "--samples", "16", "--queries", "3", "--out", out]
+    arguments = ["--scene", scene, "--samples", "16", "--queries", "3"]
+    arguments += ["--budget-seconds", "2", "--out", out]
     result = answer(capsys, "payoff", *arguments)
     assert {row["method"] for row in result["payoff"]} == {"dp", "sip", "hig", "supervised"}
     assert all(np.isfinite(row["gap_mean"]) for row in result["payoff"])

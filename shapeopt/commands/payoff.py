@@ -60,7 +60,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         folder = out if seed == arguments.seed else out / f"seed{seed}"
 
         def plan(method, seed=seed):
-            return make_plan(scene, method, preset, arguments.samples, seed)
+            return make_plan(
+                scene, method, preset, arguments.samples, seed, arguments.budget_seconds
+            )
 
         trained.append(train_all(plan, folder)[0])
     queries = [Problem(scene, reynolds) for reynolds in _plain_reynolds(scene, PLAIN[preset])]
@@ -210,6 +212,7 @@ def _parser():
     parser.add_argument("--preset", default="quick", choices=list(PRESETS), help="(quick)")
     parser.add_argument("--scene", help="TOML file; the preset's own scene without")
     parser.add_argument("--samples", type=int, help="bodies to learn from, instead of the preset's")
+    parser.add_argument("--budget-seconds", type=float, help="train each for this long instead")
     parser.add_argument("--queries", type=int, help="designs asked for, instead of the preset's")
     parser.add_argument("--seed", type=int, default=0, help="the first seed (0)")
     parser.add_argument("--seeds", type=int, default=1, help="trainings of every method (1)")

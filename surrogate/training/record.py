@@ -24,6 +24,7 @@ def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> S
         "seed": plan.seed,
         "samples": plan.samples,
         "held_out": plan.held_out,
+        "budget_s": plan.budget_s,
         "iterations": last.iteration,
         "failed_samples": last.failed,
         "stopped": trained.stopped,
@@ -36,9 +37,11 @@ def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> S
 def is_of(plan: Plan, surrogate: Surrogate) -> bool:
     """Whether this is what the plan's training leaves: a whole one, and not refined since."""
     record = surrogate.record
-    asked = (plan.method, plan.samples, plan.held_out, plan.seed)
-    found = tuple(record.get(key) for key in ("method", "samples", "held_out", "seed"))
-    whole = record.get("stopped") or record.get("iterations") == plan.iterations
+    keys = ("method", "samples", "held_out", "seed", "budget_s")
+    asked = (plan.method, plan.samples, plan.held_out, plan.seed, plan.budget_s)
+    found = tuple(record.get(key) for key in keys)
+    done = record.get("iterations") == plan.iterations or plan.budget_s is not None
+    whole = done or record.get("stopped")
     return found == asked and surrogate.scene == plan.scene and whole and "added" not in record
 
 
