@@ -8,6 +8,7 @@ import os
 import re
 import signal
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -51,10 +52,9 @@ class Parser(argparse.ArgumentParser):
 def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> int:
     """Run a command's main and turn its outcome into an exit status."""
     try:
-        with contextlib.suppress(ValueError):  # only a main thread hears signals
-            signal.signal(signal.SIGTERM, signal.default_int_handler)
         use_compilation_cache()
-        main(argv)
+        with _terminated_as_interrupted():
+            main(argv)
         return DONE
     except BrokenPipeError:  # whoever read has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -70,6 +70,19 @@ def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> in
         message = "interrupted; trainings go on where they stopped, by the same command"
     print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
     return status
+
+
+@contextlib.contextmanager
+def _terminated_as_interrupted():
+    """SIGTERM ends a command as Ctrl-C does; threads but the main one cannot hear it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def emit(result: dict[str, Any], as_json: bool, text: str) -> dict[str, Any]:
