@@ -16,7 +16,7 @@ from study import TINY, Result, Study, run_study, words
 from surrogate import FIDELITIES, Fidelity, Flow, InvalidInput, NotConverged, Scene, family_shape
 
 OUTCOMES = {"accurate": "#4c9f70", "degraded": "#f2b134", "not converged": "#e08e58"}
-OUTCOMES |= {"refused": "#b8bec9", "silently wrong": "#e4572e"}
+OUTCOMES |= {"refused": "#b8bec9", "silently wrong": "#d81b60"}
 REYNOLDS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
 SILENT = 2.0  # times the promise: an error that a drag called accurate must not have
 

@@ -27,11 +27,14 @@ def map_tables(fields: Sequence[Field], word: Word) -> str:
     return "\n\n".join(parts)
 
 
-def draw_maps(fields: Sequence[Field], word: Word, colours: Mapping[str, str], path: Path) -> None:
-    """A map a panel, coloured by the fields' ``outcome``."""
+def draw_maps(
+    fields: Sequence[Field], word: Word, colours: Mapping[str, str], path: Path, abreast: int = 2
+) -> None:
+    """A map a panel, so many abreast, coloured by the fields' ``outcome``."""
     panels = _values(fields, "panel")
-    size = {"figsize": (13, 1 + 1.8 * len(panels)), "squeeze": False, "layout": "constrained"}
-    figure, axes = plt.subplots(math.ceil(len(panels) / 2), 2, **size)
+    deep = math.ceil(len(panels) / abreast)
+    size = {"figsize": (13, 0.5 + 6 * deep / abreast), "squeeze": False, "layout": "constrained"}
+    figure, axes = plt.subplots(deep, abreast, **size)
     for axis in axes.flat[len(panels) :]:
         axis.axis("off")
     for axis, panel in zip(axes.flat, panels, strict=False):
@@ -39,8 +42,8 @@ def draw_maps(fields: Sequence[Field], word: Word, colours: Mapping[str, str], p
         rows, columns = _values(mine, "row"), _values(mine, "column")
         for field in mine:
             x, y = columns.index(field["column"]), rows.index(field["row"])
-            colour = colours[field["outcome"]]
-            axis.add_patch(plt.Rectangle((x - 0.5, y - 0.5), 1, 1, color=colour))
+            look = {"facecolor": colours[field["outcome"]], "edgecolor": "white"}
+            axis.add_patch(plt.Rectangle((x - 0.5, y - 0.5), 1, 1, **look))
             axis.text(x, y, word(field), ha="center", va="center", fontsize=7)
         axis.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5), title=panel)
         axis.set_xticks(range(len(columns)), columns, fontsize=8)

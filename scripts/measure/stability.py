@@ -96,7 +96,9 @@ def tables(result: Result) -> str:
 
 
 def draw(result, path):
-    draw_maps(result["fields"], lambda field: words("{mean:.1%}", **field), COLOURS, path)
+    draw_maps(
+        result["fields"], lambda field: words("{mean:.1%}", **field), COLOURS, path, abreast=3
+    )
 
 
 STUDY = Study("stability", measure, tables, draw)

@@ -171,6 +171,9 @@ def draw(result: Result, path: Path) -> None:
                 axis.loglog(*zip(*points, strict=True), style, **look)
     axes[0].set(xlabel="applications of G", ylabel="mean drag error, %")
     axes[1].set(xlabel="seconds of training (first seed)")
+    for axis in (axes[0].xaxis, axes[1].xaxis, axes[0].yaxis):
+        axis.set_minor_formatter("")
+    axes[0].yaxis.set_major_formatter("{x:g}")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center", frameon=False)
     save_figure(figure, path)
 
