@@ -26,7 +26,7 @@ SCRIPTS = TESTS.parent / "scripts"
 sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 use_compilation_cache()
 
-TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5)  # small enough for a test, real in every part
+TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
 COMPILED = "/jax/core/compile/backend_compile_duration"
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-import surrogate
-from surrogate.scene.scene import Fidelity, Scene
-from surrogate.training import loop
-from surrogate.training.presets import Plan
+from surrogate import Fidelity, Scene
+from surrogate.cache import use_compilation_cache
+from surrogate.training.loop import make_bench, run_training
+from surrogate.training.plan import Plan
 
-surrogate.use_compilation_cache()
+use_compilation_cache()
 folder = Path(sys.argv[1])
 scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan("sip", scene, samples=24, held_out=4, iterations=60, report_every=1)
@@ -20,7 +20,7 @@ def announce(point, done):
     print(point.iteration, flush=True)
 
 
-trained = loop.train(
-    plan, loop.make_bench(plan), folder / "checkpoint.npz", announce, checkpoint_every_s=0.0
+trained = run_training(
+    plan, make_bench(plan), folder / "checkpoint", announce, checkpoint_every_s=0.0
 )
 np.save(folder / "weights.npy", np.asarray(trained.network.weights))

@@ -18,7 +18,7 @@ NAMES = """
     FIDELITIES Family Fidelity Flow InvalidInput NotConverged Scene Shape Solution Surrogate Tunnel
     Unbounded __version__ contour_shape family_shape load naca4 read_contour save train
 """
-FLOW = Flow(Scene(fidelity=dataclasses.replace(TINY, wake=0.0)))
+FLOW = Flow(Scene(fidelity=TINY))
 NET = load("pretrained")
 MODELS = {"flow": FLOW, "surrogate": NET}
 both = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)

@@ -1,7 +1,5 @@
 """Gradients: Taylor tests (rate above 1.9), central differences, adjoints against tangents."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +12,7 @@ from surrogate.flow.solver import steady, tangent
 from surrogate.flow.solver.newton import NewtonSettings
 
 LENS = jnp.array([2.2, 0.12, -0.05, 0.03])
-SCENE = Scene(reynolds=(0.5, 45), fidelity=dataclasses.replace(TINY, wake=0.0))
+SCENE = Scene(reynolds=(0.5, 45), fidelity=TINY)
 EXACT = Flow(SCENE, NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8))
 DIRECTION = np.array([0.4, 0.1, -0.08, 0.05, 0.3])  # in shape and Re
 

@@ -35,7 +35,7 @@ def test_killed_and_resumed_training_is_bit_identical(tmp_path, generator):
             break
     assert killed.wait() == -signal.SIGKILL
     assert not (tmp_path / "killed" / "weights.npy").exists()
-    assert (tmp_path / "killed" / "checkpoint.npz").exists()
+    assert (tmp_path / "killed" / "checkpoint").exists()
 
     resumed = start(tmp_path / "killed")
     steps = [int(line) for line in resumed.stdout]

@@ -80,7 +80,7 @@ def test_a_fidelity_of_ones_own_in_a_file(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(
         "[fidelity]\nname = 'tiny'\ncells = 8\nupstream = 2.5\ndownstream = 4\nheight = 4\n"
-        "harmonics = 5\n"
+        "harmonics = 5\nwake = 0\n"
     )
     assert Scene.read(path) == Scene(fidelity=TINY)
 
@@ -117,7 +117,7 @@ def test_numbers_of_numpy_and_names_make_the_same_scene(tmp_path, unchecked):
         Scene(),
         Scene(stream=Tunnel(12), fidelity="draft"),
         Scene(stream=Tunnel(50)),
-        Scene(family=Family(aspect=(0.5, 2)), fidelity=TINY),  # bluff bodies have long wakes
+        Scene(family=Family(aspect=(0.5, 2)), fidelity="draft"),  # bluff bodies have long wakes
     ],
     ids=["standard", "tunnel", "wide tunnel", "bluff"],
 )

@@ -1,22 +1,21 @@
 """Training: every method learns, is deterministic, resumes bit for bit, and refuses bad files."""
 
 import dataclasses
-import json
+import functools
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate.errors import InvalidInput
-from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.solver.tangent import Effort
-from surrogate.model.store import Surrogate, load_surrogate, save_surrogate
-from surrogate.training import loop
-from surrogate.training.methods.compliance import kept_compliance, oseen_compliances
+from surrogate import Family, InvalidInput, load, train
+from surrogate.training import train as training
+from surrogate.training.forecast import forecast
+from surrogate.training.loop import drag_errors, make_bench, run_training
 from surrogate.training.methods.dp import differentiable_physics
 from surrogate.training.methods.hig import half_inverse_gradients
-from surrogate.training.presets import METHODS, Plan, preset
+from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.samples import held_out_samples, training_samples
+from surrogate.training.train import carry_out, checkpoint_of
 
 
 @pytest.fixture(scope="module")
@@ -26,12 +25,22 @@ def plan(tiny_scene):
 
 @pytest.fixture(scope="module")
 def bench(plan):
-    return loop.make_bench(plan)
+    return make_bench(plan)
+
+
+@pytest.fixture(scope="module")
+def trained(plan, bench):
+    """The plan carried out by any of the methods, once."""
+
+    @functools.cache
+    def by(method):
+        return run_training(dataclasses.replace(plan, method=method), bench)
+
+    return by
 
 
 def initial_error(bench):
-    drags = -2 * bench.labels.amplitude[:, 0]
-    return float(loop.drag_errors(bench.network, bench.held_out, drags).mean())
+    return float(drag_errors(bench.network, bench.held_out, bench.labels.drag).mean())
 
 
 @pytest.mark.parametrize(
@@ -39,129 +48,134 @@ def initial_error(bench):
     [("sip", 9, 0.4), ("supervised", 9, 0.4), ("hig", 4, 0.4), ("dp", 60, 0.9)],
 )
 def test_every_method_learns(plan, bench, method, iterations, factor):
-    trained = loop.train(
-        dataclasses.replace(plan, method=method, iterations=iterations, report_every=1), bench
-    )
-    before, after = initial_error(bench), trained.history[-1].error_mean
-    assert trained.stopped is None
+    plan = dataclasses.replace(plan, method=method, iterations=iterations, report_every=1)
+    history = run_training(plan, bench).history
+    before, after = initial_error(bench), history[-1].error_mean
     assert after < factor * before, f"{method}: mean error {before:.3f} -> {after:.3f}"
-    work = [point.green_applications for point in trained.history]
+    work = [point.green_applications for point in history]
     assert work == sorted(work)
     assert work[0] >= bench.physics.count * 12
 
 
 @pytest.mark.parametrize(
-    ("make", "fidelity"),
+    ("method", "steps"),
     [
-        (half_inverse_gradients, "exact"),  # lagged and exact are the others' presets
-        (half_inverse_gradients, "frozen"),
-        (differentiable_physics, "lagged"),
-        (differentiable_physics, "frozen"),
+        (half_inverse_gradients(lagged=False, batch=24), 4),
+        (differentiable_physics(lagged=True, batch=24), 40),
     ],
+    ids=["hig as published", "dp on lagged physics"],
 )
-def test_every_fidelity_of_the_physics_learns(plan, bench, make, fidelity):
-    """Frozen physics costs one body flow a sample and then nothing."""
-    steps = {half_inverse_gradients: 4, differentiable_physics: 40}[make]
+def test_either_physics_teaches_either_method(plan, bench, method, steps):
+    """What is not the preset of the method learns too."""
     plan = dataclasses.replace(plan, iterations=steps, report_every=1)
-    method = make(fidelity=fidelity, batch=24)
-    trained = loop.train(plan, bench, method=method)
-    assert trained.history[-1].error_mean < 0.9 * initial_error(bench)
-    work = [point.green_applications for point in trained.history]
-    if fidelity == "frozen":
-        assert work[-1] == work[0]
-    else:
-        assert work[-1] > work[0]
+    history = run_training(plan, bench, method=method).history
+    assert history[-1].error_mean < 0.9 * initial_error(bench)
+    assert history[-1].green_applications > history[0].green_applications
 
 
-def test_a_compliance_is_solved_again_only_where_the_traction_has_moved(bench):
-    kept = jax.tree.map(lambda leaf: leaf[0], oseen_compliances(bench.physics))
-    domain, case = bench.physics.domain, bench.physics.case(jnp.array(0))
-    velocity, seat = (leaf[0] for leaf in bench.physics.oseen)
-    near, far = (
-        kept_compliance(domain, case, FlowState(velocity, factor * seat), kept, 0.1, Effort())
-        for factor in (1.05, 1.2)
-    )
-    assert int(near[1].products) == 0
-    assert np.array_equal(near[0].matrix, kept.matrix)
-    assert int(far[1].products) > len(seat)
-    assert np.array_equal(far[0].seat, 1.2 * seat)
-    always, _ = kept_compliance(domain, case, FlowState(velocity, seat), kept, 0.0, Effort())
-    assert not np.array_equal(always.matrix, kept.matrix)
-
-
-def test_same_seed_same_weights_and_another_seed_others(plan, bench):
-    a, b = loop.train(plan, bench), loop.train(plan, bench)
-    assert np.array_equal(a.network.weights, b.network.weights)
-    other = loop.make_bench(dataclasses.replace(plan, seed=1))
+def test_same_seed_same_weights_and_another_seed_others(plan, bench, trained):
+    again = run_training(plan, bench)
+    assert trained("sip").stopped is None
+    assert np.array_equal(trained("sip").network.weights, again.network.weights)
+    other = make_bench(dataclasses.replace(plan, seed=1))
     assert not np.array_equal(other.network.weights, bench.network.weights)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 987])
+def test_held_out_bodies_are_unseen(tiny_scene, seed):
+    """No body that a training of the seed learns from is among those it is judged by."""
+    seen, unseen = (
+        {tuple(row) for row in np.column_stack(draw(tiny_scene, seed, 64)).tolist()}
+        for draw in (training_samples, held_out_samples)
+    )
+    assert len(seen) == len(unseen) == 64
+    assert not seen & unseen
+    first = training_samples(tiny_scene, seed, 64).head(16)
+    assert first.count == 16
+    assert {tuple(row) for row in np.column_stack(first).tolist()} <= seen
 
 
 class Killed(BaseException):
     """Stands for a power cut."""
 
 
+def interrupt(point, done):
+    if point.iteration == 4:
+        raise Killed
+
+
 @pytest.mark.parametrize("method", METHODS)
-def test_interrupted_and_resumed_is_bit_identical(plan, bench, method, tmp_path):
+def test_interrupted_and_resumed_is_bit_identical(plan, bench, trained, method, tmp_path):
     plan = dataclasses.replace(plan, method=method)
-    whole = loop.train(plan, bench)
-    checkpoint = tmp_path / "checkpoint.npz"
-
-    def interrupt(point, done):
-        if point.iteration == 4:
-            raise Killed
-
+    whole = trained(method)
+    checkpoint = tmp_path / "checkpoint"
     with pytest.raises(Killed):
-        loop.train(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
+        run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
     assert checkpoint.exists()
-    resumed = loop.train(plan, bench, checkpoint)
+    resumed = run_training(plan, bench, checkpoint)
     assert np.array_equal(whole.network.weights, resumed.network.weights)
     assert [p.iteration for p in resumed.history] == [p.iteration for p in whole.history]
     assert resumed.history[-1].green_applications == whole.history[-1].green_applications
-    assert not checkpoint.exists()
+
+
+def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, monkeypatch):
+    """The checkpoint lies beside the folder until the surrogate is saved in it."""
+    out = tmp_path / "out" / "surrogate"
+
+    def killed(plan, bench, checkpoint, report, method):
+        return run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "run_training", killed)
+        with pytest.raises(Killed):
+            carry_out(plan, out, progress=False)
+    assert checkpoint_of(out).is_file()
+    assert checkpoint_of(out).parent == out.parent
+    assert not list(out.glob("*"))
+    steps = []
+    monkeypatch.setattr(
+        training,
+        "run_training",
+        lambda plan, bench, checkpoint, report, method: run_training(
+            plan, bench, checkpoint, lambda point, done: steps.append(point.iteration)
+        ),
+    )
+    surrogate = carry_out(plan, out, progress=False)
+    assert steps == [4, 6], "it started again instead of going on"
+    assert np.array_equal(surrogate.network.weights, trained("sip").network.weights)
+    assert not checkpoint_of(out).exists()
+    assert np.array_equal(load(out).network.weights, surrogate.network.weights)
 
 
 def test_damaged_and_foreign_checkpoints_are_refused(plan, bench, tmp_path):
-    checkpoint = tmp_path / "checkpoint.npz"
+    checkpoint = tmp_path / "checkpoint"
     checkpoint.write_bytes(b"not a checkpoint")
     with pytest.raises(InvalidInput, match="damaged"):
-        loop.train(plan, bench, checkpoint)
+        run_training(plan, bench, checkpoint)
     checkpoint.unlink()
-
-    def interrupt(point, done):
-        if point.iteration == 4:
-            raise Killed
-
     with pytest.raises(Killed):
-        loop.train(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
+        run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
     with pytest.raises(InvalidInput, match="another training"):
-        loop.train(dataclasses.replace(plan, iterations=7), bench, checkpoint)
+        run_training(dataclasses.replace(plan, iterations=7), bench, checkpoint)
+    intact = checkpoint.read_bytes()
+    for damage in (intact[:-100], intact + b"more", intact[:200]):
+        checkpoint.write_bytes(damage)
+        with pytest.raises(InvalidInput, match="damaged"):
+            run_training(plan, bench, checkpoint)
 
 
-def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, bench, monkeypatch):
+@pytest.mark.parametrize("factor", [jnp.nan, 1e6], ids=["nan", "exploded"])
+def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, bench, factor):
     method = plan.make_method()
 
     def poisoned(network, state, physics, batch, done):
         network, state, spent = method.update(network, state, physics, batch, done)
-        factor = jnp.where(done > 0.6, jnp.nan, 1.0)
-        return network.with_weights(network.weights * factor), state, spent
+        factors = jnp.where(done > 0.6, factor, 1.0)
+        return network.with_weights(network.weights * factors), state, spent
 
-    monkeypatch.setattr(Plan, "make_method", lambda self: method._replace(update=poisoned))
-    trained = loop.train(plan, bench)
+    trained = run_training(plan, bench, method=method._replace(update=poisoned))
     assert "blew up" in trained.stopped
     assert np.all(np.isfinite(trained.network.weights))
-    assert trained.history[-1].iteration == 4
-
-
-def test_a_training_that_explodes_without_nan_is_stopped_too(plan, bench, monkeypatch):
-    method = plan.make_method()
-
-    def exploding(network, state, physics, batch, done):
-        network, state, spent = method.update(network, state, physics, batch, done)
-        return network.with_weights(network.weights * jnp.where(done > 0.6, 1e6, 1.0)), state, spent
-
-    monkeypatch.setattr(Plan, "make_method", lambda self: method._replace(update=exploding))
-    trained = loop.train(plan, bench)
-    assert "blew up" in trained.stopped
     assert trained.history[-1].iteration == 4
     assert trained.history[-1].error_mean < 1
 
@@ -169,58 +183,68 @@ def test_a_training_that_explodes_without_nan_is_stopped_too(plan, bench, monkey
 def test_matrix_free_hig_trains_as_the_dense_one(plan, bench):
     plan = dataclasses.replace(plan, iterations=4)
     dense, free = (
-        loop.train(plan, bench, method=half_inverse_gradients(batch=8, tau=1e-2, lanczos=vectors))
+        run_training(plan, bench, method=half_inverse_gradients(batch=8, tau=1e-2, vectors=vectors))
         for vectors in (None, 128)
     )
     assert np.allclose(dense.network.weights, free.network.weights, atol=1e-4)
 
 
-def test_surrogate_round_trip_and_damage(plan, bench, tmp_path):
-    record = {"method": "sip", "drag_error_mean": 0.5}
-    surrogate = Surrogate(bench.network, plan.scene, record)
-    folder = tmp_path / "surrogate"
-    save_surrogate(folder, surrogate)
-    save_surrogate(folder, surrogate)  # replaces its own kind
-    loaded = load_surrogate(folder)
-    halved = loaded.network.with_weights(loaded.network.weights / 2)
-    save_surrogate(tmp_path / "halved", dataclasses.replace(loaded, network=halved))
-    weights = load_surrogate(tmp_path / "halved").network.weights
-    assert np.array_equal(weights, halved.weights)
-    body = jnp.array([2.0, 0.1, 0, 0])
+def test_train_saves_what_it_returns(tiny_scene, tmp_path, capfd):
+    out = tmp_path / "deep" / "folder"
+    options = {"samples": 24, "preset": "quick", "budget_seconds": 1, "seed": 3}
+    surrogate = train(tiny_scene, "hig", out=out, **options)
+    assert "preparing flows: 0% 24 bodies, 48 held out" in capfd.readouterr().err
+    loaded = load(out)
+    body = np.array([2.0, 0.1, 0.0, 0.0])
     assert float(loaded.drag(body, 10.0)) == float(surrogate.drag(body, 10.0))
-    assert loaded.scene == plan.scene
-    assert loaded.record["method"] == "sip"
-
-    weights = folder / "weights.npz"
-    intact = weights.read_bytes()
-    weights.write_bytes(intact[:-7] + b"damaged")
-    with pytest.raises(InvalidInput, match="damaged"):
-        load_surrogate(folder)
-    weights.unlink()
-    with pytest.raises(InvalidInput, match="damaged"):
-        load_surrogate(folder)
-    weights.write_bytes(intact)
-    record = json.loads((folder / "surrogate.json").read_text())
-    (folder / "surrogate.json").write_text(json.dumps({**record, "format": 99}))
-    with pytest.raises(InvalidInput, match="format 99"):
-        load_surrogate(folder)
-    with pytest.raises(InvalidInput, match="no such folder"):
-        load_surrogate(tmp_path / "nowhere")
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "thesis.txt").write_text("do not delete")
-    with pytest.raises(InvalidInput, match="not empty"):
-        save_surrogate(tmp_path / "mine", surrogate)
+    assert loaded.scene == tiny_scene
+    for key, value in {"method": "hig", "samples": 24, "seed": 3, "held_out": 48}.items():
+        assert loaded.recorded(key) == value
+    assert 0 < loaded.recorded("drag_error_mean") < loaded.recorded("drag_error_max")
+    assert sorted(path.name for path in out.iterdir()) == ["surrogate.json", "weights.eqx"]
 
 
-def test_distance_beyond_the_trained_range(plan, bench):
-    surrogate = Surrogate(bench.network, plan.scene, {})
-    assert surrogate.beyond(np.array([2.0, 0.3, 0.0, 0.0]), 40.0) == {}
-    outside = surrogate.beyond(np.array([7.0, -0.6, 0.0, 0.0]), 1 / 40)
-    assert outside == pytest.approx({"aspect": 0.5, "beta2": 0.5, "log Re": 1.0})
+def test_a_family_of_eight_parameters_trains(tmp_path, tiny_scene):
+    betas = {f"beta{k}": (-0.1 / k, 0.1 / k) for k in range(2, 9)}
+    scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1, 3), **betas))
+    plan = Plan("sip", scene, samples=16, held_out=4, iterations=12, report_every=1)
+    surrogate = carry_out(plan, tmp_path / "eight", progress=False)
+    first = surrogate.recorded("history")[0][3]  # mean error against the flow
+    assert surrogate.recorded("drag_error_mean") < 0.5 * first
+    assert surrogate.recorded("drag_error_mean") < 0.05
+    body = np.array([2.0, 0.03, -0.02, 0.01, 0.01, -0.01, 0.005, -0.005])
+    drag = float(load(tmp_path / "eight").drag(body, 10.0))
+    assert drag == float(surrogate.drag(body, 10.0))
+    assert drag == pytest.approx(float(load("pretrained").drag([2.0, 0, 0, 0], 10.0)), rel=0.2)
+    with pytest.raises(InvalidInput, match="8 parameters are needed"):
+        surrogate.drag(body[:4], 10.0)
 
 
-def test_presets_name_what_is_wrong():
-    with pytest.raises(InvalidInput, match="one of dp, sip, hig, supervised"):
-        preset("magic", "quick")
-    with pytest.raises(InvalidInput, match="budget"):
-        preset("dp", "quick", budget_s=-1)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "magic"}, "one of dp, sip, hig, supervised"),
+        ({"method": "dp", "preset": "huge"}, "one of quick, full"),
+        ({"method": "dp", "budget_seconds": -1}, "budget"),
+        ({"method": "dp", "budget_seconds": np.nan}, "budget in seconds nan: must be a finite"),
+        ({"method": "dp", "budget_seconds": "60"}, "must be one number"),
+        ({"method": "dp", "samples": 2}, "a whole number from 4"),
+        ({"method": "dp", "samples": 8.5}, "a whole number from 4"),
+        ({"method": "dp", "seed": -1}, "a whole number from 0"),
+        ({"method": "dp", "scene": "scene.toml"}, "is no Scene"),
+    ],
+)
+def test_plans_name_what_is_wrong(options, words, unchecked):
+    with pytest.raises(InvalidInput, match=words):
+        make_plan(**{"scene": None, **options})
+    with pytest.raises(InvalidInput, match=words):
+        train(**options)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_forecast_of_the_work_comes_true(method):
+    """Within a factor of 1.5 of what the shipped surrogate of the method took."""
+    foreseen = forecast(make_plan(None, method))
+    took = load(f"pretrained:{method}").recorded("green_applications")
+    assert took / 1.5 < foreseen.green_applications < 1.5 * took
+    assert foreseen.seconds > 0
