@@ -322,7 +322,7 @@ def test_mistakes_get_exit_2_and_one_clear_line(capsys, tmp_path, mistake, answe
 
 def test_a_solve_that_fails_gets_exit_3_and_no_number(capsys):
     """A plate across a stream far beyond the onset of shedding, on a grid too coarse for it."""
-    body = ["--aspect", "0.3", "--cells", "6", "--reynolds", "150", "--allow-unsteady"]
+    body = ["--aspect", "0.4", "--cells", "7", "--reynolds", "300", "--allow-unsteady"]
     assert call("solve_drag", *body, "--json") == 3
     captured = capsys.readouterr()
     assert captured.out == ""
