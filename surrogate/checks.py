@@ -19,7 +19,7 @@ def finite_number(name: str, value: Any) -> float:
         raise InvalidInput(f"{name} {value!r}: must be one number")
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InvalidInput(f"{name} {value!r}: must be one number") from None
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")

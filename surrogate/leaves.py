@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +33,14 @@ def read_header(path: Path, what: str) -> Any:
     try:
         with path.open("rb") as file:
             return json.loads(file.readline(LONGEST_HEADER))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         raise InvalidInput(f"{what} {path}: damaged") from None
 
 
 def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
     """The arrays, in shapes and types as those of ``like``; the file's size is looked at first.
+
+    ``like`` may hold shapes alone, in place of arrays.
 
     Raises:
       InvalidInput: the file is damaged, or its arrays are others; it begins with ``what``.
@@ -45,18 +48,21 @@ def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
     try:
         with path.open("rb") as file:
             header = len(file.readline(LONGEST_HEADER))
-            if path.stat().st_size != header + _size(like):
-                raise InvalidInput(f"{what} {path}: damaged, or its arrays are of other shapes")
-            return eqx.tree_deserialise_leaves(file, like)
+            fits = path.stat().st_size == header + _size(like)
+            tree = eqx.tree_deserialise_leaves(file, like) if fits else None
     except (OSError, ValueError, RuntimeError, EOFError):
         raise InvalidInput(f"{what} {path}: damaged") from None
+    if tree is None:
+        raise InvalidInput(f"{what} {path}: damaged, or its arrays are of other shapes")
+    return tree
 
 
 def _size(tree):
     """Bytes that the arrays take in a file."""
     total = 0
-    for leaf in map(np.asarray, jax.tree.leaves(tree)):
-        header = io.BytesIO()
-        np.lib.format.write_array_header_1_0(header, np.lib.format.header_data_from_array_1_0(leaf))
-        total += header.tell() + leaf.nbytes
+    for leaf in jax.tree.leaves(tree):
+        dtype, header = np.dtype(leaf.dtype), io.BytesIO()
+        words = {"descr": dtype.str, "fortran_order": False, "shape": leaf.shape}
+        np.lib.format.write_array_header_1_0(header, words)
+        total += header.tell() + math.prod(leaf.shape) * dtype.itemsize
     return total

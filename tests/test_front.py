@@ -124,6 +124,7 @@ REYNOLDS_THAT_ARE_NONE = {
     "one in an array": (np.array([10.0]), "must be one number"),
     "tiny": (1e-6, "tested from 0.001"),
     "huge": (1e4, "tested up to 300"),
+    "astronomic": (10**400, "must be one number"),
 }
 BODIES_THAT_ARE_NONE = {
     "three": (BODY[:3], "4 parameters are needed: aspect, beta2, beta3, beta4"),

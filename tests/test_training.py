@@ -149,9 +149,10 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
 
 def test_damaged_and_foreign_checkpoints_are_refused(plan, bench, tmp_path):
     checkpoint = tmp_path / "checkpoint"
-    checkpoint.write_bytes(b"not a checkpoint")
-    with pytest.raises(InvalidInput, match="damaged"):
-        run_training(plan, bench, checkpoint)
+    for words in (b"not a checkpoint", b"[" * 100_000, b""):
+        checkpoint.write_bytes(words)
+        with pytest.raises(InvalidInput, match="damaged"):
+            run_training(plan, bench, checkpoint)
     checkpoint.unlink()
     with pytest.raises(Killed):
         run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)

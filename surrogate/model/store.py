@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -78,8 +79,8 @@ def load(name: str | Path) -> Surrogate:
         raise InvalidInput(
             f"{what}: its layers {sizes} do not end in the {outputs} modes of its scene"
         )
-    blank = blank_network((inputs, *sizes), jax.random.key(0))
-    network = read_leaves(folder / WEIGHTS, blank, what)
+    blank = eqx.filter_eval_shape(blank_network, (inputs, *sizes), jax.random.key(0))
+    network = read_leaves(folder / WEIGHTS, blank, "surrogate")
     if _digest(folder / WEIGHTS) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
     _check_numbers(network, scene, what)
@@ -88,9 +89,9 @@ def load(name: str | Path) -> Surrogate:
 
 def _read_record(folder: Path, what: str) -> dict[str, Any]:
     path = folder / RECORD
+    if path.is_file() and path.stat().st_size > LONGEST_RECORD:
+        raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is too large")
     try:
-        if path.stat().st_size > LONGEST_RECORD:
-            raise InvalidInput(f"{what}: {RECORD} is too large to be a record")
         record = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is unreadable") from None
@@ -100,7 +101,7 @@ def _read_record(folder: Path, what: str) -> dict[str, Any]:
         raise InvalidInput(f"{what}: format {record['format']}, this version reads {FORMAT}")
     for name in ("drag_error_mean", "drag_error_max"):
         error = record.get(name, 0.0)
-        if not isinstance(error, int | float) or not math.isfinite(error):
+        if not isinstance(error, int | float) or not 0 <= error < math.inf:
             raise InvalidInput(f"{what}: its record's {name} is no number")
     return record
 

@@ -41,7 +41,7 @@ def is_of(plan: Plan, surrogate: Surrogate) -> bool:
     asked = (plan.method, plan.samples, plan.held_out, plan.seed, plan.budget_s)
     found = tuple(record.get(key) for key in keys)
     done = record.get("iterations") == plan.iterations or plan.budget_s is not None
-    whole = done or record.get("stopped")
+    whole = done or record.get("stopped") is not None
     return found == asked and surrogate.scene == plan.scene and whole and "added" not in record
 
 
