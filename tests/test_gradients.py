@@ -77,14 +77,6 @@ def test_quick_slope_has_three_digits(sloped, reynolds):
     assert miss < 2e-3, f"miss {miss:.1e}"
 
 
-def test_gradient_of_a_solution_is_that_of_the_drag(sloped):
-    drag, (shape, slope) = sloped(LENS, jnp.asarray(20.0))
-    found = EXACT.solve(LENS, 20.0, gradient=True, estimate=False)
-    assert found.drag == pytest.approx(float(drag), rel=1e-9)
-    assert list(found.gradient) == [*SCENE.family.names, "reynolds"]
-    assert np.allclose(list(found.gradient.values()), [*shape, slope], rtol=1e-6)
-
-
 @pytest.fixture(scope="module")
 def driven(cylinder_domain):
     """A flow driven by a traction that is not the body's."""

@@ -7,6 +7,7 @@ and the kernel needs no outflow condition.  Unbounded streams integrate over ``t
 Gauss-Legendre panels; tunnels sum over the wave numbers of their period.
 """
 
+import functools
 import itertools
 
 import equinox as eqx
@@ -119,6 +120,7 @@ def _tunnel_waves(period):
     return 2 * np.pi * index / period, np.where(2 * index == period, 1.0, 2.0) / period
 
 
+@functools.cache
 def _unbounded_waves(rows, nodes=12, panels=13, ratio=4.0):
     """Nodes and weights for (1/pi) int_0^pi: panels shrink towards the kernel's kink at 0."""
     edges = np.concatenate([[0.0], np.pi * ratio ** -np.arange(panels, -1.0, -1.0)])
