@@ -17,6 +17,7 @@ FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--virtual-time-budget=60000", "--window-size=1200,900", "--dump-dom"),
 )
+TRIES = 3  # on a busy machine the browser may leave before the page has come to rest
 DRIVER = """
 <pre id="seen"></pre>
 <script>
@@ -76,14 +77,15 @@ def visit(page: str, scenes: dict[str, list], expression: str) -> dict[str, Any]
     last file that it offered (``saved``), and the value of an ``expression`` (``computed``).
     """
     driver = DRIVER.replace("SCENES", json.dumps(scenes)).replace("COMPUTED", expression)
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        path = Path(folder, "page.html")
-        path.write_text(page.replace("</body>", driver + "</body>"), encoding="utf-8")
-        command = [BROWSER, *FLAGS, f"--user-data-dir={folder}/user", path.as_uri()]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    seen = re.search(r'<pre id="seen">(.+?)</pre>', done.stdout, re.DOTALL)
-    assert seen, "the page's script failed, or did not come to rest"
-    return json.loads(html.unescape(seen[1]))
+    for _ in range(TRIES):
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            path = Path(folder, "page.html")
+            path.write_text(page.replace("</body>", driver + "</body>"), encoding="utf-8")
+            command = [BROWSER, *FLAGS, f"--user-data-dir={folder}/user", path.as_uri()]
+            done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+        if seen := re.search(r'<pre id="seen">(.+?)</pre>', done.stdout, re.DOTALL):
+            return json.loads(html.unescape(seen[1]))
+    raise AssertionError("the page's script failed, or did not come to rest")
 
 
 def compute(scripts: dict[str, str], expression: str) -> Any:
