@@ -44,7 +44,8 @@ def save_run(
     Returns:
       The record. cd_* are values of the problem's objective, a Cd for one Reynolds number.
     """
-    from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
+    # pyvista takes a second to import, which only files and pictures need
+    from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
 
     folder = Path(folder)
     check_run_folder(folder)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.render.mesh import pv
+from shapeopt.export.solid import pv
 from surrogate import Scene
 
 LENS = np.array([2.0, 0.1, -0.05, 0.0])

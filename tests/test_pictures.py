@@ -15,8 +15,9 @@ from pictures import LENS, pixels, record_of
 
 from shapeopt import Problem, optimise, save_run, verify
 from shapeopt.commands.cli import run
-from shapeopt.render.export import write_contour_csv, write_contour_vtp, write_solid_stl
-from shapeopt.render.mesh import flow_mesh, pv, solid
+from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
+from shapeopt.export.solid import pv, solid
+from shapeopt.render.mesh import flow_mesh
 from shapeopt.render.pictures import Panel, render_evolution, render_flows
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after

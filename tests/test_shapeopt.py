@@ -9,12 +9,12 @@ import pytest
 
 import shapeopt
 from shapeopt import LogNormal, Problem, Robust, load_run, optimise, save_run, verify
+from shapeopt.export.solid import pv
 from shapeopt.payoff.payoff import Answer, Bill, Campaign, break_even, payoff
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import margins
-from shapeopt.render.mesh import pv
 from shapeopt.runs import verified_bodies
 from surrogate import Family, Flow, InvalidInput, Tunnel, load
 from surrogate.body.measures import chord, thickness

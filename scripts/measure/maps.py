@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from shapeopt.commands.cli import markdown
 from shapeopt.render.figures import plt, save_figure
+from shapeopt.render.tables import markdown
 
 Field = Mapping[str, Any]  # of these the keys panel, row and column are looked at
 Word = Callable[[Field], str]

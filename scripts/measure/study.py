@@ -21,7 +21,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from shapeopt.commands.cli import Parser, emit, markdown, run
+from shapeopt.commands.cli import Parser, emit, run
+from shapeopt.render.tables import markdown
 from surrogate import Fidelity
 from surrogate.files import make_folder, whole_file
 from surrogate.progress import progress_bar

@@ -109,13 +109,3 @@ def numbers(text: str, name: str = "--reynolds") -> list[float]:
     if not values:
         raise InvalidInput(f"{name} {text!r}: one number, or several with commas, as 1,10,40")
     return values
-
-
-def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table, its columns aligned to be read as it is."""
-    widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
-    lines = [heads, ["-" * width for width in widths], *rows]
-    return "\n".join(
-        "| " + " | ".join(c.ljust(w) for c, w in zip(line, widths, strict=True)) + " |"
-        for line in lines
-    )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from shapeopt.commands.cli import markdown
+from shapeopt.render.tables import markdown
 
 
 def payoff_tables(result: Mapping[str, Any]) -> str:

@@ -6,7 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.render.mesh import flow_mesh, outline, polygon, pv
+from shapeopt.export.solid import outline, polygon, pv
+from shapeopt.render.mesh import flow_mesh
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
 from surrogate.files import whole_file

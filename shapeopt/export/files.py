@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.render.mesh import outline, solid
+from shapeopt.export.solid import outline, solid
 from surrogate.arrays import AnyArray
 from surrogate.files import whole_file
 from surrogate.flow.loads.surface import Surface

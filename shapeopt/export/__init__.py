@@ -1,0 +1,1 @@
+"""A body for other programs: contour, loads and solid, in files."""
