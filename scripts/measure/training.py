@@ -23,7 +23,7 @@ from study import TINY, Result, Study, run_study, table
 from shapeopt.render.figures import STYLE, plt, save_figure
 from surrogate import NotConverged
 from surrogate.checks import whole_number
-from surrogate.flow.flow import Labels
+from surrogate.flow.steps import Labels
 from surrogate.model.network import DragNetwork
 from surrogate.training.loop import Bench, run_training
 from surrogate.training.methods.method import Method

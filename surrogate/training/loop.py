@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.errors import NotConverged
-from surrogate.flow.flow import Flow, Labels
+from surrogate.flow.flow import Flow
 from surrogate.flow.solver.steady import preparation_cost
+from surrogate.flow.steps import Labels
 from surrogate.model.network import DragNetwork, make_network
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.methods.method import Method

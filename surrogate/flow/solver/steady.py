@@ -112,7 +112,7 @@ def body_flow(
     guess: FlowState | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[FlowState, NewtonInfo]:
-    """Flow and traction of a body at rest in the stream (P^-1), differentiable in ``case``."""
+    """Flow and traction of a body at rest in the stream (P^-1)."""
 
     def residual(case, state):
         return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
@@ -132,7 +132,7 @@ def forced_flow(
     guess: Float[AnyArray, "2 nx ny"] | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[Float[AnyArray, "2 nx ny"], NewtonInfo]:
-    """Flow driven by a given traction (P), differentiable in ``case`` and ``amplitude``."""
+    """Flow driven by a given traction (P)."""
 
     def residual(data, velocity):
         return flow_residual(domain, data[0], FlowState(velocity, data[1]))

@@ -1,0 +1,170 @@
+"""The compiled steps behind ``Flow``: solves, the drag with its derivative, many bodies."""
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from surrogate.arrays import AnyArray
+from surrogate.body.family import family_markers, modes_of
+from surrogate.body.shape import Shape
+from surrogate.errors import NotConverged
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.loads.forces import Coefficients, coefficients, drag_coefficient
+from surrogate.flow.solver import steady
+from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
+from surrogate.flow.solver.tangent import Effort, drag_slope, with_body
+
+ADJOINT = Effort(2e-4, 40)
+HALVINGS = 3  # of the step in Re, where Newton from the Oseen flow fails
+
+
+class Slope(NamedTuple):
+    """Drag and its gradient in the parameters, good to three digits; NaN where not converged.
+
+    ``green_applications`` are those of flow and adjoint.
+    """
+
+    drag: Float[Array, ""]
+    gradient: Float[Array, " parameters"]
+    green_applications: Int[Array, ""]
+    converged: Bool[Array, ""]
+
+
+class Labels(NamedTuple):
+    """Solved flows of many bodies: traction modes, cost, and whether each solve converged."""
+
+    amplitude: Float[AnyArray, "bodies modes"]
+    green_applications: Int[AnyArray, " bodies"]
+    converged: Bool[AnyArray, " bodies"]
+
+    @property
+    def drag(self) -> Float[AnyArray, " bodies"]:
+        return jax.vmap(drag_coefficient)(jnp.asarray(self.amplitude))
+
+
+class Found(NamedTuple):
+    """A solved contour."""
+
+    state: steady.FlowState
+    forces: Coefficients
+    info: NewtonInfo
+
+
+@functools.partial(jax.jit, static_argnames=("domain", "settings"))
+def solve_contour(domain, settings, markers, reynolds, guess=None):
+    """Body flow of a contour; ``info.converged`` says whether the numbers mean anything."""
+    case = steady.prepare(domain, markers, reynolds)
+    state, info = steady.body_flow(domain, case, guess, settings)
+    return Found(state, coefficients(domain, markers, *state, reynolds), info)
+
+
+def approach(
+    domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float
+) -> tuple[Found, int]:
+    """The flow; where Newton from the Oseen flow fails, Re is approached in 2, 4, 8 steps.
+
+    Returns the applications of G of all attempts too, their preparations included.
+    """
+    markers, spent = jnp.asarray(shape.draw(domain.nodes)), 0
+    for depth in range(HALVINGS + 1):
+        guess, steps = None, 2**depth
+        for k in range(1, steps + 1):
+            found = solve_contour(
+                domain, settings, markers, jnp.asarray(reynolds * k / steps), guess
+            )
+            spent += int(found.info.products) + steady.preparation_cost(domain)
+            if not bool(found.info.converged):
+                break
+            guess = found.state
+        else:
+            return found, spent
+    raise NotConverged(failure(reynolds, found.info))
+
+
+def failure(reynolds: float, info: NewtonInfo) -> str:
+    """What to say of a flow that was not found."""
+    return (
+        f"body flow at Re {reynolds:g} did not converge: residual {float(info.residual):.1e} after "
+        f"{int(info.steps)} Newton steps; more cells or a lower Re would help"
+    )
+
+
+def gradient_at(
+    domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float, found: Found
+) -> dict[str, float]:
+    """dCd in a family body's parameters and in ``reynolds``, by name.
+
+    Raises:
+      NotConverged: the adjoint was not found.
+    """
+    names, values = tuple(shape.parameters), jnp.array(list(shape.parameters.values()))
+    slopes = slopes_at(
+        domain, settings, modes_of(names), values, jnp.asarray(reynolds), found.state
+    )
+    flat = np.array([*slopes[0], slopes[1]], float)
+    if not np.all(np.isfinite(flat)):
+        raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
+    return dict(zip((*names, "reynolds"), flat.tolist(), strict=True))
+
+
+@functools.partial(jax.jit, static_argnames=("domain", "settings", "modes"))
+def slopes_at(domain, settings, modes, parameters, reynolds, state, case=None):
+    """dCd/d(parameters, Re) by one adjoint, back through the kernel and the far field as well."""
+
+    def rebuild(parameters, reynolds):
+        return steady.prepare(domain, family_markers(parameters, modes, domain.nodes), reynolds)
+
+    case = rebuild(parameters, reynolds) if case is None else case
+    effort = Effort(settings.linear_tolerance, settings.max_vectors)
+    slopes, work = drag_slope(domain, case, state, rebuild, (parameters, reynolds), effort)
+    return jax.tree.map(lambda slope: jnp.where(work.converged, slope, jnp.nan), slopes)
+
+
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
+def drag_and_status(flow, parameters, reynolds):
+    return _drag_and_state(flow, parameters, reynolds)[0]
+
+
+@functools.partial(jax.jit, static_argnames="flow")
+def _drag_and_state(flow, parameters, reynolds):
+    """(Cd, status), and what its derivative needs."""
+    case = steady.prepare(flow.domain, flow.markers(parameters), reynolds)
+    state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
+    return (drag_coefficient(state.amplitude), info), (parameters, reynolds, state, case)
+
+
+def _drag_slopes(flow, saved, cotangent):
+    slopes = slopes_at(flow.domain, flow.settings, flow.scene.family.modes, *saved)
+    return jax.tree.map(lambda slope: cotangent[0] * slope, slopes)
+
+
+drag_and_status.defvjp(_drag_and_state, _drag_slopes)
+
+
+@functools.partial(jax.jit, static_argnames="flow")
+def drag_and_slope(flow: Any, parameters, reynolds):
+    (drag, info), (*_, state, case) = _drag_and_state(flow, parameters, reynolds)
+
+    def rebuild(parameters):
+        return with_body(flow.domain, case, flow.markers(parameters))
+
+    (gradient,), work = drag_slope(flow.domain, case, state, rebuild, (parameters,), ADJOINT)
+    converged = info.converged & work.converged & jnp.all(jnp.isfinite(gradient))
+    spent = info.products + work.products + steady.preparation_cost(flow.domain)
+    drag, gradient = (jnp.where(converged, value, jnp.nan) for value in (drag, gradient))
+    return Slope(drag, gradient, spent, converged)
+
+
+@functools.partial(jax.jit, static_argnames="flow")
+def solve_all(flow: Any, parameters, reynolds):
+    def one(body):
+        case = steady.prepare(flow.domain, flow.markers(body[0]), body[1])
+        state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
+        spent = info.products + steady.preparation_cost(flow.domain)
+        return Labels(state.amplitude, spent, info.converged)
+
+    return jax.lax.map(one, (parameters, reynolds))
