@@ -1,0 +1,86 @@
+"""Golden drags of cylinders, and the order at which drags converge to them."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from surrogate import Fidelity, Flow, Scene, Tunnel, family_shape
+
+CYLINDER = family_shape({"aspect": 1.0})
+
+# body-fitted finite elements, far field removed, uncertainty about 1e-4
+UNBOUNDED = {1.0: 10.335, 5.0: 3.930, 10.0: 2.754, 20.0: 1.999, 40.0: 1.497}
+TUNNEL = {
+    (16.0, 1.0): 13.743,
+    (16.0, 10.0): 3.072,
+    (16.0, 40.0): 1.625,
+    (8.0, 1.0): 18.412,
+    (8.0, 10.0): 3.548,
+    (8.0, 40.0): 1.841,
+}
+
+
+def solve(shape, reynolds, fidelity="standard", stream="unbounded"):
+    flow = Flow(Scene(stream=stream, fidelity=fidelity))
+    return flow.solve(shape, reynolds, estimate=False)
+
+
+@pytest.mark.parametrize("reynolds", UNBOUNDED)
+def test_golden_unbounded_cylinder(reynolds):
+    assert solve(CYLINDER, reynolds).drag == pytest.approx(UNBOUNDED[reynolds], rel=0.0025)
+
+
+@pytest.mark.parametrize(("height", "reynolds"), TUNNEL)
+def test_golden_tunnel_cylinder(height, reynolds):
+    drag = solve(CYLINDER, reynolds, "draft", Tunnel(height)).drag
+    assert drag == pytest.approx(TUNNEL[height, reynolds], rel=0.012)
+
+
+def test_golden_split_of_the_cylinders_drag():
+    found = solve(CYLINDER, 1.0)
+    assert found.drag_pressure == pytest.approx(5.22, rel=0.04)
+    assert found.drag_friction == pytest.approx(5.11, rel=0.04)
+    assert found.surface().pressure_drag == pytest.approx(5.22, rel=0.04)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reynolds", UNBOUNDED)
+def test_golden_fine_grid_is_within_a_thousandth(reynolds):
+    drag = solve(CYLINDER, reynolds, "fine").drag
+    assert drag == pytest.approx(UNBOUNDED[reynolds], rel=0.001)
+
+
+def test_order_of_the_drag_in_a_tunnel():
+    """A cylinder between walls, where no window is cut off across: nothing of first order."""
+    cells = (8, 12, 18)
+    errors = [
+        solve(CYLINDER, 1.0, Fidelity("", n, 3, 5, 8), Tunnel(8.0)).drag / 18.412 - 1 for n in cells
+    ]
+    coarse, fine = np.array(errors[:2]), np.array(errors[1:])
+    limit = np.mean((fine * 1.5**2 - coarse) / (1.5**2 - 1))
+    rates = np.log(np.abs(coarse - limit) / np.abs(fine - limit)) / np.log(1.5)
+    assert abs(limit) < 5e-4, f"errors {errors}, limit {limit}"
+    assert min(rates) > 1.8, f"errors {errors}, limit {limit}, rates {rates}"
+
+
+def test_order_of_the_drag_of_a_slender_body():
+    """Window fixed; errors against a fine grid of the same window."""
+    body = family_shape({"aspect": 3.0, "beta2": -0.2, "beta3": 0.1, "beta4": 0.05})
+
+    def drag(cells):
+        return solve(body, 5.0, Fidelity("", cells, 2.5, 3.5, 4)).drag
+
+    exact = drag(40)
+    errors = [abs(drag(cells) / exact - 1) for cells in (8, 12, 18)]
+    rates = [np.log(a / b) / np.log(1.5) for a, b in itertools.pairwise(errors)]
+    assert min(rates) > 1.6, f"errors {errors}, rates {rates}"
+
+
+def test_any_tunnel_height_fits_the_grid():
+    """Rows shrink a little where the height is no multiple of a cell: the drag stays smooth."""
+    below, middle, above = (
+        solve(CYLINDER, 10.0, "draft", Tunnel(height)).drag for height in (7.9, 8.0, 8.1)
+    )
+    assert below > middle > above
+    assert abs(below - 2 * middle + above) < 0.2 * (below - above)

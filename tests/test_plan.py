@@ -1,0 +1,38 @@
+"""Plans of trainings: what is wrong is named, and what they cost is foreseen."""
+
+import numpy as np
+import pytest
+
+from surrogate import InvalidInput, load, train
+from surrogate.training.forecast import forecast
+from surrogate.training.plan import METHODS, make_plan
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "magic"}, "one of dp, sip, hig, supervised"),
+        ({"method": "dp", "preset": "huge"}, "one of quick, full"),
+        ({"method": "dp", "budget_seconds": -1}, "budget"),
+        ({"method": "dp", "budget_seconds": np.nan}, "budget in seconds nan: must be a finite"),
+        ({"method": "dp", "budget_seconds": "60"}, "must be one number"),
+        ({"method": "dp", "samples": 2}, "a whole number from 4"),
+        ({"method": "dp", "samples": 8.5}, "a whole number from 4"),
+        ({"method": "dp", "seed": -1}, "a whole number from 0"),
+        ({"method": "dp", "scene": "scene.toml"}, "is no Scene"),
+    ],
+)
+def test_plans_name_what_is_wrong(options, words, unchecked):
+    with pytest.raises(InvalidInput, match=words):
+        make_plan(**{"scene": None, **options})
+    with pytest.raises(InvalidInput, match=words):
+        train(**options)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_forecast_of_the_work_comes_true(method):
+    """Within a factor of 1.5 of what the shipped surrogate of the method took."""
+    foreseen = forecast(make_plan(None, method))
+    took = load(f"pretrained:{method}").recorded("green_applications")
+    assert took / 1.5 < foreseen.green_applications < 1.5 * took
+    assert foreseen.seconds > 0
