@@ -24,7 +24,7 @@ class Applications(NamedTuple):
 
 
 APPLICATIONS = Applications()
-OVERHEAD = 2.5  # of a whole flow over its convolutions alone: convection, Krylov vectors
+OVERHEAD = 1.6  # of a whole flow over its convolutions alone: convection, Krylov vectors
 
 
 @functools.cache
