@@ -54,6 +54,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     out, preset = Path(arguments.out), arguments.preset
     check_target(out, RECORD, _ours(arguments))
     scene = Scene.read(arguments.scene) if arguments.scene else PRESETS[preset].scene
+    queries = [Problem(scene, reynolds) for reynolds in _plain_reynolds(scene, PLAIN[preset])]
+    count = QUERIES[preset] if arguments.queries is None else arguments.queries
+    if count < len(queries):
+        raise InvalidInput(f"--queries {count}: at least {len(queries)}")
     print(scene.explain(arguments.samples or PRESETS[preset].samples), file=sys.stderr)
     start, trained = time.perf_counter(), []
     for seed in range(arguments.seed, arguments.seed + seeds):
@@ -65,10 +69,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             )
 
         trained.append(train_all(plan, folder)[0])
-    queries = [Problem(scene, reynolds) for reynolds in _plain_reynolds(scene, PLAIN[preset])]
-    count = QUERIES[preset] if arguments.queries is None else arguments.queries
-    if count < len(queries):
-        raise InvalidInput(f"--queries {count}: at least {len(queries)}")
     queries += query_stream(scene, arguments.seed, count - len(queries))
     directs = _answer_directly(queries)
     campaigns = {
