@@ -8,11 +8,13 @@ from shapeopt.problem.objective import Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.runs import load_run, save_run
-from shapeopt.search.optimise import Design, optimise
+from shapeopt.search.designer import Design, Designer
+from shapeopt.search.optimise import optimise
 from shapeopt.search.verify import Verified, verify
 
 __all__ = [
     "Design",
+    "Designer",
     "LogNormal",
     "Problem",
     "Robust",

@@ -8,7 +8,7 @@ import numpy as np
 
 from shapeopt.problem.objective import Robust, predicted, predicted_drags
 from shapeopt.problem.problem import Problem
-from shapeopt.search.optimise import Design
+from shapeopt.search.designer import Design
 from shapeopt.search.verify import Verified
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, whole_files

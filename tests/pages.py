@@ -12,6 +12,7 @@ import pytest
 from shapeopt.render.page.page import page
 from surrogate import Family, Scene, Surrogate, Tunnel, load
 from surrogate.model.network import make_network
+from surrogate.training.samples import held_out_samples
 
 NAMES = ("pretrained", "eight modes", "no cylinder")
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
@@ -32,9 +33,10 @@ def surrogate_of(name):
 def untrained(scene):
     """Random weights, three times the usual for a drag that varies; scales of a slow stream."""
     generator = np.random.default_rng(0)
-    reynolds = np.geomspace(*scene.reynolds, 64)
+    bodies = held_out_samples(scene, 0, 64)
     modes = 1 + 0.1 * generator.standard_normal((64, 2 * scene.fidelity.harmonics + 1))
-    network = make_network(scene, jax.random.key(1), reynolds, -modes / reynolds[:, None] ** 0.6)
+    oseen = -modes / np.asarray(bodies.reynolds)[:, None] ** 0.6
+    network = make_network(scene, jax.random.key(1), *bodies, oseen)
     return Surrogate(network.with_weights(3 * network.weights), scene, RECORD)
 
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import shapeopt
-from shapeopt import LogNormal, Problem, Robust, load_run, optimise, save_run, verify
+from shapeopt import Design, LogNormal, Problem, Robust, load_run, optimise, save_run, verify
 from shapeopt.export.solid import pv
-from shapeopt.payoff.payoff import Answer, Bill, Campaign, break_even, payoff
+from shapeopt.payoff.payoff import Bill, Way, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
+from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import margins
 from shapeopt.runs import verified_bodies
@@ -74,22 +75,42 @@ def test_break_even():
     assert break_even(100.0, 5.0, 1.0) == math.inf
 
 
-def example_payoffs():
-    designs = [
-        Answer(Bill(1, 10), 1.01, Bill(3, 110), 1.0),
-        Answer(Bill(1, 10), 1.03, Bill(5, 90), 1.0),
-    ]
-    return [payoff("sip", [Campaign(Bill(30, 900), 0.01, 0.02, designs)])]
+def known_design(seconds, work, objective=1.0, flows=1):
+    body = np.array([2.0, 0.0, 0.0, 0.0])
+    return Design(body, objective, objective, 1e-4, 2.0, body[None], 0, flows, work, seconds)
+
+
+def example_ways():
+    direct = Way("direct", [Bill()], [[known_design(3, 110), known_design(5, 90, 1.02)]])
+    sip = Way("sip", [Bill(30, 900)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
+    growing = [[known_design(2, 100 / (k + 1)) for k in range(2)]]
+    return direct, sip, Way("growing kriging", [Bill()], growing, remembers=True)
 
 
 def test_payoff_of_known_designs():
-    p = example_payoffs()[0]
-    assert p.gap_mean == pytest.approx(0.02)
-    assert p.gap_max == pytest.approx(0.03)
-    assert p.seconds.designs == pytest.approx(10.0)
-    assert p.green_applications.designs == pytest.approx(10.0)
-    assert p.seconds.low == pytest.approx(30 / 4)  # both queries the dearer one
-    assert p.seconds.high == pytest.approx(30 / 2)
+    direct, sip, growing = example_ways()
+    found = pays_after(sip, direct, "seconds")
+    assert found.designs == pytest.approx(10.0)
+    assert found.low == pytest.approx(30 / 4)  # both queries the dearer one
+    assert found.high == pytest.approx(30 / 2)
+    assert pays_after(sip, direct, "green_applications").designs == pytest.approx(10.0)
+    assert np.allclose(best_known([direct, sip]), 1.0)
+    rows = payoff_rows([sip], [direct, growing], seed=0)
+    assert [row["method"] for row in rows] == ["direct", "growing kriging", "sip"]
+    assert [row["gap_max"] for row in rows] == pytest.approx([0.02, 0.0, 0.01])
+    assert rows[2]["break_even_g"] == pytest.approx(10.0)
+    assert rows[2]["g_per_design"] == 10.0
+    assert rows[2]["kkt_max"] == 1e-4
+
+
+def test_cumulative_costs_of_what_remembers_and_what_does_not():
+    direct, sip, growing = example_ways()
+    assert np.allclose(direct.cumulative("green_applications", 3), [100, 200, 300])
+    assert np.allclose(growing.cumulative("green_applications", 3), [100, 150, 225])
+    assert np.allclose(sip.cumulative("seconds", 4), [31, 32, 33, 34])
+    assert overtakes(sip, direct, "green_applications") == 10
+    assert overtakes(direct, sip, "green_applications", 5) == 1
+    assert overtakes(direct, growing, "green_applications", 500) == 1
 
 
 def test_queries_are_solvable_and_repeat(pretrained):
@@ -104,9 +125,9 @@ def test_payoff_plot_names_its_axes(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "shapeopt.payoff.plot.save_figure", lambda f, path: figures.append(f) or path
     )
-    plot_payoff(example_payoffs(), tmp_path / "payoff.png")
+    plot_payoff(example_ways(), tmp_path / "payoff.png")
     labels = [axis.get_ylabel() for axis in figures[0].axes]
-    assert labels == ["cumulative wall seconds", "cumulative applications of G"]
+    assert labels == ["cumulative applications of G", "cumulative wall seconds"]
 
 
 def test_what_does_not_fit_the_scene_is_refused(pretrained):
@@ -177,7 +198,7 @@ def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
 
 
 def test_payoff_plot_is_not_blank(tmp_path, capfd):
-    path = plot_payoff(example_payoffs(), tmp_path / "payoff.png")
+    path = plot_payoff(example_ways(), tmp_path / "payoff.png")
     pixels = pv.read(path).active_scalars
     assert len(np.unique(pixels, axis=0)) > 50
     assert capfd.readouterr().err == ""

@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 import json
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -125,7 +126,7 @@ def test_weights_of_other_shapes_or_ranges_are_refused(folder):
     network = load(folder).network
     with_weights(folder, blank_network((5, 8, 15), jax.random.key(0)))
     refused(folder, "its arrays are of other shapes")
-    with_weights(folder, dataclasses.replace(network, high=network.high + 1))
+    with_weights(folder, eqx.tree_at(lambda n: n.inputs.high, network, network.inputs.high + 1))
     refused(folder, "of other ranges than its scene")
     with_weights(folder, network)
     assert float(load(folder).drag(BODY, 10.0)) > 0
@@ -201,6 +202,7 @@ def test_a_surrogate_of_another_plan_is_not_taken_for_it():
         make_plan(None, "hig"),
         make_plan(None, "sip", seed=1),
         make_plan(None, "sip", samples=64),
+        make_plan(None, "sip", published=True),
         make_plan(Scene(family=Family(aspect=(1, 3))), "sip"),
     )
     assert not any(is_of(plan, surrogate) for plan in others)
@@ -210,11 +212,11 @@ def test_a_surrogate_of_another_plan_is_not_taken_for_it():
 
 
 def test_golden_pretrained_surrogate_on_unseen_bodies():
-    """A handful of the acceptance test: mean error below 0.1 %, none above 0.5 %."""
+    """A handful of the acceptance test: mean error below 0.05 %, none above 0.3 %."""
     net: Surrogate = load("pretrained")
     samples = held_out_samples(net.scene, 987, 12)
     drag = Flow(net.scene).labels(*samples).drag
     errors = drag_errors(net.network, samples, jnp.asarray(drag))
-    assert float(errors.mean()) < 0.001, errors
-    assert float(errors.max()) < 0.005, errors
+    assert float(errors.mean()) < 0.0005, errors
+    assert float(errors.max()) < 0.003, errors
     assert net.scene.family == Family()

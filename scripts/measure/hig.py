@@ -36,9 +36,9 @@ def measure(tiny: bool, progress: Callable) -> Result:
 
 def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Iterator[dict[str, Any]]:
     """Rows of one untrained network: dense, then matrix-free with so many Lanczos vectors."""
-    oseen, reynolds = np.asarray(physics.oseen.amplitude), np.asarray(physics.samples.reynolds)
-    width, key = round(np.sqrt(weights + 121) - 11), jax.random.key(1)
-    network = make_network(physics.flow.scene, key, reynolds, oseen, width)
+    oseen, key = np.asarray(physics.oseen.amplitude), jax.random.key(1)
+    width = round(np.sqrt(weights + 121) - 11)
+    network = make_network(physics.flow.scene, key, *physics.samples, oseen, width)
     batch, matrix = jnp.arange(physics.count), oseen_compliances(physics)
     slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics, batch) - oseen)
     y, physical = with_goal_row(slip, matrix, GOAL, oseen[:, 0])
@@ -46,7 +46,11 @@ def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Itera
     for vectors in (None, *counts):
 
         def step(network, y, physical, vectors=vectors):
-            return weight_step(network, physics, batch, y, physical, TAU, KAPPA, vectors)
+            def outcomes(weights, k):
+                sample = jax.tree.map(lambda part: part[k], physics.samples)
+                return physical[k] @ network.with_weights(weights)(*sample)
+
+            return weight_step(outcomes, network.weights, batch, y, TAU, KAPPA, vectors)
 
         compiled = jax.jit(step).lower(network, y, physical).compile()
         memory = compiled.memory_analysis()

@@ -7,41 +7,33 @@ Kriging needs scikit-learn: pip install -e '.[bench]'.
 """
 
 import dataclasses
-import functools
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from gradients import adjoint_slopes, distance
-from rivals import Fit, rivals
+from rivals import Fit, Solved, rivals
 from study import TINY, Result, Study, run_study, table
 
 from shapeopt.render.figures import STYLE, plt, save_figure
-from surrogate import NotConverged
+from surrogate import Flow, NotConverged, Surrogate
 from surrogate.checks import whole_number
 from surrogate.flow.steps import Labels
-from surrogate.model.network import DragNetwork
+from surrogate.model.inputs import scene_inputs
+from surrogate.model.kriging import Told
 from surrogate.training.loop import Bench, run_training
 from surrogate.training.methods.method import Method
-from surrogate.training.methods.sip import scale_invariant_physics
-from surrogate.training.methods.supervised import supervised
-from surrogate.training.plan import PRESETS, Plan, make_plan
-from surrogate.training.samples import Samples
-from surrogate.training.train import train_all, train_with_bar
+from surrogate.training.plan import PRESETS, Plan, compared_plans
+from surrogate.training.samples import Samples, held_out_samples, training_samples
+from surrogate.training.train import train_all
 
-MARKS = (0.03, 0.01, 0.003)  # drag errors whose price is told
-SHARES = (0.125, 0.25, 0.5, 1.0)  # of the samples that rivals are given
+MARKS = (0.01, 0.003, 0.001)  # drag errors whose price is told
+SHARES = (0.0625, 0.125, 0.25, 0.5, 1.0)  # of the samples that rivals are given
 GRADIENTS = 64  # held-out bodies whose shape gradients are compared
-VARIANTS = {  # the method as published, and regressions that a user might try
-    "sip, as published": functools.partial(scale_invariant_physics, slopes=0.0),
-    "supervised, traction only": functools.partial(supervised, goal=0.0),
-    "supervised, drag only": functools.partial(supervised, modes=0.0, goal=1.0),
-    "supervised, with slopes": functools.partial(supervised, slopes=1.0),
-}
 Row = dict[str, Any]
 
 
@@ -51,8 +43,9 @@ def measure(tiny: bool, progress: Callable, seeds: int, preset: str, surrogates:
     with tempfile.TemporaryDirectory() as scratch:
         first = Path(scratch) if tiny else surrogates
         for seed in range(whole_number("--seeds", seeds, 1, 20)):
-            folder = first if seed == 0 else first / f"seed{seed}"
-            rows += _rows(functools.partial(_plan, preset, seed, tiny), folder, tiny)
+            plans = compared_plans(None, "quick" if tiny else preset, seed=seed)
+            plans = {name: shrunk(plan) for name, plan in plans.items()} if tiny else plans
+            rows += _rows(plans, first if seed == 0 else first / f"seed{seed}")
     return {"preset": preset, "seeds": seeds, "rivals": list(rivals()), "rows": rows}
 
 
@@ -74,85 +67,79 @@ def attempt(plan: Plan, bench: Bench, method: Method) -> Row:
     return errors | {"work": last.green_applications, "failed": last.failed}
 
 
-def _plan(preset: str, seed: int, tiny: bool, method: str) -> Plan:
-    plan = make_plan(None, method, preset, None, seed)
-    return shrunk(plan) if tiny else plan
+def _rows(plans: Mapping[str, Plan], folder: Path) -> Iterator[Row]:
+    """One seed: the methods at their best, as published, of few bodies, and the rivals."""
+    surrogates, most = train_all(plans, folder), next(iter(plans.values()))
+    flow, unseen = Flow(most.scene), held_out_samples(most.scene, most.seed, most.held_out)
+    truth = Truth(unseen, flow.labels(*unseen), adjoint_slopes(flow, unseen.head(GRADIENTS)))
+    for name, surrogate in surrogates.items():
+        yield {"method": name, "seed": most.seed} | _learned(truth, surrogate)
+    solved, work = _solved(flow, training_samples(most.scene, most.seed, most.samples))
+    for name, fit in rivals().items():
+        yield {"method": name, "seed": most.seed} | _fitted(truth, solved, work, fit)
 
 
-def _rows(make: Callable[[str], Plan], folder: Path, tiny: bool) -> Iterator[Row]:
-    """One seed: the four methods, their variants, and the rivals."""
-    surrogates, bench = train_all(make, folder)
-    seed, slopes = (
-        make("dp").seed,
-        adjoint_slopes(bench.physics.flow, bench.held_out.head(GRADIENTS)),
-    )
-    networks = {
-        method: (s.network, s.record["history"], s.record["setup_s"])
-        for method, s in surrogates.items()
-    }
-    for method, maker in () if tiny else VARIANTS.items():
-        plan = make(method.split(",")[0])
-        trained = train_with_bar(plan, bench, method=maker(), title=method)
-        history = [list(point[:5]) for point in trained.history]
-        networks[method] = trained.network, history, bench.setup_s
-    for method, parts in networks.items():
-        yield {"method": method, "seed": seed} | _learned(bench, slopes, *parts)
-    labels = bench.physics.flow.labels(*bench.physics.samples) if rivals() else None
-    for method, fit in rivals().items():
-        yield {"method": method, "seed": seed} | _fitted(bench, labels, slopes, fit)
+class Truth(NamedTuple):
+    """Held-out bodies, their flows, and the shape gradients of the first of them."""
+
+    bodies: Samples
+    labels: Labels
+    slopes: np.ndarray
 
 
-def _learned(bench: Bench, slopes, network: DragNetwork, history, setup_s: float) -> Row:
-    """A network's row; the error of the traction is in units of its spread."""
-    predicted = np.asarray(jax.vmap(network)(*bench.held_out))
-    scale = np.asarray(jax.vmap(network.scale)(bench.held_out.reynolds))
-    miss = (predicted - np.asarray(bench.labels.amplitude)) / scale
-    drags = np.asarray(jax.vmap(network.drag)(*bench.held_out))
-    gradients = np.asarray(jax.vmap(jax.grad(network.drag))(*bench.held_out.head(len(slopes))))
-    work, seconds = history[-1][2], history[-1][1] + setup_s
-    costs = {"green_applications": work, "seconds": seconds, "setup_s": setup_s}
-    traction = {"traction": float(np.sqrt(np.mean(miss**2)))}
-    return _errors(bench, slopes, drags, gradients, history) | traction | costs
+def _learned(truth: Truth, surrogate: Surrogate) -> Row:
+    """A network's row."""
+    record, drag = surrogate.record, surrogate.network.drag
+    history = record["history"]
+    costs = {"green_applications": history[-1][2], "setup_s": record["setup_s"]}
+    costs["seconds"] = history[-1][1] + record["setup_s"]
+    drags = np.asarray(jax.vmap(drag)(*truth.bodies))
+    gradients = np.asarray(jax.vmap(jax.grad(drag))(*truth.bodies.head(len(truth.slopes))))
+    return _errors(truth, drags, gradients, history) | costs
 
 
-def _fitted(bench: Bench, labels: Labels, slopes, fit: Fit) -> Row:
+def _solved(flow: Flow, samples: Samples) -> tuple[Solved, int]:
+    """What rivals learn from, and the work of flows and adjoints."""
+    inputs, told, work = scene_inputs(flow.scene), [], 0
+    for parameters, reynolds in zip(*samples, strict=True):
+        found = flow.slope(parameters, reynolds)
+        slopes = np.append(found.gradient, reynolds * found.by_reynolds) / found.drag
+        told.append(Told(parameters, float(reynolds), float(found.drag), slopes))
+        work += int(found.green_applications)
+    return Solved(inputs, np.asarray(jax.vmap(inputs)(*samples)), told), work
+
+
+def _fitted(truth: Truth, solved: Solved, work: int, fit: Fit) -> Row:
     """A rival's row: log Cd fitted on shares of the solved samples, at shares of their work."""
-    inputs, unseen = _inputs(bench, bench.physics.samples), _inputs(bench, bench.held_out)
-    work, history = int(np.sum(labels.green_applications)), []
+    unseen, history = np.asarray(jax.vmap(solved.inputs)(*truth.bodies)), []
     for share in SHARES:
-        count = round(share * len(inputs))
-        predict = fit(inputs[:count], np.log(labels.drag[:count]))
+        count = round(share * len(solved.told))
+        predict = fit(solved.head(count))
         drags = np.exp(predict(unseen))
-        errors = np.abs(drags / np.asarray(bench.labels.drag) - 1)
+        errors = np.abs(drags / np.asarray(truth.labels.drag) - 1)
         history.append([count, 0.0, round(share * work), errors.mean(), errors.max()])
-    widths, few = _widths(bench), unseen[: len(slopes)]
-    step = 2e-3 * np.eye(unseen.shape[1])[: len(widths)]  # a thousandth of a range, both ways
-    logs = [np.stack([predict(few + way * side) for side in step], axis=1) for way in (1, -1)]
-    gradients = drags[: len(few), None] * (logs[0] - logs[1]) / (2e-3 * widths)
-    costs = {"green_applications": work, "seconds": None, "setup_s": None, "traction": None}
-    return _errors(bench, slopes, drags, gradients, history) | costs
+    few = truth.bodies.head(len(truth.slopes))
+    scene_slopes = np.asarray(jax.vmap(solved.inputs.steepness)(few.parameters))[:, :-1]
+    step = 1e-3 * np.eye(unseen.shape[1])[: scene_slopes.shape[1]]
+    logs = [
+        np.stack([predict(unseen[: few.count] + way * side) for side in step], axis=1)
+        for way in (1, -1)
+    ]
+    gradients = drags[: few.count, None] * (logs[0] - logs[1]) / (2e-3 * scene_slopes)
+    costs = {"green_applications": work, "seconds": None, "setup_s": None}
+    return _errors(truth, drags, gradients, history) | costs
 
 
-def _errors(bench: Bench, slopes, drags, gradients, history) -> Row:
-    errors = np.abs(drags / np.asarray(bench.labels.drag) - 1)
+def _errors(truth: Truth, drags, gradients, history) -> Row:
+    errors = np.abs(drags / np.asarray(truth.labels.drag) - 1)
+    widths = np.ptp(np.asarray(truth.bodies.parameters), axis=0)  # nearly the family's
     return {
         "error_mean": errors.mean(),
         "error_p95": np.percentile(errors, 95),
         "error_max": errors.max(),
-        "gradient": distance(gradients, slopes, _widths(bench)),
+        "gradient": distance(gradients, truth.slopes, widths),
         "history": history,
     }
-
-
-def _inputs(bench: Bench, samples: Samples) -> np.ndarray:
-    """Shape parameters and log Re, scaled to [-1, 1] as the network's are."""
-    raw = np.column_stack([samples.parameters, np.log(samples.reynolds)])
-    low, high = np.asarray(bench.network.low), np.asarray(bench.network.high)
-    return 2 * (raw - low) / (high - low) - 1
-
-
-def _widths(bench: Bench) -> np.ndarray:
-    return np.ptp(bench.physics.flow.scene.family.bounds, axis=1)
 
 
 def draw(result: Result, path: Path) -> None:
@@ -190,7 +177,7 @@ def summary(result: Result) -> list[Row]:
     for method, mine in by_method(result).items():
         row = {"method": method, "seconds": mine[0]["seconds"]}
         row["work"] = np.mean([one["green_applications"] for one in mine])
-        for key in ("error_mean", "error_p95", "error_max", "traction", "gradient"):
+        for key in ("error_mean", "error_p95", "error_max", "gradient"):
             row[key] = _spread([one[key] for one in mine])
         rows.append(row | {f"price{k}": _price(mine, mark) for k, mark in enumerate(MARKS)})
     return rows
@@ -199,8 +186,8 @@ def summary(result: Result) -> list[Row]:
 def _spread(values: list[float | None]) -> str:
     if None in values:
         return "-"
-    around = f" ± {50 * np.ptp(values):.2f}" if len(values) > 1 else ""
-    return f"{100 * np.mean(values):.2f}{around} %"
+    around = f" ± {50 * np.ptp(values):.3f}" if len(values) > 1 else ""
+    return f"{100 * np.mean(values):.3f}{around} %"
 
 
 def _price(mine: list[Row], mark: float) -> str:
@@ -213,13 +200,12 @@ def _price(mine: list[Row], mark: float) -> str:
 
 
 def tables(result: Result) -> str:
-    heads = "method | drag: mean | 95 % | max | traction | gradient | G | time"
-    forms = "{method} | {error_mean} | {error_p95} | {error_max} | {traction} | {gradient}"
+    heads = "method | drag: mean | 95 % | max | gradient | G | time"
+    forms = "{method} | {error_mean} | {error_p95} | {error_max} | {gradient}"
     forms += " | {work:.0f} | {seconds:.0f} s"
     for k, mark in enumerate(MARKS):
         heads, forms = f"{heads} | G (time) to {100 * mark:g} %", f"{forms} | {{price{k}}}"
-    missing = "" if result["rivals"] else "\n\nscikit-learn is not installed: no rivals."
-    return table(summary(result), heads, forms) + missing
+    return table(summary(result), heads, forms)
 
 
 OPTIONS = {

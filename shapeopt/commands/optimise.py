@@ -1,7 +1,8 @@
 """Shape of least drag, by a trained surrogate or by the flow's adjoint, verified.
 
 python scripts/optimize_shape.py --surrogate pretrained --reynolds 40 --out out/re40
-python scripts/optimize_shape.py --surrogate none --scene tunnel.toml --reynolds 40 --out out/direct
+python scripts/optimize_shape.py --surrogate none --scene tunnel.toml --reynolds 40 --out out/flow
+python scripts/optimize_shape.py --reynolds 40 --until flow --memory flows.json --out out/exact
 python scripts/optimize_shape.py --reynolds 1,10,40 --weights 1,2,1 --until flow --out out/several
 python scripts/optimize_shape.py --reynolds 20 --spread 0.3 --cvar 0.9 --out out/robust
 
@@ -19,6 +20,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
+from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
 from shapeopt.search.verify import verify
 from surrogate.errors import InvalidInput
@@ -33,6 +35,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     surrogate = surrogate_of(arguments)
     if surrogate is None and arguments.until == "surrogate":
         raise InvalidInput("--until surrogate: there is none; --surrogate none ends on the flow")
+    if arguments.memory and surrogate is not None and arguments.until != "flow":
+        raise InvalidInput("--memory: keeps flows, which --until flow or --surrogate none asks for")
     problem = problem_of(arguments, surrogate)
     candidates(problem)  # refuses what cannot be met before any work is done
     if surrogate is None or arguments.until == "flow":
@@ -40,7 +44,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     with progress_bar("shape optimisation") as progress:
         progress(0.05, "searching")
         model = surrogate or Flow(problem.scene)
-        design = optimise(problem, model, arguments.until or "surrogate")
+        if surrogate is None or arguments.until == "flow":
+            design = Designer(model, arguments.memory).design(problem)
+        else:
+            design = optimise(problem, model)
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
         verified = verify(problem, design.parameters)
         progress(1.0, f"{verified.objective:.4f} verified")
@@ -80,7 +87,12 @@ def _parser():
     parser.add_argument(
         "--until",
         choices=["surrogate", "flow"],
-        help="end at the surrogate's own optimum (default), or go on to the flow's by its adjoint",
+        help="end at the surrogate's own optimum (default), or at the flow's",
+    )
+    parser.add_argument(
+        "--memory",
+        help="JSON file of flows and adjoints: every design that ends on the flow adds its"
+        " own and needs fewer",
     )
     parser.add_argument("--out", required=True, help="folder of the run")
     return parser

@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, explain, train, save, compare with what was foreseen."""
     a = _parser().parse_args(argv)
     scene = Scene.read(a.scene) if a.scene else None
-    plan = make_plan(scene, a.method, a.preset, a.samples, a.seed, a.budget_seconds)
+    plan = make_plan(scene, a.method, a.preset, a.samples, a.seed, a.budget_seconds, a.published)
     out = Path(a.out)
     check_surrogate_folder(out)
     foreseen = forecast(plan)
@@ -54,6 +54,9 @@ def _parser():
     parser.add_argument("--samples", type=int, help="bodies to learn from, instead of the preset's")
     parser.add_argument("--preset", default="quick", choices=list(PRESETS), help="(quick)")
     parser.add_argument("--budget-seconds", type=float, help="train for this long instead")
+    parser.add_argument(
+        "--published", action="store_true", help="the method as published, not at its best"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of samples and weights (0)")
     parser.add_argument("--out", required=True, help="folder of the surrogate")
     return parser

@@ -1,4 +1,4 @@
-"""The payoff: a training's bill against what it saves on every design."""
+"""The payoff: a training's bill against what it saves on every design of equal quality."""
 
 import dataclasses
 import math
@@ -7,88 +7,67 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
+
+from shapeopt.search.designer import Design
 
 Unit = Literal["seconds", "green_applications"]
+UNITS: tuple[Unit, ...] = ("seconds", "green_applications")
 RESAMPLES = 2000
+LATE = 5  # designs at the end of a stream that say what all later ones cost
 
 
 @dataclasses.dataclass(frozen=True)
 class Bill:
     """Wall seconds and applications of G."""
 
-    seconds: float
-    green_applications: float
+    seconds: float = 0.0
+    green_applications: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Answer:
-    """One query answered: what it cost, and its verified drag beside the direct optimum's."""
+class Way:
+    """One way to answer a stream of queries: its trainings and its designs, one row a seed.
 
-    cost: Bill
-    drag: float
-    direct_cost: Bill
-    direct_drag: float
+    What remembers its flows (``remembers``) gets cheaper from design to design; other ways cost
+    the same for every query whenever it comes.
+    """
 
-    @property
-    def gap(self) -> float:
-        """Relative excess of the verified drag over the direct optimum's; negative is better."""
-        return self.drag / self.direct_drag - 1
+    name: str
+    trainings: Sequence[Bill]
+    designs: Sequence[Sequence[Design]]
+    remembers: bool = False
+    drag_error_mean: float | None = None
+    drag_error_max: float | None = None
 
+    def costs(self, unit: Unit) -> Float[np.ndarray, "seeds queries"]:
+        """Of every design."""
+        return np.array([[getattr(d, unit) for d in row] for row in self.designs], float)
 
-@dataclasses.dataclass(frozen=True)
-class Campaign:
-    """One trained surrogate (one seed) and the stream of queries it answered."""
+    def bills(self, unit: Unit) -> Float[np.ndarray, " seeds"]:
+        """Of the trainings."""
+        return np.array([getattr(bill, unit) for bill in self.trainings], float)
 
-    training: Bill
-    drag_error_mean: float
-    drag_error_max: float
-    designs: Sequence[Answer]
+    def cumulative(self, unit: Unit, count: int) -> Float[np.ndarray, " designs"]:
+        """Bill and designs together after 1, 2, ... designs, the seeds' mean.
+
+        Beyond the stream a design costs what the last of them did, or the mean of them all.
+        """
+        costs = self.costs(unit).mean(axis=0)
+        late = costs[-LATE:].mean() if self.remembers else costs.mean()
+        if not self.remembers:
+            costs = np.full_like(costs, late)
+        each = np.concatenate([costs, np.full(max(count - costs.size, 0), late)])[:count]
+        return self.bills(unit).mean() + np.cumsum(each)
 
 
 @dataclasses.dataclass(frozen=True)
 class BreakEven:
-    """Designs after which the training has paid, with a 95 % interval; infinite if never."""
+    """Designs after which a training has paid, with a 95 % interval; infinite if never."""
 
     designs: float
     low: float
     high: float
-
-
-@dataclasses.dataclass(frozen=True)
-class Payoff:
-    """Break-even of one method over a stream of designs, its seeds taken together."""
-
-    method: str
-    training: Bill
-    drag_error_mean: float
-    drag_error_max: float
-    gap_mean: float
-    gap_max: float
-    per_design: Bill
-    per_direct: Bill
-    seconds: BreakEven
-    green_applications: BreakEven
-
-
-def payoff(method: str, campaigns: Sequence[Campaign], seed: int = 0) -> Payoff:
-    """K T_direct = T_train + K (T_loop + T_verify), solved for K by mean costs.
-
-    The interval is a bootstrap over seeds and over the queries they share (Efron 1979).
-    """
-    designs = [design for campaign in campaigns for design in campaign.designs]
-    gaps = [design.gap for design in designs]
-    return Payoff(
-        method=method,
-        training=_mean([campaign.training for campaign in campaigns]),
-        drag_error_mean=statistics.fmean(campaign.drag_error_mean for campaign in campaigns),
-        drag_error_max=max(campaign.drag_error_max for campaign in campaigns),
-        gap_mean=statistics.fmean(gaps),
-        gap_max=max(gaps),
-        per_design=_mean([design.cost for design in designs]),
-        per_direct=_mean([design.direct_cost for design in designs]),
-        seconds=_break_even(campaigns, "seconds", seed),
-        green_applications=_break_even(campaigns, "green_applications", seed),
-    )
 
 
 def break_even(training: float, own: float, direct: float) -> float:
@@ -96,15 +75,10 @@ def break_even(training: float, own: float, direct: float) -> float:
     return training / (direct - own) if direct > own else math.inf
 
 
-def _break_even(campaigns, unit: Unit, seed) -> BreakEven:
-    generator = np.random.default_rng(seed)
-    bills = np.array([getattr(campaign.training, unit) for campaign in campaigns])
-    saved = np.array(
-        [
-            [getattr(design.direct_cost, unit) - getattr(design.cost, unit) for design in c.designs]
-            for c in campaigns
-        ]
-    )
+def pays_after(way: Way, direct: Way, unit: Unit, seed: int = 0) -> BreakEven:
+    """Break-even by mean costs; the interval is a bootstrap over seeds and queries (Efron 1979)."""
+    generator, bills = np.random.default_rng(seed), way.bills(unit)
+    saved = direct.costs(unit).mean(axis=0) - way.costs(unit)
     seeds, queries = saved.shape
 
     def resampled():
@@ -116,8 +90,32 @@ def _break_even(campaigns, unit: Unit, seed) -> BreakEven:
     return BreakEven(break_even(bills.mean(), 0.0, saved.mean()), float(low), float(high))
 
 
-def _mean(costs):
-    return Bill(
-        statistics.fmean(cost.seconds for cost in costs),
-        statistics.fmean(cost.green_applications for cost in costs),
-    )
+def overtakes(way: Way, rival: Way, unit: Unit, most: int = 1000) -> int | None:
+    """First number of designs at which the way has cost no more than the rival; None if none."""
+    ahead = way.cumulative(unit, most) <= rival.cumulative(unit, most)
+    return int(np.argmax(ahead)) + 1 if ahead.any() else None
+
+
+def best_known(ways: Sequence[Way]) -> Float[np.ndarray, " queries"]:
+    """The least objective that any way has found, of every query."""
+    return np.min([[d.objective for d in row] for way in ways for row in way.designs], axis=0)
+
+
+def per_design(way: Way) -> dict[str, float]:
+    """Mean flows, work and seconds of a design."""
+    designs = [design for row in way.designs for design in row]
+    return {
+        "flows_per_design": statistics.fmean(design.flows for design in designs),
+        "g_per_design": float(way.costs("green_applications").mean()),
+        "s_per_design": float(way.costs("seconds").mean()),
+    }
+
+
+def quality(way: Way, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
+    """How far its designs are from optimal: KKT residuals, excess over the best that is known."""
+    gaps = [[d.objective for d in row] / best - 1 for row in way.designs]
+    return {
+        "kkt_max": max(design.kkt_residual for row in way.designs for design in row),
+        "gap_mean": float(np.mean(gaps)),
+        "gap_max": float(np.max(gaps)),
+    }

@@ -1,34 +1,36 @@
-"""The plot a reader remembers: cumulative cost against designs, crossings marked."""
+"""The plot a reader remembers: cumulative cost, from the first design to the thousandth."""
 
-import math
+from collections.abc import Sequence
 from pathlib import Path
 
-from shapeopt.payoff.payoff import Payoff
+import numpy as np
+
+from shapeopt.payoff.payoff import UNITS, Way
 from shapeopt.render.figures import plt, save_figure
 
+MOST = 1000
+QUANTITIES = {"seconds": "wall seconds", "green_applications": "applications of G"}
+PLAIN = {"direct": "k--", "direct, from the nearest answer": "k:", "growing kriging": "k-"}
 
-def plot_payoff(payoffs: list[Payoff], path: str | Path) -> Path:
-    """Draw wall seconds and applications of G against the number of designs."""
-    figure, axes = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
-    for axis, unit, quantity in zip(
-        axes, ("seconds", "green_applications"), ("wall seconds", "applications of G"), strict=True
-    ):
-        crossings = [k for p in payoffs if math.isfinite(k := _crossing(p, unit))]
-        most = max([10.0, *(3 * k for k in crossings)])
-        designs = [most ** (k / 100) for k in range(101)]
-        direct = getattr(payoffs[0].per_direct, unit)
-        axis.plot(designs, [k * direct for k in designs], "k--", label="direct (adjoint)")
-        for payoff in payoffs:
-            bill, each = getattr(payoff.training, unit), getattr(payoff.per_design, unit)
-            k = _crossing(payoff, unit)
-            label = f"{payoff.method}, pays after {k:.0f}" if math.isfinite(k) else payoff.method
-            (line,) = axis.plot(designs, [bill + k * each for k in designs], label=label)
-            if math.isfinite(k):
-                axis.plot(k, k * direct, "o", color=line.get_color())
-        axis.set(xscale="log", yscale="log", xlabel="designs", ylabel=f"cumulative {quantity}")
-        axis.legend(frameon=False)
+
+def plot_payoff(ways: Sequence[Way], path: str | Path) -> Path:
+    """Draw applications of G and wall seconds against the number of designs."""
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
+    designs = np.arange(1, MOST + 1)
+    for axis, unit in zip(axes, reversed(UNITS), strict=True):
+        colours = iter(plt.rcParams["axes.prop_cycle"].by_key()["color"] * 2)
+        for way in ways:
+            style = {"linestyle": ":" if "published" in way.name else "-"}
+            if way.name not in PLAIN:
+                style["color"] = next(colours)
+            axis.plot(
+                designs,
+                way.cumulative(unit, MOST),
+                *[PLAIN[way.name]] if way.name in PLAIN else [],
+                label=way.name,
+                **(style if way.name not in PLAIN else {}),
+            )
+        axis.set(xscale="log", yscale="log", xlabel="designs of equal quality")
+        axis.set(ylabel=f"cumulative {QUANTITIES[unit]}")
+    axes[1].legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     return save_figure(figure, path)
-
-
-def _crossing(payoff, unit):
-    return getattr(payoff, unit).designs

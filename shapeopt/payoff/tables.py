@@ -1,65 +1,91 @@
-"""The payoff's result in words: break-even, verified drags, the robust design."""
+"""The payoff's result in words: what every way costs, and after how many designs it pays."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from shapeopt.payoff.payoff import Way, best_known, overtakes, pays_after, per_design, quality
 from shapeopt.render.tables import markdown
+
+SHORT = {"seconds": "s", "green_applications": "g"}
+
+
+def payoff_rows(ways: Sequence[Way], rivals: Sequence[Way], seed: int) -> list[dict[str, Any]]:
+    """One row a way, as the contract of the payoff's JSON names it; None is never."""
+    direct, kriging = rivals[0], rivals[-1]
+    best = best_known([*ways, *rivals])
+    rows = []
+    for way in [*rivals, *ways]:
+        row: dict[str, Any] = {"method": way.name}
+        for unit, short in SHORT.items():
+            row[f"training_{short}"] = float(way.bills(unit).mean())
+            found = pays_after(way, direct, unit, seed)
+            finite = [None if value == float("inf") else value for value in vars(found).values()]
+            row[f"break_even_{short}"], *row[f"break_even_{short}_interval"] = finite
+            row[f"beats_kriging_{short}"] = overtakes(way, kriging, unit)
+            row[f"cumulative_{short}"] = way.cumulative(unit, 1000)[[0, 4, 9, 49, 999]].tolist()
+        row |= per_design(way) | quality(way, best)
+        row |= {"drag_error_mean": way.drag_error_mean, "drag_error_max": way.drag_error_max}
+        rows.append(row)
+    return rows
 
 
 def payoff_tables(result: Mapping[str, Any]) -> str:
     """Markdown of what the payoff command has found."""
-    rows, robust = result["payoff"], result["robust"]
+    robust, count = result["robust"], len(result["queries"])
     hours = robust["direct_seconds_extrapolated"] / 3600
     return "\n\n".join(
         [
-            break_even_table(rows),
-            f"{len(result['direct'])} queries; in brackets 95 % intervals",
-            _drag_table(result),
-            f"Robust design: {robust['calls']} drags in {robust['seconds']:.2f} s; by flows and "
-            f"adjoints {hours:.1f} hours, extrapolated from {robust['sampled_flows']}.",
+            break_even_table(result["payoff"]),
+            f"{count} queries, every design the flow's own optimum; in brackets 95 % intervals",
+            _cumulative_table(result["payoff"]),
+            f"Robust design by the network alone: {robust['calls']} drags in "
+            f"{robust['seconds']:.2f} s; by flows and adjoints {hours:.1f} hours, extrapolated "
+            f"from {robust['sampled_flows']}.",
         ]
     )
 
 
 def break_even_table(rows: list[Mapping[str, Any]]) -> str:
-    """One line a method, and the direct optimiser's."""
-    heads = ["method", "error mean / max", "training", "a design", "gap to direct"]
-    heads += ["pays after designs, by time", "by G"]
+    """One line a way."""
+    heads = ["way", "error mean / max", "training", "flows a design", "a design"]
+    heads += ["gap, KKT at most", "pays after designs, by G", "by time", "beats kriging, by G"]
     lines = [
         [
             r["method"],
-            f"{100 * r['drag_error_mean']:.2f} / {100 * r['drag_error_max']:.2f} %",
-            _bill(r["training"]),
-            _bill(r["per_design"]),
-            f"{100 * r['gap_mean']:+.3f} % (max {100 * r['gap_max']:+.2f} %)",
-            _designs(r["seconds"]),
-            _designs(r["green_applications"]),
+            _error(r),
+            f"{r['training_g']:.0f} G, {r['training_s']:.0f} s" if r["training_g"] else "",
+            f"{r['flows_per_design']:.2f}",
+            f"{r['g_per_design']:.0f} G, {r['s_per_design']:.2f} s",
+            f"{100 * r['gap_max']:.3f} %, {r['kkt_max']:.0e}",
+            _designs(r, "g"),
+            _designs(r, "s"),
+            _from(r["beats_kriging_g"]) if r["training_g"] else "",
         ]
         for r in rows
     ]
-    return markdown(heads, [*lines, ["direct", "", "", _bill(rows[0]["per_direct"]), "", "", ""]])
+    return markdown(heads, lines)
 
 
-def _drag_table(result):
-    """Verified Cd of the plain queries, by the first seed of every method."""
-    designs = result["designs"]
-    rows = [
-        [
-            f"Re {result['queries'][k]['reynolds']:g}",
-            f"{result['direct'][k]:.4f}",
-            *(f"{seeds[0][k]:.4f}" for seeds in designs.values()),
-        ]
-        for k in range(result["plain"])
-    ]
-    return markdown(["verified Cd", "direct", *designs], rows)
+def _cumulative_table(rows):
+    heads = ["applications of G after designs", "1", "5", "10", "50", "1000"]
+    return markdown(heads, [[r["method"], *(f"{g:,.0f}" for g in r["cumulative_g"])] for r in rows])
 
 
-def _designs(found):
-    if found["designs"] is None:
+def _error(row):
+    if row["drag_error_mean"] is None:
+        return ""
+    return f"{100 * row['drag_error_mean']:.3f} / {100 * row['drag_error_max']:.2f} %"
+
+
+def _from(designs):
+    return "never" if designs is None else f"from design {designs}"
+
+
+def _designs(row, short):
+    if not row["training_g"]:
+        return ""
+    found, (low, high) = row[f"break_even_{short}"], row[f"break_even_{short}_interval"]
+    if found is None:
         return "never"
-    low, high = ("never" if found[k] is None else f"{found[k]:.1f}" for k in ("low", "high"))
-    return f"{found['designs']:.1f} ({low} to {high})"
-
-
-def _bill(bill):
-    return f"{bill['seconds']:.2f} s, {bill['green_applications']:.0f} G"
+    low, high = ("never" if end is None else f"{end:.1f}" for end in (low, high))
+    return f"{found:.1f} ({low} to {high})"

@@ -5,7 +5,7 @@ one number made of their drags, so search, flow and verification share one defin
 """
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,6 @@ from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.arrays import AnyArray
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
-from surrogate.model.network import DragNetwork
 from surrogate.scene.scene import Scene
 
 DEVIATIONS = 2.0  # where the normal changes of shape are cut off
@@ -170,19 +169,19 @@ def conditional_value_at_risk(
 
 
 def predicted(
-    network: DragNetwork, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: Any, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> Float[Array, ""]:
-    """The objective as the network sees it: pure, differentiable, to be vmapped over bodies."""
-    return combine(*predicted_drags(network, parameters, scenarios), scenarios)
+    """The objective as a model sees it: pure, differentiable, to be vmapped over bodies."""
+    return combine(*predicted_drags(model, parameters, scenarios), scenarios)
 
 
 def predicted_drags(
-    network: DragNetwork, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: Any, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[Float[Array, " cases"], Float[Array, " cases"]]:
     """Cd of a body and of the cylinder in every scenario."""
-    drags = jax.vmap(network.drag)(parameters + scenarios.shift, scenarios.reynolds)
+    drags = jax.vmap(model.drag)(parameters + scenarios.shift, scenarios.reynolds)
     round_body = jnp.zeros_like(parameters, float).at[0].set(1.0)
-    cylinder = jax.vmap(network.drag, in_axes=(None, 0))(round_body, scenarios.reynolds)
+    cylinder = jax.vmap(model.drag, in_axes=(None, 0))(round_body, scenarios.reynolds)
     return drags, cylinder
 
 

@@ -65,17 +65,29 @@ def descend(
     value, gradient = float(result.fun), last["gradient"]
     if not np.array_equal(z, last["z"]):
         value, gradient = scaled(z)
-    space, jacobian = room(z)
-    feasible = bool(np.all(space >= -1e-6))
+    feasible = bool(np.all(room(z)[0] >= -1e-6))
     return Found(
         parameters=low + width * z,
         value=float(value),
         evaluations=last["calls"],
-        kkt_residual=kkt_residual(z, value, gradient, space, jacobian),
+        kkt_residual=optimality(limits, low + width * z, value, gradient / width),
         feasible=feasible,
         converged=bool(result.success) and feasible and bool(np.isfinite(value)),
         path=np.array(path),
     )
+
+
+def optimality(
+    limits: Limits,
+    parameters: Float[AnyArray, " parameters"],
+    value: float,
+    gradient: Float[AnyArray, " parameters"],
+) -> float:
+    """The KKT residual of a body from the objective's value and gradient there."""
+    width = np.asarray(limits.width)
+    room, jacobian = map(np.asarray, _margins(parameters, limits))
+    z = (np.asarray(parameters) - limits.low) / width
+    return kkt_residual(z, value, np.asarray(gradient) * width, room, jacobian * width)
 
 
 def kkt_residual(

@@ -1,5 +1,7 @@
 """Many bodies at once on the network: all draws ranked, the best moved together by Adam."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import optax
@@ -8,7 +10,6 @@ from jaxtyping import Array, Float
 from shapeopt.problem.constraints import Limits, margins, satisfied
 from shapeopt.problem.objective import Scenarios, predicted
 from surrogate.arrays import AnyArray
-from surrogate.model.network import DragNetwork
 
 STEPS = 60
 RATE = 0.03  # of a parameter's range
@@ -17,19 +18,19 @@ PENALTY = 100.0  # of a squared violation, in objectives
 
 @jax.jit
 def ranked(
-    network: DragNetwork,
+    model: Any,
     bodies: Float[AnyArray, "bodies parameters"],
     limits: Limits,
     scenarios: Scenarios,
 ) -> Float[Array, " bodies"]:
     """Predicted objective of every body, infinite where a constraint is not met."""
-    values = jax.vmap(predicted, in_axes=(None, 0, None))(network, bodies, scenarios)
+    values = jax.vmap(predicted, in_axes=(None, 0, None))(model, bodies, scenarios)
     return jnp.where(satisfied(bodies, limits), values, jnp.inf)
 
 
 @jax.jit
 def descend_together(
-    network: DragNetwork,
+    model: Any,
     starts: Float[AnyArray, "starts parameters"],
     limits: Limits,
     scenarios: Scenarios,
@@ -43,7 +44,7 @@ def descend_together(
     def loss(z):
         body = limits.low + limits.width * z
         violation = jnp.minimum(margins(body, limits), 0.0)
-        return predicted(network, body, scenarios) * (1 + PENALTY * jnp.sum(violation**2))
+        return predicted(model, body, scenarios) * (1 + PENALTY * jnp.sum(violation**2))
 
     def step(carry, _):
         z, state = carry
@@ -60,7 +61,7 @@ def descend_together(
 
 @jax.jit
 def predicted_and_gradient(
-    network: DragNetwork, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: Any, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[Float[Array, ""], Float[Array, " parameters"]]:
     """The predicted objective and its gradient."""
-    return jax.value_and_grad(predicted, argnums=1)(network, parameters, scenarios)
+    return jax.value_and_grad(predicted, argnums=1)(model, parameters, scenarios)

@@ -7,13 +7,14 @@ of the equivalent diameter D.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, Body
@@ -129,14 +130,24 @@ class Family:
         """
         low, high = self.bounds.T
         size, found, total = 4 * count + 64, [], 0
-        for attempt in range(25):
+        for attempt in itertools.count():
             draw = key if attempt == 0 else jax.random.fold_in(key, attempt)
             draws = jax.random.uniform(draw, (size, len(low)), minval=low, maxval=high)
-            valid = draws[np.asarray(jax.vmap(lambda p: opening(p, self.modes))(draws)) > ROOMY]
-            found, total = [*found, valid], total + len(valid)
+            found.append(draws[self.opened(draws)])
+            total += len(found[-1])
             if total >= count:
                 return jnp.concatenate(found)[:count]
-        raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
+
+    def opened(self, bodies: Float[AnyArray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
+        """Which of many bodies keep so far from crossing themselves that they are solved.
+
+        Raises:
+          InvalidInput: hardly any does.
+        """
+        keep = np.asarray(jax.vmap(lambda p: opening(p, self.modes))(jnp.asarray(bodies))) > ROOMY
+        if len(keep) > 64 * (1 + np.sum(keep)):
+            raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
+        return keep
 
     def contains(self, parameters: AnyArray) -> bool:
         """Whether a body lies within the ranges."""
@@ -184,6 +195,11 @@ def describe(name: str) -> str:
         "beta4": f"Finer fore and aft, {beta}",
     }
     return known.get(name, f"Waves of the contour, {beta}")
+
+
+def smooth(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " parameters"]:
+    """Coordinates of a body in which its drag varies smoothly: the aspect counts by its log."""
+    return jnp.asarray(parameters).at[0].set(jnp.log(parameters[0]))
 
 
 def opening(

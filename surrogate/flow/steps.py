@@ -16,20 +16,21 @@ from surrogate.flow.grid.domain import Domain
 from surrogate.flow.loads.forces import Coefficients, coefficients, drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
-from surrogate.flow.solver.tangent import Effort, drag_slope, with_body
+from surrogate.flow.solver.tangent import Effort, Query, drag_slopes
 
 ADJOINT = Effort(2e-4, 40)
 HALVINGS = 3  # of the step in Re, where Newton from the Oseen flow fails
 
 
 class Slope(NamedTuple):
-    """Drag and its gradient in the parameters, good to three digits; NaN where not converged.
+    """Drag and its slopes in parameters and Re, good to three digits; NaN where not converged.
 
     ``green_applications`` are those of flow and adjoint.
     """
 
     drag: Float[Array, ""]
     gradient: Float[Array, " parameters"]
+    by_reynolds: Float[Array, ""]
     green_applications: Int[Array, ""]
     converged: Bool[Array, ""]
 
@@ -113,15 +114,17 @@ def gradient_at(
 
 @functools.partial(jax.jit, static_argnames=("domain", "settings", "modes"))
 def slopes_at(domain, settings, modes, parameters, reynolds, state, case=None):
-    """dCd/d(parameters, Re) by one adjoint, back through the kernel and the far field as well."""
+    """dCd/d(parameters, Re) by one adjoint of as many digits as the flow has."""
 
-    def rebuild(parameters, reynolds):
-        return steady.prepare(domain, family_markers(parameters, modes, domain.nodes), reynolds)
+    def contour(parameters):
+        return family_markers(parameters, modes, domain.nodes)
 
-    case = rebuild(parameters, reynolds) if case is None else case
+    if case is None:
+        case = steady.prepare(domain, contour(parameters), reynolds)
     effort = Effort(settings.linear_tolerance, settings.max_vectors)
-    slopes, work = drag_slope(domain, case, state, rebuild, (parameters, reynolds), effort)
-    return jax.tree.map(lambda slope: jnp.where(work.converged, slope, jnp.nan), slopes)
+    query = Query(contour, parameters, reynolds)
+    *slopes, work = drag_slopes(domain, case, state, query, effort)
+    return tuple(jnp.where(work.converged, slope, jnp.nan) for slope in slopes)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
@@ -139,7 +142,7 @@ def _drag_and_state(flow, parameters, reynolds):
 
 def _drag_slopes(flow, saved, cotangent):
     slopes = slopes_at(flow.domain, flow.settings, flow.scene.family.modes, *saved)
-    return jax.tree.map(lambda slope: cotangent[0] * slope, slopes)
+    return tuple(cotangent[0] * slope for slope in slopes)
 
 
 drag_and_status.defvjp(_drag_and_state, _drag_slopes)
@@ -148,15 +151,12 @@ drag_and_status.defvjp(_drag_and_state, _drag_slopes)
 @functools.partial(jax.jit, static_argnames="flow")
 def drag_and_slope(flow: Any, parameters, reynolds):
     (drag, info), (*_, state, case) = _drag_and_state(flow, parameters, reynolds)
-
-    def rebuild(parameters):
-        return with_body(flow.domain, case, flow.markers(parameters))
-
-    (gradient,), work = drag_slope(flow.domain, case, state, rebuild, (parameters,), ADJOINT)
-    converged = info.converged & work.converged & jnp.all(jnp.isfinite(gradient))
+    query = Query(flow.markers, parameters, reynolds)
+    *slopes, work = drag_slopes(flow.domain, case, state, query, ADJOINT)
+    converged = info.converged & work.converged & jnp.all(jnp.isfinite(slopes[0]))
     spent = info.products + work.products + steady.preparation_cost(flow.domain)
-    drag, gradient = (jnp.where(converged, value, jnp.nan) for value in (drag, gradient))
-    return Slope(drag, gradient, spent, converged)
+    answer = (jnp.where(converged, value, jnp.nan) for value in (drag, *slopes))
+    return Slope(*answer, spent, converged)
 
 
 @functools.partial(jax.jit, static_argnames="flow")

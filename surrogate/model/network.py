@@ -1,4 +1,4 @@
-"""The network: (shape parameters, log Re) to traction modes; the drag is twice the zeroth one."""
+"""The network: (shape parameters, log Re) to log Cd and traction modes over the drag."""
 
 import itertools
 
@@ -7,23 +7,26 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.scene.scene import Scene
+
+REACH = 0.3  # of log Cd about its trend
+WIDTH = 20
 
 
 class DragNetwork(eqx.Module):
-    """Small MLP inside fixed scales: inputs to [-1, 1], outputs by the Oseen flows' spread.
+    """A quadratic trend of log Cd and a small MLP with tanh about it.
 
-    a = s(Re) (mean + spread * MLP(input)), the MLP with tanh; log s is a quadratic in log Re.
+    With z the scaled inputs: log Cd = trend . q(z) + 0.3 MLP_0(z), traction modes
+    a_0 = -Cd / 2 and a_k = (mean_k + spread_k MLP_k(z)) Cd / 2, by the Oseen flows' spread.
     """
 
     layers: tuple[eqx.nn.Linear, ...]
-    low: Float[AnyArray, " inputs"]
-    high: Float[AnyArray, " inputs"]
-    size: Float[AnyArray, " 3"]
+    trend: Float[AnyArray, " features"]
+    inputs: Inputs
     mean: Float[AnyArray, " modes"]
     spread: Float[AnyArray, " modes"]
 
@@ -31,59 +34,58 @@ class DragNetwork(eqx.Module):
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, " modes"]:
         """Traction modes (force of the body on the fluid, U = D = rho = 1)."""
-        low, high, size, mean, spread = jax.lax.stop_gradient(
-            (self.low, self.high, self.size, self.mean, self.spread)
-        )
-        log_re = jnp.log(reynolds)
-        inputs = jnp.concatenate([parameters, log_re[None]])
-        width = jnp.where(high > low, high - low, 1.0)  # a scene of one Re has none
-        scaled = 2 * (inputs - low) / width - 1
-        return jnp.exp(jnp.polyval(size, log_re)) * (mean + spread * self._mlp(scaled))
+        z = self.inputs(parameters, reynolds)
+        out = self._mlp(z)
+        mean, spread = jax.lax.stop_gradient((self.mean, self.spread))
+        relative = (mean + spread * out).at[0].set(-1.0)
+        return jnp.exp(self._log_drag(z, out)) / 2 * relative
 
     def drag(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, ""]:
         """Cd of a body."""
-        return drag_coefficient(self(parameters, reynolds))
+        return jnp.exp(self.log_drag(self.inputs(parameters, reynolds)))
 
-    def scale(self, reynolds: Float[AnyArray, ""]) -> Float[AnyArray, " modes"]:
-        """Typical variation of every mode at this Re."""
-        return jnp.exp(jnp.polyval(self.size, jnp.log(reynolds))) * self.spread
+    def log_drag(self, z: Float[AnyArray, " inputs"]) -> Float[Array, ""]:
+        """log Cd at scaled inputs."""
+        return self._log_drag(z, self._mlp(z))
 
     @property
     def weights(self) -> Float[AnyArray, " weights"]:
         """All trained numbers as one vector."""
-        return ravel_pytree(self.layers)[0]
+        return ravel_pytree((self.layers, self.trend))[0]
 
     def with_weights(self, weights: Float[AnyArray, " weights"]) -> "DragNetwork":
         """The same network with other trained numbers."""
-        layers = ravel_pytree(self.layers)[1](weights)
-        return eqx.tree_at(lambda net: net.layers, self, layers)
+        trained = ravel_pytree((self.layers, self.trend))[1](weights)
+        return eqx.tree_at(lambda net: (net.layers, net.trend), self, trained)
 
-    def _mlp(self, inputs):
+    def _log_drag(self, z, out):
+        return quadratic(z) @ self.trend + REACH * out[0]
+
+    def _mlp(self, z):
         for layer in self.layers[:-1]:
-            inputs = jnp.tanh(layer(inputs))
-        return self.layers[-1](inputs)
+            z = jnp.tanh(layer(z))
+        return self.layers[-1](z)
 
 
 def make_network(
     scene: Scene,
     key: jax.Array,
+    parameters: Float[AnyArray, "samples parameters"],
     reynolds: Float[AnyArray, " samples"],
     oseen: Float[AnyArray, "samples modes"],
-    width: int = 32,
+    width: int = WIDTH,
 ) -> DragNetwork:
-    """Initial network of a scene; ``oseen`` tractions of sample bodies set the output's scales."""
-    bounds = np.concatenate([scene.family.bounds, np.log([scene.reynolds])])
-    log_re = np.log(reynolds)
-    degree = 2 if np.ptp(log_re) > 0 else 0
-    size = np.pad(np.polyfit(log_re, np.log(-oseen[:, 0]), degree), (2 - degree, 0))
-    relative = oseen / np.exp(np.polyval(size, log_re))[:, None]
-    blank = blank_network((len(bounds), width, width, oseen.shape[1]), key)
+    """Initial network of a scene: the trend of the Oseen drags of sample bodies, no more."""
+    inputs = scene_inputs(scene)
+    features = jax.vmap(lambda p, re: quadratic(inputs(p, re)))(parameters, reynolds)
+    trend = np.linalg.lstsq(features, np.log(-2 * oseen[:, 0]))[0]
+    relative = -oseen / oseen[:, :1]
+    blank = blank_network((inputs.low.size, width, width, oseen.shape[1]), key)
     layers = (*blank.layers[:-1], jax.tree.map(lambda leaf: 0.1 * leaf, blank.layers[-1]))
-    low, high = bounds.T
-    arrays = (low, high, size, relative.mean(axis=0), relative.std(axis=0) + 0.02)
-    return DragNetwork(layers, *map(jnp.asarray, arrays))
+    mean, spread = relative.mean(axis=0), relative.std(axis=0) + 0.02
+    return DragNetwork(layers, jnp.asarray(trend), inputs, jnp.asarray(mean), jnp.asarray(spread))
 
 
 def blank_network(sizes: tuple[int, ...], key: jax.Array) -> DragNetwork:
@@ -92,4 +94,6 @@ def blank_network(sizes: tuple[int, ...], key: jax.Array) -> DragNetwork:
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
-    return DragNetwork(layers, *map(jnp.zeros, (sizes[0], sizes[0], 3, sizes[-1], sizes[-1])))
+    count, modes = sizes[0], jnp.zeros(sizes[-1])
+    inputs = Inputs(jnp.zeros(count), jnp.zeros(count))
+    return DragNetwork(layers, jnp.zeros((count + 1) * (count + 2) // 2), inputs, modes, modes)

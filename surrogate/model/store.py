@@ -15,15 +15,16 @@ from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import check_target, whole_files
 from surrogate.leaves import read_leaves, write_leaves
+from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import DragNetwork, blank_network
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 
-FORMAT = 2
+FORMAT = 3
 RECORD, WEIGHTS = "surrogate.json", "weights.eqx"
 PRETRAINED = Path(__file__).parent / "pretrained"  # one a method, from one bench
-BEST = "sip"  # of these, by its mean error on unseen bodies
+BEST = "hig"  # of these, by its mean error on unseen bodies
 WIDEST, DEEPEST = 4096, 8  # layers of a network that is read
 LONGEST_RECORD = 1 << 24  # bytes
 
@@ -110,8 +111,8 @@ def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
     """Refuse weights that are not finite, and scales that are not the scene's."""
     if not all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(network)):
         raise InvalidInput(f"{what}: damaged, its weights are not all finite")
-    bounds = np.concatenate([scene.family.bounds, np.log([scene.reynolds])])
-    if not np.allclose(np.stack([network.low, network.high], axis=1), bounds, atol=1e-9):
+    known, own = (np.array([i.low, i.high]) for i in (scene_inputs(scene), network.inputs))
+    if not np.allclose(known, own, atol=1e-9):
         raise InvalidInput(f"{what}: damaged, its weights are of other ranges than its scene")
 
 

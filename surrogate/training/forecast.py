@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from surrogate.flow.flow import Flow
-from surrogate.model.network import blank_network
+from surrogate.model.network import WIDTH, blank_network
 from surrogate.scene.cost import APPLICATIONS, application_seconds
 from surrogate.training.plan import Plan
 
-VISITS = {"dp": 10.0}  # applications of G a visit of a sample, where they are not solved once
+VISITS = {"dp": 10.0, "hig": 140.0}  # applications of G a visit, as published: never solved once
 ROUNDS = {"sip": 50, "supervised": 50}  # gradients of the network an iteration
 
 
@@ -30,10 +30,9 @@ class Forecast(NamedTuple):
 
 def forecast(plan: Plan) -> Forecast:
     """What the samples of a training will cost, and its network; timed in a blink."""
-    per_body = APPLICATIONS.flow + (APPLICATIONS.adjoint if plan.method == "sip" else 0.0)
-    work = plan.samples * per_body
+    work = plan.samples * (APPLICATIONS.flow + (0.0 if plan.published else APPLICATIONS.adjoint))
     batch = min(plan.make_method().batch, plan.samples)
-    if plan.method in VISITS:
+    if plan.published and plan.method in VISITS:
         work = plan.samples * APPLICATIONS.flow / 2 + plan.iterations * batch * VISITS[plan.method]
     shape = Flow(plan.scene).domain.lattice.shape
     steps = ROUNDS.get(plan.method, 0)
@@ -44,7 +43,7 @@ def forecast(plan: Plan) -> Forecast:
 def _gradient_seconds(plan):
     """One gradient of the network over all samples."""
     inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
-    network = blank_network((inputs, 32, 32, modes), jax.random.key(0))
+    network = blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0))
     points = jnp.zeros((plan.samples, inputs))
 
     def loss(layers, points):
@@ -57,10 +56,12 @@ def _gradient_seconds(plan):
 
 
 def _inverse_seconds(plan, batch):
-    """One eigendecomposition of the rows of a batch; a step without one costs next to nothing."""
+    """One eigendecomposition of the smaller Gram matrix; a step without one costs next to nothing."""
     if plan.method != "hig":
         return 0.0
-    rows = batch * (2 * plan.scene.fidelity.harmonics + 2)
+    inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
+    weights = ravel_pytree(blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0)))[0].size
+    rows = min(weights, batch * (modes + 1 if plan.published else inputs + 1))
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)
     return _median(lambda: decompose(jnp.asarray(matrix + matrix.T)), 2)

@@ -92,8 +92,8 @@ def make_bench(plan: Plan) -> Bench:
     start = time.perf_counter()
     physics = jax.block_until_ready(prepare(samples))
     setup_s = time.perf_counter() - start
-    reynolds, oseen = np.asarray(samples.reynolds), np.asarray(physics.oseen.amplitude)
-    network = make_network(plan.scene, network_key(plan.seed), reynolds, oseen)
+    oseen = np.asarray(physics.oseen.amplitude)
+    network = make_network(plan.scene, network_key(plan.seed), *samples, oseen)
     return Bench(physics, held_out, labels, network, setup_s)
 
 

@@ -1,6 +1,7 @@
 """Which method, how many samples and steps: one training completely, and the presets."""
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Literal, get_args
 
@@ -8,8 +9,14 @@ from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.fidelity import FIDELITIES
 from surrogate.scene.scene import Scene
-from surrogate.training.methods.dp import differentiable_physics
-from surrogate.training.methods.hig import half_inverse_gradients
+from surrogate.training.methods.dp import (
+    differentiable_physics,
+    published_differentiable_physics,
+)
+from surrogate.training.methods.hig import (
+    half_inverse_gradients,
+    published_half_inverse_gradients,
+)
 from surrogate.training.methods.method import Method
 from surrogate.training.methods.sip import scale_invariant_physics
 from surrogate.training.methods.supervised import supervised
@@ -21,28 +28,46 @@ MAKERS: dict[MethodName, Callable[..., Method]] = {
     "hig": half_inverse_gradients,
     "supervised": supervised,
 }
+PUBLISHED: dict[MethodName, Callable[..., Method]] = {
+    "dp": published_differentiable_physics,
+    "sip": functools.partial(scale_invariant_physics, modes=1.0, slopes=0.0),
+    "hig": published_half_inverse_gradients,
+    "supervised": functools.partial(supervised, modes=1.0, slopes=0.0),
+}
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 REPORTS = 15  # of a training, about
+FEW = ("sip", "hig")  # methods that are compared on a quarter of the bodies too
 
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """How much a training takes: samples, held-out bodies, iterations by method, and a scene."""
+    """How much a training takes: samples, held-out bodies, iterations by method, and a scene.
+
+    ``published`` are the iterations of the methods as they were published, where they take others.
+    """
 
     samples: int
     held_out: int
     iterations: dict[MethodName, int]
+    published: dict[MethodName, int]
     scene: Scene
 
 
 PRESETS = {
     "quick": Preset(
-        128,
+        64,
         48,
-        {"dp": 1200, "sip": 160, "hig": 60, "supervised": 160},
+        {"dp": 400, "sip": 160, "hig": 60, "supervised": 160},
+        {},
         Scene(fidelity=FIDELITIES["draft"]),
     ),
-    "full": Preset(512, 128, {"dp": 4000, "sip": 1600, "hig": 160, "supervised": 1600}, Scene()),
+    "full": Preset(
+        256,
+        128,
+        {"dp": 1500, "sip": 400, "hig": 100, "supervised": 400},
+        {"dp": 4000, "sip": 400, "hig": 40, "supervised": 400},
+        Scene(),
+    ),
 }
 
 
@@ -50,7 +75,8 @@ PRESETS = {
 class Plan:
     """One training, completely: what is repeated from a checkpoint must be equal in all of this.
 
-    With ``budget_s`` the schedule follows the clock and ``iterations`` is only an upper bound.
+    ``published`` is the method as it was published, else it is the method at its best. With
+    ``budget_s`` the schedule follows the clock and ``iterations`` is only an upper bound.
     """
 
     method: MethodName
@@ -61,9 +87,10 @@ class Plan:
     seed: int = 0
     budget_s: float | None = None
     report_every: int = 10
+    published: bool = False
 
     def make_method(self) -> Method:
-        return MAKERS[self.method]()
+        return (PUBLISHED if self.published else MAKERS)[self.method]()
 
 
 def make_plan(
@@ -73,6 +100,7 @@ def make_plan(
     samples: int | None = None,
     seed: int = 0,
     budget_seconds: float | None = None,
+    published: bool = False,
 ) -> Plan:
     """The plan of a preset, with another scene or number of samples where they are given.
 
@@ -90,7 +118,7 @@ def make_plan(
         budget_seconds = finite_number("budget in seconds", budget_seconds)
         if not 1 <= budget_seconds < 1e6:
             raise InvalidInput(f"budget {budget_seconds:g} s: must be at least 1 second")
-    iterations = chosen.iterations[method]
+    iterations = ((published and chosen.published) or chosen.iterations)[method]
     return Plan(
         method=method,
         scene=chosen.scene if scene is None else scene,
@@ -100,4 +128,29 @@ def make_plan(
         seed=whole_number("seed", seed, 0, 2**31 - 1),
         budget_s=budget_seconds,
         report_every=max(1, iterations // REPORTS),
+        published=published,
     )
+
+
+def compared_plans(
+    scene: Scene | None,
+    preset: str,
+    samples: int | None = None,
+    seed: int = 0,
+    budget_seconds: float | None = None,
+) -> dict[str, Plan]:
+    """All trainings that are compared, by name: every method at its best.
+
+    In full also every method as it was published, and the best on a quarter of the bodies.
+    """
+    count = PRESETS[preset].samples if samples is None else samples
+
+    def plan(method, published=False, count=count):
+        return make_plan(scene, method, preset, count, seed, budget_seconds, published)
+
+    plans = {method: plan(method) for method in METHODS}
+    if preset == "full":
+        few = max(4, count // 4)
+        plans |= {f"{method}, as published": plan(method, True) for method in METHODS}
+        plans |= {f"{method}, {few} bodies": plan(method, count=few) for method in FEW}
+    return plans

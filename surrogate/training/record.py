@@ -21,6 +21,7 @@ def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> S
         "weights": int(trained.network.weights.size),
         "command": command_line(),
         "setup_s": setup_s,
+        "published": plan.published,
         "seed": plan.seed,
         "samples": plan.samples,
         "held_out": plan.held_out,
@@ -37,8 +38,8 @@ def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> S
 def is_of(plan: Plan, surrogate: Surrogate) -> bool:
     """Whether this is what the plan's training leaves: a whole one, and not refined since."""
     record = surrogate.record
-    keys = ("method", "samples", "held_out", "seed", "budget_s")
-    asked = (plan.method, plan.samples, plan.held_out, plan.seed, plan.budget_s)
+    keys = ("method", "published", "samples", "held_out", "seed", "budget_s")
+    asked = tuple(getattr(plan, key) for key in keys)
     found = tuple(record.get(key) for key in keys)
     done = record.get("iterations") == plan.iterations or plan.budget_s is not None
     whole = done or record.get("stopped") is not None

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from scipy.stats import qmc
 
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
@@ -27,28 +28,29 @@ class Samples(NamedTuple):
 
 
 def training_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """What a training of this seed learns from."""
-    return draw_samples(scene, _keys(seed)[0], count)
+    """What a training of this seed learns from: spread evenly, by a scrambled Sobol sequence."""
+    low, high = np.concatenate([scene.family.bounds, np.log([scene.reynolds])]).T
+    sequence = qmc.Sobol(low.size, rng=seed)
+    rows = np.empty((0, low.size))
+    while len(rows) < count:
+        drawn = low + (high - low) * sequence.random(2 ** count.bit_length())
+        rows = np.concatenate([rows, drawn[scene.family.opened(drawn[:, :-1])]])
+    return Samples(jnp.asarray(rows[:count, :-1]), jnp.exp(jnp.asarray(rows[:count, -1])))
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """What no training of this seed has seen."""
-    return draw_samples(scene, _keys(seed)[1], count)
-
-
-def network_key(seed: int) -> jax.Array:
-    """From which the initial weights of a training are drawn."""
-    return _keys(seed)[2]
-
-
-def draw_samples(scene: Scene, key: jax.Array, count: int) -> Samples:
-    """Bodies uniform in the family's bounds, Re uniform in its logarithm."""
-    shape_key, re_key = jax.random.split(key)
+    """What no training of this seed has seen: bodies uniform in their bounds, Re in log Re."""
+    shape_key, re_key = jax.random.split(_keys(seed)[0])
     low, high = np.log(scene.reynolds)
     return Samples(
         scene.family.sample(shape_key, count),
         jnp.exp(jax.random.uniform(re_key, (count,), minval=low, maxval=high)),
     )
+
+
+def network_key(seed: int) -> jax.Array:
+    """From which the initial weights of a training are drawn."""
+    return _keys(seed)[1]
 
 
 def joined(samples: list[Samples]) -> Samples:
@@ -57,4 +59,5 @@ def joined(samples: list[Samples]) -> Samples:
 
 
 def _keys(seed):
-    return jax.random.split(jax.random.key(seed), 3)
+    """For held-out bodies, for weights."""
+    return jax.random.split(jax.random.key(seed), 3)[1:]

@@ -1,6 +1,6 @@
 """Train a surrogate, or one of every method, from a scene to a folder."""
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 
 from surrogate.errors import InvalidInput
@@ -10,18 +10,19 @@ from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
 from surrogate.training.loop import Bench, Trained, make_bench, run_training
 from surrogate.training.methods.method import Method
-from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.plan import Plan, make_plan
 from surrogate.training.record import is_of, surrogate_of
 
 
 def train(
     scene: Scene | None = None,
-    method: str = "sip",
+    method: str = "hig",
     *,
     samples: int | None = None,
     preset: str = "full",
     seed: int = 0,
     budget_seconds: float | None = None,
+    published: bool = False,
     out: str | Path | None = None,
     progress: bool = True,
 ) -> Surrogate:
@@ -34,6 +35,7 @@ def train(
       preset: quick or full, which says how long to train.
       seed: of samples, held-out bodies and initial weights.
       budget_seconds: train for so long instead.
+      published: the method as it was published, not at its best.
       out: folder to save it in. Interrupted, the same call goes on where it stopped.
       progress: show it on stderr.
 
@@ -41,7 +43,8 @@ def train(
       InvalidInput: an argument makes no sense, or the folder is not for surrogates.
       NotConverged: a held-out flow was not found, or the training blew up at once.
     """
-    return carry_out(make_plan(scene, method, preset, samples, seed, budget_seconds), out, progress)
+    plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published)
+    return carry_out(plan, out, progress)
 
 
 def carry_out(plan: Plan, out: str | Path | None = None, progress: bool = True) -> Surrogate:
@@ -58,29 +61,32 @@ def carry_out(plan: Plan, out: str | Path | None = None, progress: bool = True) 
     return surrogate
 
 
-def train_all(make: Callable[[str], Plan], out: Path) -> tuple[dict[str, Surrogate], Bench]:
-    """One surrogate per method from one bench, in ``out``; those already trained are loaded.
+def train_all(plans: Mapping[str, Plan], out: Path) -> dict[str, Surrogate]:
+    """A surrogate per plan, in folders of their names; those already trained are loaded.
+
+    Plans of the same scene, seed and counts share their samples, held-out bodies and weights.
 
     Raises:
       InvalidInput: a folder holds something else, or a surrogate of another plan.
     """
-    plans = {method: make(method) for method in METHODS}
-    for method in plans:
-        check_surrogate_folder(out / method)
-    bench = prepare(plans["dp"])
+    for name in plans:
+        check_surrogate_folder(out / name)
+    benches: dict[tuple, Bench] = {}
     surrogates = {}
-    for method, plan in plans.items():
-        if not (out / method / RECORD).is_file():
-            checkpoint = checkpoint_of(out / method)
-            trained = train_with_bar(plan, bench, checkpoint)
-            save(out / method, surrogate_of(plan, trained, bench.setup_s))
+    for name, plan in plans.items():
+        if not (out / name / RECORD).is_file():
+            ground = plan.scene, plan.seed, plan.samples, plan.held_out
+            bench = benches[ground] = benches.get(ground) or prepare(plan)
+            checkpoint = checkpoint_of(out / name)
+            trained = train_with_bar(plan, bench, checkpoint, title=name)
+            save(out / name, surrogate_of(plan, trained, bench.setup_s))
             checkpoint.unlink(missing_ok=True)
-        surrogates[method] = load(out / method)
-        if not is_of(plan, surrogates[method]):
+        surrogates[name] = load(out / name)
+        if not is_of(plan, surrogates[name]):
             raise InvalidInput(
-                f"{out / method}: is of another method, preset or seed; choose another folder"
+                f"{out / name}: is of another method, preset or seed; choose another folder"
             )
-    return surrogates, bench
+    return surrogates
 
 
 def prepare(plan: Plan, progress: bool = True) -> Bench:

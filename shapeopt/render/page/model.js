@@ -1,32 +1,47 @@
 // The surrogate, its shape gradient and the family of bodies, in plain numbers: no document here.
 function makeModel(data) {
-  const { layers, low, high, size, mean, spread, bounds, modes, reynolds } = data;
+  const { layers, trend, reach, low, high, bounds, modes, reynolds } = data;
   const width = bounds.map(([a, b]) => b - a);
   const span = high.map((b, k) => b - low[k] || 1); // a scene of one Reynolds number has none
 
-  // size[0] x^2 + size[1] x + size[2], as numpy's polyval.
-  const polyval = (coefficients, x) => coefficients.reduce((sum, c) => sum * x + c, 0);
+  // The trend's quadratic in z, and its slopes: 1, then z, then the products of its upper triangle.
+  function quadratic(z) {
+    const count = z.length;
+    let [value, place] = [trend[0], count + 1];
+    const slopes = trend.slice(1, count + 1);
+    z.forEach((x, i) => (value += trend[1 + i] * x));
+    for (let i = 0; i < count; i++) {
+      for (let j = i; j < count; j++, place++) {
+        value += trend[place] * z[i] * z[j];
+        slopes[i] += trend[place] * z[j];
+        slopes[j] += trend[place] * z[i];
+      }
+    }
+    return { value, slopes };
+  }
 
   // Cd and its gradient in the shape parameters: one pass forward, one back.
   function drag(parameters, re) {
-    const logRe = Math.log(re);
-    const inputs = [...parameters, logRe];
+    const inputs = [Math.log(parameters[0]), ...parameters.slice(1), Math.log(re)];
     const trace = [inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1)];
     for (let k = 0; k < layers.length - 1; k++) {
       trace.push(affine(layers[k], trace[k]).map(Math.tanh));
     }
     const last = layers[layers.length - 1];
     const output = dot(last.weight[0], trace[trace.length - 1]) + last.bias[0];
-    const scale = Math.exp(polyval(size, logRe));
     let back = last.weight[0];
     for (let k = layers.length - 2; k >= 0; k--) {
       const slope = trace[k + 1].map((y, i) => (1 - y * y) * back[i]);
       back = trace[k].map((_, j) => slope.reduce((sum, s, i) => sum + s * layers[k].weight[i][j], 0));
     }
-    const factor = -2 * scale * spread[0];
+    const { value, slopes } = quadratic(trace[0]);
+    const cd = Math.exp(value + reach * output);
+    const bent = (x, k) => (k ? 1 : 1 / x); // the aspect counts by its logarithm
     return {
-      cd: -2 * scale * (mean[0] + spread[0] * output),
-      gradient: parameters.map((_, k) => (factor * back[k] * 2) / span[k]),
+      cd,
+      gradient: parameters.map((x, k) => {
+        return (cd * (slopes[k] + reach * back[k]) * bent(x, k) * 2) / span[k];
+      }),
     };
   }
 

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body.family import LEAST_OPENING, ROOMY, Family, describe
 from surrogate.files import whole_file
+from surrogate.model.network import REACH
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
@@ -60,10 +61,10 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
             {"weight": np.asarray(layer.weight).tolist(), "bias": np.asarray(layer.bias).tolist()}
             for layer in network.layers
         ],
-        **{
-            name: np.asarray(getattr(network, name)).tolist()
-            for name in ("low", "high", "size", "mean", "spread")
-        },
+        "trend": np.asarray(network.trend).tolist(),
+        "reach": REACH,
+        "low": np.asarray(network.inputs.low).tolist(),
+        "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
         "modes": list(family.modes),
         "bounds": family.bounds.tolist(),

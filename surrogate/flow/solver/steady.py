@@ -54,13 +54,22 @@ def prepare(
     domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""]
 ) -> Case:
     """Build kernel, far field and body; costs one application of G per mode, and some coarse."""
-    kernel = oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored)
-    lift = not domain.modes.symmetric
-    far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
+    kernel, far = stream(domain, reynolds)
     body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
     respond, rough = single(jax.lax.stop_gradient((kernel, body)))
     densities = jax.vmap(rough.spread)(jnp.eye(domain.modes.count, dtype=jnp.float32))
     return Case(kernel, far, body, jax.vmap(respond)(densities))
+
+
+def stream(
+    domain: Domain, reynolds: Float[AnyArray, ""]
+) -> tuple[Kernel | SymmetricKernel, Float[AnyArray, "terms 2 nx ny"]]:
+    """What of a case the body does not change: kernel and far field."""
+    lift = not domain.modes.symmetric
+    return (
+        oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored),
+        far_response(domain.lattice, domain.far, reynolds, domain.height, lift),
+    )
 
 
 def preparation_cost(domain: Domain) -> int:

@@ -26,6 +26,7 @@ from surrogate.flow.solver.steady import (
     flow_residual,
     pinning,
     slip_residual,
+    stream,
 )
 
 FEW_DIGITS = 1e-4  # relative residual that single precision alone reaches
@@ -65,25 +66,32 @@ def drag_weights(
     return adjoint.amplitude.astype(float), work
 
 
-def drag_slope(
-    domain: Domain,
-    case: Case,
-    state: FlowState,
-    rebuild: Callable[..., Case],
-    arguments: tuple[Float[AnyArray, "..."], ...],
-    effort: Effort,
-) -> tuple[tuple[Float[Array, "..."], ...], Work]:
-    """dCd in the arguments of ``rebuild``, which gives back the case: one adjoint for them all."""
+class Query(NamedTuple):
+    """What a drag is asked of: a body by what draws its contour, and a Reynolds number."""
+
+    contour: Callable[[Array], Array]
+    parameters: Float[AnyArray, " parameters"]
+    reynolds: Float[AnyArray, ""]
+
+
+def drag_slopes(
+    domain: Domain, case: Case, state: FlowState, query: Query, effort: Effort
+) -> tuple[Float[Array, " parameters"], Float[Array, ""], Work]:
+    """dCd in the parameters and in Re, by one adjoint: back through the contour, forward in Re."""
     adjoint, work = drag_adjoint(domain, case, state, effort)
-    pull = jax.vjp(lambda *moved: _residual(domain, rebuild(*moved), state), *arguments)[1]
-    slopes = pull(jax.tree.map(lambda leaf: leaf.astype(float), adjoint))
-    return slopes, work._replace(products=work.products + 1)
+    adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
 
+    def around(parameters):
+        body = spread_modes(domain.lattice, domain.modes, domain.box, query.contour(parameters))
+        return _residual(domain, eqx.tree_at(lambda c: c.body, case, body), state)
 
-def with_body(domain: Domain, case: Case, markers: Float[Array, "nodes 2"]) -> Case:
-    """The same stream around another contour; the response stays, which no residual asks for."""
-    body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
-    return eqx.tree_at(lambda c: c.body, case, body)
+    def at(reynolds):
+        moved = stream(domain, reynolds)
+        return _residual(domain, eqx.tree_at(lambda c: (c.kernel, c.far), case, moved), state)
+
+    in_shape = jax.vjp(around, query.parameters)[1](adjoint)[0]
+    change = jax.jvp(at, (query.reynolds,), (jnp.ones_like(query.reynolds),))[1]
+    return in_shape, optax.tree.vdot(adjoint, change), work._replace(products=work.products + 2)
 
 
 def drag_adjoint(

@@ -18,6 +18,7 @@ from surrogate.flow.solver.tangent import Effort, drag_weights, slip_adjoint
 from surrogate.training.methods.method import Method, Progress, keep, per_sample, predict
 from surrogate.training.methods.targets import (
     Targets,
+    drag_misses,
     improve,
     no_targets,
     one_step,
@@ -37,20 +38,50 @@ class DpState(NamedTuple):
 
 
 def differentiable_physics(
-    lagged: bool = False,
-    batch: int = 4,
-    learning_rate: float = 1e-2,
-    goal: float = 3.0,
+    batch: int = 64, learning_rate: float = 1e-2, goal: float = 30.0, slopes: float = 1.0
 ) -> Method:
-    """DP: one warm-started forced flow and two adjoints per sample and step, as published.
+    """DP at its best, on lagged physics: a coupled Newton step a visit, till the sample settles.
 
-    On ``lagged`` physics the slip is that of ``targets``, by Oseen compliances.
+    The slip is linear about the step's traction a+, ``C (a - a+)`` by Oseen compliances C; settled
+    flows tell by one adjoint what the drag's slopes are.
     """
-    optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
+    optimiser, invert = _adam(learning_rate), one_step(slopes=slopes > 0)
 
     def init(network, physics):
         adam = optimiser.init(network.weights)
         return DpState(adam, no_targets(physics), oseen_compliances(physics))
+
+    def update(network, state, physics, batch, done):
+        predicted = predict(network, physics, batch)
+        targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
+        known = targets.known[batch]
+
+        def loss_of(weights):
+            moved = network.with_weights(weights)
+            away = predict(moved, physics, batch) - targets.tractions[batch]
+            slip = jnp.einsum("bym,bm->by", state.compliance[batch], away)
+            misses = jax.vmap(lambda k: drag_misses(moved, physics, targets, k))(batch)
+            scale = goal * jnp.append(1.0, jnp.full(misses.shape[1] - 1, slopes))
+            losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * misses) ** 2, axis=1)
+            return jnp.sum(jnp.where(known, losses, 0.0)) / jnp.maximum(jnp.sum(known), 1) / 2
+
+        loss, gradient = jax.value_and_grad(loss_of)(network.weights)
+        network, adam = _step(optimiser, learning_rate, network, state.adam, gradient, done)
+        spent = Progress(products, loss, jnp.sum(~valid))
+        return network, DpState(adam, targets, state.compliance), spent
+
+    return Method(init, update, batch)
+
+
+def published_differentiable_physics(
+    batch: int = 4, learning_rate: float = 1e-2, goal: float = 3.0
+) -> Method:
+    """DP as published: one warm-started forced flow and two adjoints per sample and step."""
+    optimiser = _adam(learning_rate)
+
+    def init(network, physics):
+        adam = optimiser.init(network.weights)
+        return DpState(adam, no_targets(physics), jnp.zeros(()))
 
     def driven(physics, index, amplitude, flow):
         domain, case = physics.domain, physics.case(index)
@@ -66,39 +97,32 @@ def differentiable_physics(
         products = info.products + spent.products + spent_too.products
         return gradient, velocity, (slip @ slip + miss**2) / 2, valid, products
 
-    def exact(physics, batch, predicted, state):
+    def update(network, state, physics, batch, done):
+        predicted, pull = jax.vjp(
+            lambda w: predict(network.with_weights(w), physics, batch), network.weights
+        )
         flows = state.targets.flows
         gradients, new, losses, valid, products = per_sample(
             lambda *sample: driven(physics, *sample), batch, predicted, flows[batch]
         )
         new = keep(valid, new, physics.oseen.velocity[batch])
         targets = state.targets._replace(flows=flows.at[batch].set(new))
-        return gradients, losses, targets, valid, jnp.sum(products)
-
-    def linearised(physics, batch, predicted, state):
-        targets, _, products = improve(physics, batch, predicted, state.targets, one_step())
-        away = predicted - targets.tractions[batch]
-        slip = jnp.einsum("bym,bm->by", state.compliance[batch], away)
-        row = goal / jnp.abs(physics.oseen.amplitude[batch, 0])
-        gradients = jnp.einsum("bym,by->bm", state.compliance[batch], slip)
-        gradients = gradients.at[:, 0].add(row**2 * away[:, 0])
-        losses = (jnp.sum(slip**2, axis=1) + (row * away[:, 0]) ** 2) / 2
-        return gradients, losses, targets, targets.known[batch], products
-
-    def update(network, state, physics, batch, done):
-        predicted, pull = jax.vjp(
-            lambda w: predict(network.with_weights(w), physics, batch), network.weights
-        )
-        see = linearised if lagged else exact
-        gradients, losses, targets, valid, products = see(physics, batch, predicted, state)
         count = jnp.maximum(jnp.sum(valid), 1)
         gradient = pull(jnp.where(valid[:, None], gradients, 0.0) / count)[0]
-        adam = state.adam
-        adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
-        step, adam = optimiser.update(gradient, adam)
+        network, adam = _step(optimiser, learning_rate, network, state.adam, gradient, done)
         loss = jnp.sum(jnp.where(valid, losses, 0.0)) / count
-        spent = Progress(products, loss, jnp.sum(~valid))
-        network = network.with_weights(network.weights + step)
+        spent = Progress(jnp.sum(products), loss, jnp.sum(~valid))
         return network, DpState(adam, targets, state.compliance), spent
 
     return Method(init, update, batch)
+
+
+def _adam(learning_rate):
+    return optax.inject_hyperparams(optax.adam)(learning_rate)
+
+
+def _step(optimiser, learning_rate, network, adam, gradient, done):
+    """One step of Adam, its rate falling to nought as the training ends."""
+    adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
+    change, adam = optimiser.update(gradient, adam)
+    return network.with_weights(network.weights + change), adam

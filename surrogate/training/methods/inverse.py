@@ -19,9 +19,13 @@ def partial_inverse(
     tau: float,
     kappa: float = 0.5,
 ) -> Float[Array, " weights"]:
-    """Dense, from the Gram matrix J J^T; singular values up to tau S_max are dropped."""
-    squares, U = jnp.linalg.eigh(jacobian @ jacobian.T)
-    return jacobian.T @ (U @ (_powers(squares, tau, kappa) * (U.T @ y)))
+    """Dense, from the smaller Gram matrix; singular values up to tau S_max are dropped."""
+    rows, weights = jacobian.shape
+    if rows <= weights:
+        squares, U = jnp.linalg.eigh(jacobian @ jacobian.T)
+        return jacobian.T @ (U @ (_powers(squares, tau, kappa) * (U.T @ y)))
+    squares, V = jnp.linalg.eigh(jacobian.T @ jacobian)
+    return V @ (_powers(squares, tau, kappa) * (V.T @ (jacobian.T @ y)))
 
 
 def partial_inverse_lanczos(

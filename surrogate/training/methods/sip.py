@@ -15,7 +15,14 @@ import optax
 
 from surrogate.flow.solver.tangent import Effort
 from surrogate.training.methods.method import Method, Progress, predict
-from surrogate.training.methods.targets import Inversion, Targets, improve, no_targets, one_step
+from surrogate.training.methods.targets import (
+    Inversion,
+    Targets,
+    drag_misses,
+    improve,
+    no_targets,
+    one_step,
+)
 
 
 class ImitationState(NamedTuple):
@@ -32,14 +39,16 @@ def scale_invariant_physics(
     goal: float = 30.0,
     settle: float = 1e-4,
     effort: Effort = Effort(1e-2, 30),
+    modes: float = 0.0,
     slopes: float = 1.0,
 ) -> Method:
     """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets.
 
-    ``slopes`` 0 leaves out the shape gradients of settled samples, as published.
+    At its best it learns what the drag needs and the slopes of settled samples; as published the
+    whole traction (``modes`` 1) and no ``slopes``.
     """
     invert = one_step(settle, effort, slopes=slopes > 0)
-    return imitation(invert, batch, network_steps, learning_rate, goal, slopes=slopes)
+    return imitation(invert, batch, network_steps, learning_rate, goal, modes, slopes)
 
 
 def imitation(
@@ -48,14 +57,14 @@ def imitation(
     network_steps: int,
     learning_rate: float,
     goal: float,
-    modes: float = 1.0,
-    slopes: float = 0.0,
+    modes: float,
+    slopes: float,
 ) -> Method:
     """Invert the solver for a batch, then Adam towards all targets so far.
 
-    The loss weights the squared misses of the modes by ``modes``, of the drag by ``goal**2``, of
-    its shape gradient over half a range by ``(slopes goal)**2``: what the adjoint of a settled
-    flow tells of its neighbours (Sobolev training, Czarnecki et al. 2017).
+    The loss weights the squared misses of the modes by ``modes``, of log Cd by ``goal**2``, of
+    its slopes in scaled inputs by ``(slopes goal)**2``: what the adjoint of a settled flow tells of
+    its neighbours (Sobolev training, Czarnecki et al. 2017).
     """
     optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
 
@@ -65,25 +74,21 @@ def imitation(
     def update(network, state, physics, batch, done):
         predicted = predict(network, physics, batch)
         targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
-        scale = jax.vmap(network.scale)(physics.samples.reynolds)
         everyone = jnp.arange(physics.count)
+        scale = network.spread * jnp.abs(targets.tractions[:, :1])
 
         def loss_of(weights):
-            a = predict(network.with_weights(weights), physics, everyone)
-            miss = a - targets.tractions
-            drag = miss[:, 0] / targets.tractions[:, 0]
-            losses = modes * jnp.mean((miss / scale) ** 2, axis=1) + goal**2 * drag**2
-            count = jnp.maximum(jnp.sum(targets.known), 1)
-            total = jnp.sum(jnp.where(targets.known, losses, 0.0))
+            moved = network.with_weights(weights)
+            misses = jax.vmap(lambda k: drag_misses(moved, physics, targets, k))(everyone)
+            total = goal**2 * jnp.sum(misses[:, 0] ** 2)
             if slopes:
-                total += (slopes * goal) ** 2 * slope_misses(weights)
-            return total / count / 2
-
-        def slope_misses(weights):
-            log_drag = jax.grad(lambda p, re: jnp.log(network.with_weights(weights).drag(p, re)))
-            widths = (network.high - network.low)[:-1] / 2
-            miss = widths * (jax.vmap(log_drag)(*physics.samples) - targets.slopes)
-            return jnp.sum(jnp.where(targets.settled[:, None], miss, 0.0) ** 2)
+                total += (slopes * goal) ** 2 * jnp.sum(misses[:, 1:] ** 2)
+            if modes:
+                off = (predict(moved, physics, everyone) - targets.tractions) / scale
+                total += (
+                    modes * jnp.sum(jnp.where(targets.known[:, None], off**2, 0.0)) / len(off.T)
+                )
+            return total / jnp.maximum(jnp.sum(targets.known), 1) / 2
 
         def step(carry, _):
             weights, adam = carry

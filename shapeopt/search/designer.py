@@ -1,0 +1,182 @@
+"""The managed search: it ends at the flow's own optimum, whatever the model it is led by.
+
+The model is corrected through every drag and slope that the flow has told, its optimum over the
+whole family is solved, and so on until the optimality condition holds on the flow and the corrected
+model promises nothing better anywhere. Alexandrov and Lewis 2001, with memory.
+"""
+
+import dataclasses
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from shapeopt.problem.conflicts import candidates
+from shapeopt.problem.objective import AtReynolds, combine
+from shapeopt.problem.problem import Problem
+from shapeopt.search.memory import Memory
+from shapeopt.search.propose import Proposal, propose
+from shapeopt.search.slsqp import optimality
+from surrogate.arrays import AnyArray
+from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow.flow import Flow
+from surrogate.model.surrogate import Surrogate
+
+OPTIMAL = 1e-3  # KKT residual at which a body counts as the flow's own optimum
+WIGGLE = 1e-2  # where the grid's own wiggle leaves no better, and nothing better is promised
+PROMISE = 1e-4  # of the objective: less than this is not worth a flow
+NEAR = 1e-3  # of a range: a body so near to a solved one would tell nothing new
+MOST = 60  # bodies a design
+LEADERS = 2  # solved bodies from which the next search starts too
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """The best body found, its objective, and its Cd at the nominal Reynolds number.
+
+    Both are of the model that was searched last, and so is ``kkt_residual``; ``start`` is the
+    objective where that search began. ``calls`` counts drags asked of models, ``flows`` those of
+    the flow (one per scenario and step), ``green_applications`` their work with that of the
+    adjoints. ``path`` holds the bodies on the way.
+    """
+
+    parameters: Float[AnyArray, " parameters"]
+    objective: float
+    drag: float
+    kkt_residual: float
+    start: float
+    path: Float[AnyArray, "steps parameters"]
+    calls: int
+    flows: int
+    green_applications: int
+    seconds: float
+
+
+class Solved:
+    """A body whose objective the flow has told: value, gradient, optimality."""
+
+    def __init__(self, problem: Problem, memory: Memory, parameters: np.ndarray):
+        scenarios, self.parameters = problem.scenarios, parameters
+        pairs = list(zip(scenarios.shift, scenarios.reynolds, strict=True))
+        told = [memory.ask(parameters + shift, reynolds) for shift, reynolds in pairs]
+        round_ = problem.scene.family.ellipse(1.0)
+        relative = bool(scenarios.relative)
+        cylinder = [memory.ask(round_, re).drag if relative else 1.0 for _, re in pairs]
+        drags = np.array([flow.drag for flow in told])
+        value, weights = _combined(drags, np.array(cylinder), scenarios)
+        slopes = np.array([flow.drag * flow.slopes[:-1] for flow in told])
+        self.value, self.gradient = float(value), np.asarray(weights) @ slopes
+        self.kkt_residual = optimality(problem.limits, parameters, self.value, self.gradient)
+
+
+class Designer:
+    """Designs of one scene, each the flow's own optimum, and every one cheaper than the last.
+
+    Args:
+      model: a surrogate to start from, or the flow alone.
+      memory: file that keeps flows and adjoints; read if it is there.
+
+    Raises:
+      InvalidInput: the model is none, or the file is damaged, foreign or of another scene.
+    """
+
+    def __init__(self, model: Surrogate | Flow, memory: str | Path | None = None):
+        if not isinstance(model, Surrogate | Flow):
+            raise InvalidInput(
+                f"designer: {model!r} is no drag model; load(name) or Flow(scene) is"
+            )
+        flow = model if isinstance(model, Flow) else Flow(model.scene)
+        base = None if isinstance(model, Flow) else model.network
+        self.memory = Memory(flow, base, memory)
+
+    @property
+    def scene(self):
+        """Of all its designs."""
+        return self.memory.flow.scene
+
+    def design(self, problem: Problem) -> Design:
+        """The flow's own optimum of a problem.
+
+        Raises:
+          InvalidInput: no body satisfies the constraints, or the problem is of another scene.
+          NotConverged: no optimum was found, or a flow on the way was not.
+        """
+        if problem.scene != self.scene:
+            raise InvalidInput("optimise: problem and model are of different scenes")
+        check_cylinder(problem)
+        begin, calls, memory = time.perf_counter(), 0, self.memory
+        before = memory.flows, memory.green_applications
+        width = np.asarray(problem.limits.width)
+        solved: list[Solved] = []
+        for _ in range(MOST):
+            model = memory.model()
+            if model is None:
+                solved.append(Solved(problem, memory, plainest(problem)))
+                continue
+            leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
+            proposed = propose(problem, model, leaders)
+            calls += proposed.calls
+            if finished(proposed, solved, width):
+                break
+            solved.append(Solved(problem, memory, proposed.found.parameters))
+        best = min(solved, key=_preference)
+        memory.save()
+        if best.kkt_residual > WIGGLE:
+            raise NotConverged(
+                f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
+                f"{memory.flows - before[0]} flows; {OPTIMAL:g} is asked"
+            )
+        drag = best.value
+        if not isinstance(problem.objective, AtReynolds):
+            drag = memory.ask(best.parameters, problem.objective.nominal).drag
+        return Design(
+            parameters=best.parameters,
+            objective=best.value,
+            drag=drag,
+            kkt_residual=best.kkt_residual,
+            start=solved[0].value,
+            path=np.array([body.parameters for body in solved]),
+            calls=calls,
+            flows=memory.flows - before[0],
+            green_applications=memory.green_applications - before[1],
+            seconds=time.perf_counter() - begin,
+        )
+
+
+def check_cylinder(problem: Problem) -> None:
+    """Raise InvalidInput where drags count over the cylinder's, which the family lacks."""
+    family = problem.scene.family
+    if bool(problem.scenarios.relative) and not family.contains(family.ellipse(1.0)):
+        raise InvalidInput("weighted drags are over the cylinder's, which this family lacks")
+
+
+def finished(proposed: Proposal, solved: list[Solved], width: np.ndarray) -> bool:
+    """Whether a solved body is optimal and no other is promised to be better."""
+    if not solved:
+        return False
+    best = min(solved, key=_preference)
+    promised = 1 - proposed.found.value / best.value
+    away = [np.max(np.abs(b.parameters - proposed.found.parameters) / width) for b in solved]
+    if min(away) < NEAR and best.kkt_residual <= WIGGLE:
+        return True
+    return best.kkt_residual <= OPTIMAL and promised < PROMISE
+
+
+def plainest(problem: Problem) -> Float[AnyArray, " parameters"]:
+    """The feasible body nearest to the ellipse of aspect 2."""
+    bodies, family = candidates(problem), problem.scene.family
+    away = np.linalg.norm((bodies - family.ellipse(2.0)) / np.ptp(family.bounds, axis=1), axis=1)
+    return bodies[np.argmin(away)]
+
+
+def _preference(body: Solved) -> tuple[bool, float]:
+    """Optimal ones first, then by value."""
+    return body.kkt_residual > OPTIMAL, body.value
+
+
+@jax.jit
+def _combined(drags, cylinder, scenarios):
+    return jax.value_and_grad(combine)(jnp.asarray(drags), cylinder, scenarios)

@@ -1,0 +1,48 @@
+"""Coordinates in which the drag of a family is smooth: log aspect, betas and log Re in [-1, 1]."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.family import smooth
+from surrogate.scene.scene import Scene
+
+
+class Inputs(eqx.Module):
+    """The ranges of a scene that lie between -1 and 1."""
+
+    low: Float[AnyArray, " inputs"]
+    high: Float[AnyArray, " inputs"]
+
+    def __call__(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[Array, " inputs"]:
+        """The coordinates of a body at a Reynolds number."""
+        low, width = jax.lax.stop_gradient((self.low, self._width))
+        values = jnp.append(smooth(jnp.asarray(parameters)), jnp.log(reynolds))
+        return 2 * (values - low) / width - 1
+
+    def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
+        """d(parameters, log Re) / d(coordinates), by which slopes change units."""
+        bent = jax.jvp(smooth, (parameters,), (jnp.ones_like(parameters),))[1]
+        return jax.lax.stop_gradient(self._width) / 2 / jnp.append(bent, 1.0)
+
+    @property
+    def _width(self):
+        return jnp.where(self.high > self.low, self.high - self.low, 1.0)  # one Re has none
+
+
+def scene_inputs(scene: Scene) -> Inputs:
+    """The coordinates of a scene's bodies and Reynolds numbers."""
+    low, high = scene.family.bounds.T
+    ends = zip((low, high), scene.reynolds, strict=True)
+    return Inputs(*(jnp.append(smooth(jnp.asarray(p)), np.log(re)) for p, re in ends))
+
+
+def quadratic(z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
+    """All monomials up to the second degree."""
+    i, j = np.triu_indices(z.size)
+    return jnp.concatenate([jnp.ones(1), z, z[i] * z[j]])

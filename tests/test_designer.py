@@ -1,0 +1,161 @@
+"""The managed search ends at the flow's own optimum; its memory makes later designs cheaper."""
+
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from shapeopt import Designer, LogNormal, Problem, Robust, Weighted, optimise
+from shapeopt.payoff.direct import design_directly
+from shapeopt.problem.constraints import margins
+from surrogate import Family, Flow, InvalidInput, Scene, load
+from surrogate.model.inputs import scene_inputs
+from surrogate.model.kriging import Told, kriging
+
+
+def smooth_drag(parameters, reynolds):
+    """Stands for a flow: smooth in the shape and in log Re."""
+    aspect, b2, b3, b4 = parameters
+    bend = (jnp.log(aspect) - 0.8) ** 2 + 3 * (b2 - 0.1) ** 2 + 2 * b3**2 + b4**2 + b2 * b3
+    return jnp.exp(1.0 - 0.6 * jnp.log(reynolds) + 0.02 * jnp.log(reynolds) ** 2 + bend)
+
+
+def by(model, flow):
+    """What a model says of a body that was told."""
+    return float(model.drag(jnp.asarray(flow.parameters), jnp.asarray(flow.reynolds)))
+
+
+def told_by(function, parameters, reynolds):
+    drag = float(function(parameters, reynolds))
+    shape, re = jax.grad(lambda p, x: jnp.log(function(p, jnp.exp(x))), (0, 1))(
+        parameters, jnp.log(reynolds)
+    )
+    return Told(np.asarray(parameters), float(reynolds), drag, np.append(shape, re))
+
+
+@pytest.fixture(scope="module")
+def pretrained():
+    return load("pretrained")
+
+
+@pytest.fixture(scope="module")
+def told():
+    scene, generator = Scene(), np.random.default_rng(3)
+    low, high = scene.family.bounds.T
+    bodies = generator.uniform(low, high, (20, 4))
+    return [told_by(smooth_drag, p, np.exp(generator.uniform(0, np.log(40)))) for p in bodies]
+
+
+def test_kriging_goes_through_what_it_was_told_and_predicts_between(told):
+    model = kriging(told[:16], scene_inputs(Scene()))
+    slopes = jax.grad(lambda p, x: jnp.log(model.drag(p, jnp.exp(x))), (0, 1))
+    for flow in told[:16]:
+        assert by(model, flow) == pytest.approx(flow.drag, 2e-4)
+        found = np.append(*slopes(jnp.asarray(flow.parameters), jnp.log(flow.reynolds)))
+        assert np.allclose(found, flow.slopes, atol=2e-2)
+    unseen = [by(model, f) / f.drag - 1 for f in told[16:]]
+    assert np.max(np.abs(unseen)) < 0.05
+    assert np.ptp(np.log([f.drag for f in told[16:]])) > 0.5
+
+
+def test_slopes_are_worth_more_than_drags_alone(told):
+    """Half the flows with their slopes predict better than all of them would with none."""
+    inputs = scene_inputs(Scene())
+    flat = [flow._replace(slopes=0 * flow.slopes) for flow in told[:16]]
+    good, bad = kriging(told[:8], inputs), kriging(flat, inputs)
+    errors = [np.mean([abs(by(m, f) / f.drag - 1) for f in told[16:]]) for m in (good, bad)]
+    assert errors[0] < 0.5 * errors[1]
+
+
+def test_a_base_model_is_corrected(told, pretrained):
+    model = kriging(told[:4], pretrained.network.inputs, pretrained.network)
+    for flow in told[:4]:
+        before = by(pretrained.network, flow)
+        after = by(model, flow)
+        assert abs(after / flow.drag - 1) < 1e-3 < abs(before / flow.drag - 1)
+
+
+@pytest.mark.parametrize(
+    ("objective", "constraints"),
+    [
+        (20.0, {"max_length": 1.5}),
+        (5.0, {"min_thickness": 0.75}),
+        (Weighted((5.0, 20.0), (1.0, 2.0)), {}),
+        (Robust(15.0, LogNormal(0.2), samples=3, level=0.5), {"max_length": 1.6}),
+    ],
+    ids=["length", "thickness", "several Re", "robust"],
+)
+def test_designs_from_nothing_are_the_flows_own(tiny_scene, objective, constraints):
+    """As good as SLSQP on the flow, within the constraints, and stationary there."""
+    problem = Problem(tiny_scene, objective, **constraints)
+    flow = Flow(tiny_scene)
+    design, direct = optimise(problem, flow), design_directly(problem, flow)
+    assert design.objective <= direct.objective * (1 + 2e-4)
+    assert design.kkt_residual <= 1e-2
+    assert np.all(np.asarray(margins(design.parameters, problem.limits)) > -1e-6)
+    assert design.flows >= len(problem.scenarios.weight)
+    assert design.green_applications > 0
+
+
+def test_every_design_is_cheaper_than_the_last_and_files_remember(tiny_scene, tmp_path):
+    file = tmp_path / "flows.json"
+    designer = Designer(Flow(tiny_scene), file)
+    problems = [Problem(tiny_scene, re, max_length=1.5) for re in (10.0, 14.0, 12.0)]
+    flows = [designer.design(problem).flows for problem in problems]
+    assert flows[2] < flows[0]
+    again = Designer(Flow(tiny_scene), file)
+    design = again.design(problems[0])
+    assert design.flows <= 1  # all it needs is known
+    assert len(again.memory.told) == sum(flows) + design.flows
+    assert json.loads(file.read_text())["scene"] == tiny_scene.record
+
+
+def test_a_good_network_needs_fewer_flows(pretrained):
+    problem = Problem(pretrained.scene, 20.0, max_length=1.6)
+    led = optimise(problem, pretrained, until="flow")
+    alone = optimise(problem, Flow(pretrained.scene))
+    assert led.flows < alone.flows
+    assert led.objective == pytest.approx(alone.objective, rel=2e-4)
+    own = optimise(problem, pretrained)
+    assert own.flows == 0
+    assert own.objective == pytest.approx(led.objective, rel=1e-3)
+
+
+DAMAGES = {
+    "no JSON": (lambda text: text[:-9], "damaged"),
+    "another program's": (lambda text: '{"kind": "thesis"}', "damaged"),
+    "drags that are none": (
+        lambda text: text.replace('"flows": [[', '"flows": [["a", '),
+        "damaged",
+    ),
+    "not finite": (lambda text: text.replace("10.0", "NaN"), "damaged"),
+    "another scene's": (lambda text: text.replace("unbounded", "tunnel:16"), "of another scene"),
+}
+
+
+@pytest.mark.parametrize(("damage", "words"), DAMAGES.values(), ids=list(DAMAGES))
+def test_damaged_and_foreign_memories_are_refused(tiny_scene, tmp_path, damage, words):
+    file = tmp_path / "flows.json"
+    memory = Designer(Flow(tiny_scene), file).memory
+    memory.ask(np.array([2.0, 0.0, 0.0, 0.0]), 10.0)
+    memory.save()
+    assert len(Designer(Flow(tiny_scene), file).memory.told) == 1
+    file.write_text(damage(file.read_text()))
+    with pytest.raises(InvalidInput, match=words) as refusal:
+        Designer(Flow(tiny_scene), file)
+    assert str(file) in str(refusal.value)
+
+
+def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path):
+    with pytest.raises(InvalidInput, match="no drag model"):
+        Designer("pretrained")
+    with pytest.raises(InvalidInput, match="different scenes"):
+        Designer(Flow(tiny_scene)).design(Problem(pretrained.scene, 20.0))
+    with pytest.raises(InvalidInput, match=r"must name a file that ends in \.json"):
+        Designer(Flow(tiny_scene), tmp_path / "flows.txt")
+    slender = dataclasses.replace(tiny_scene, family=Family(aspect=(2, 4), beta2=(-0.1, 0.1)))
+    with pytest.raises(InvalidInput, match="over the cylinder's"):
+        optimise(Problem(slender, Weighted((5.0, 20.0), (1.0, 1.0))), Flow(slender))
