@@ -5,6 +5,7 @@ import json
 from html.parser import HTMLParser
 
 import browser
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -31,13 +32,14 @@ def surrogate_of(name):
 
 
 def untrained(scene):
-    """Random weights, three times the usual for a drag that varies; scales of a slow stream."""
+    """Random weights, more than the usual for a drag that varies; scales of a slow stream."""
     generator = np.random.default_rng(0)
-    bodies = held_out_samples(scene, 0, 64)
-    modes = 1 + 0.1 * generator.standard_normal((64, 2 * scene.fidelity.harmonics + 1))
+    bodies = held_out_samples(scene, 0, 512)
+    modes = 1 + 0.1 * generator.standard_normal((512, 2 * scene.fidelity.harmonics + 1))
     oseen = -modes / np.asarray(bodies.reynolds)[:, None] ** 0.6
     network = make_network(scene, jax.random.key(1), *bodies, oseen)
-    return Surrogate(network.with_weights(3 * network.weights), scene, RECORD)
+    layers = jax.tree.map(lambda leaf: 1.5 * leaf, network.layers)
+    return Surrogate(eqx.tree_at(lambda n: n.layers, network, layers), scene, RECORD)
 
 
 class Reader(HTMLParser):

@@ -149,7 +149,7 @@ def test_damaged_and_foreign_memories_are_refused(tiny_scene, tmp_path, damage, 
     assert str(file) in str(refusal.value)
 
 
-def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path):
+def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path, unchecked):
     with pytest.raises(InvalidInput, match="no drag model"):
         Designer("pretrained")
     with pytest.raises(InvalidInput, match="different scenes"):

@@ -24,8 +24,9 @@ def test_page_holds_the_weights_and_scales(name):
     for saved, layer in zip(data["layers"], network.layers, strict=True):
         np.testing.assert_array_equal(saved["weight"], layer.weight)
         np.testing.assert_array_equal(saved["bias"], layer.bias)
-    for scale in ("low", "high", "size", "mean", "spread"):
-        np.testing.assert_array_equal(data[scale], getattr(network, scale))
+    for scale in ("low", "high"):
+        np.testing.assert_array_equal(data[scale], getattr(network.inputs, scale))
+    np.testing.assert_array_equal(data["trend"], network.trend)
 
 
 @every

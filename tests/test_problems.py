@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from shapeopt import LogNormal, Problem, Robust, Station, Uniform, Weighted, optimise
+from shapeopt.payoff.direct import design_directly
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import margins, satisfied
 from shapeopt.problem.feasible import drawn_bodies
 from shapeopt.problem.objective import conditional_value_at_risk, predicted
-from shapeopt.payoff.direct import design_directly
 from shapeopt.search.slsqp import descend
 from surrogate import Family, Flow, InvalidInput, Scene, load
 from surrogate.body.measures import chord, radii, thickness, thickness_at

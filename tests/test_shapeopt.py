@@ -77,12 +77,13 @@ def test_break_even():
 
 def known_design(seconds, work, objective=1.0, flows=1):
     body = np.array([2.0, 0.0, 0.0, 0.0])
+    work, seconds = round(work), float(seconds)
     return Design(body, objective, objective, 1e-4, 2.0, body[None], 0, flows, work, seconds)
 
 
 def example_ways():
     direct = Way("direct", [Bill()], [[known_design(3, 110), known_design(5, 90, 1.02)]])
-    sip = Way("sip", [Bill(30, 900)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
+    sip = Way("sip", [Bill(30.0, 900.0)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
     growing = [[known_design(2, 100 / (k + 1)) for k in range(2)]]
     return direct, sip, Way("growing kriging", [Bill()], growing, remembers=True)
 
@@ -130,7 +131,7 @@ def test_payoff_plot_names_its_axes(tmp_path, monkeypatch):
     assert labels == ["cumulative applications of G", "cumulative wall seconds"]
 
 
-def test_what_does_not_fit_the_scene_is_refused(pretrained):
+def test_what_does_not_fit_the_scene_is_refused(pretrained, unchecked):
     elsewhere = dataclasses.replace(pretrained.scene, stream=Tunnel(16.0))
     with pytest.raises(InvalidInput, match="different scenes"):
         optimise(Problem(elsewhere, 20.0), pretrained)

@@ -74,7 +74,7 @@ def _rows(plans: Mapping[str, Plan], folder: Path) -> Iterator[Row]:
     truth = Truth(unseen, flow.labels(*unseen), adjoint_slopes(flow, unseen.head(GRADIENTS)))
     for name, surrogate in surrogates.items():
         yield {"method": name, "seed": most.seed} | _learned(truth, surrogate)
-    solved, work = _solved(flow, training_samples(most.scene, most.seed, most.samples))
+    solved, work = solved_samples(flow, training_samples(most.scene, most.seed, most.samples))
     for name, fit in rivals().items():
         yield {"method": name, "seed": most.seed} | _fitted(truth, solved, work, fit)
 
@@ -98,7 +98,7 @@ def _learned(truth: Truth, surrogate: Surrogate) -> Row:
     return _errors(truth, drags, gradients, history) | costs
 
 
-def _solved(flow: Flow, samples: Samples) -> tuple[Solved, int]:
+def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
     """What rivals learn from, and the work of flows and adjoints."""
     inputs, told, work = scene_inputs(flow.scene), [], 0
     for parameters, reynolds in zip(*samples, strict=True):
@@ -113,7 +113,7 @@ def _fitted(truth: Truth, solved: Solved, work: int, fit: Fit) -> Row:
     """A rival's row: log Cd fitted on shares of the solved samples, at shares of their work."""
     unseen, history = np.asarray(jax.vmap(solved.inputs)(*truth.bodies)), []
     for share in SHARES:
-        count = round(share * len(solved.told))
+        count = max(4, round(share * len(solved.told)))
         predict = fit(solved.head(count))
         drags = np.exp(predict(unseen))
         errors = np.abs(drags / np.asarray(truth.labels.drag) - 1)

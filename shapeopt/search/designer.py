@@ -30,6 +30,7 @@ WIGGLE = 1e-2  # where the grid's own wiggle leaves no better, and nothing bette
 PROMISE = 1e-4  # of the objective: less than this is not worth a flow
 NEAR = 1e-3  # of a range: a body so near to a solved one would tell nothing new
 MOST = 60  # bodies a design
+TIGHTEST = 3  # times that a model may be told to follow the slopes more closely
 LEADERS = 2  # solved bodies from which the next search starts too
 
 
@@ -111,17 +112,21 @@ class Designer:
         before = memory.flows, memory.green_applications
         width = np.asarray(problem.limits.width)
         solved: list[Solved] = []
+        tight = 0
         for _ in range(MOST):
-            model = memory.model()
+            model = memory.model(tight)
             if model is None:
                 solved.append(Solved(problem, memory, plainest(problem)))
                 continue
             leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
             proposed = propose(problem, model, leaders)
             calls += proposed.calls
-            if finished(proposed, solved, width):
+            if finished(proposed, solved):
                 break
-            solved.append(Solved(problem, memory, proposed.found.parameters))
+            if not stuck(proposed, solved, width):
+                solved.append(Solved(problem, memory, proposed.found.parameters))
+            elif (tight := tight + 1) > TIGHTEST:
+                break
         best = min(solved, key=_preference)
         memory.save()
         if best.kkt_residual > WIGGLE:
@@ -153,16 +158,19 @@ def check_cylinder(problem: Problem) -> None:
         raise InvalidInput("weighted drags are over the cylinder's, which this family lacks")
 
 
-def finished(proposed: Proposal, solved: list[Solved], width: np.ndarray) -> bool:
+def finished(proposed: Proposal, solved: list[Solved]) -> bool:
     """Whether a solved body is optimal and no other is promised to be better."""
     if not solved:
         return False
     best = min(solved, key=_preference)
     promised = 1 - proposed.found.value / best.value
-    away = [np.max(np.abs(b.parameters - proposed.found.parameters) / width) for b in solved]
-    if min(away) < NEAR and best.kkt_residual <= WIGGLE:
-        return True
     return best.kkt_residual <= OPTIMAL and promised < PROMISE
+
+
+def stuck(proposed: Proposal, solved: list[Solved], width: np.ndarray) -> bool:
+    """Whether the model proposes what is solved already: it takes slopes there for noise."""
+    away = [np.max(np.abs(b.parameters - proposed.found.parameters) / width) for b in solved]
+    return bool(solved and min(away) < NEAR)
 
 
 def plainest(problem: Problem) -> Float[AnyArray, " parameters"]:

@@ -53,8 +53,11 @@ class Memory:
         self.told.append(Told(np.asarray(parameters, float), float(reynolds), drag, slopes))
         return self.told[-1]
 
-    def model(self) -> Kriging | DragNetwork | None:
-        """The base corrected by all that was told; None where there is neither."""
+    def model(self, tight: int = 0) -> Kriging | DragNetwork | None:
+        """The base corrected by all that was told; None where there is neither.
+
+        It is taken for less noisy, by a factor e each, the tighter it is to follow.
+        """
         if not self.told:
             return self.base
         if len(self.told) >= REFIT * self._fitted:
@@ -62,7 +65,10 @@ class Memory:
         inputs = scene_inputs(self.flow.scene)
         found = kriging(self.told, inputs, self.base, self._hyper)
         self._hyper = found.hyper
-        return found
+        if not tight:
+            return found
+        closer = found.hyper._replace(noise=found.hyper.noise - tight)
+        return kriging(self.told, inputs, self.base, closer)
 
     def save(self) -> None:
         """Write the file, if there is one, whole or not at all."""

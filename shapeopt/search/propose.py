@@ -15,7 +15,7 @@ from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
 
 STARTS = 32
-FINISHED = 3  # of them, by SLSQP
+FINISHED = 4  # of them, by SLSQP
 
 
 class Proposal(NamedTuple):

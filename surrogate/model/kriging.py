@@ -20,11 +20,13 @@ from surrogate.model.inputs import Inputs
 from surrogate.model.network import DragNetwork
 
 ALPHA = 2.0  # of the rational quadratic: a mixture of lengths that spreads about a factor of two
-VALUE_NOISE, SLOPE_NOISE = 2e-5, 5e-4  # of log Cd and its slopes: the grid's own wiggle
-LENGTH, SPREAD = 2.0, 0.7  # of lengths before anything is seen, and the deviation of their log
-AMPLITUDE, WIDE = -1.0, 3.0  # its log, and that log's deviation
-NOISY = 1.0  # deviation of the log of the noise over the above
+VALUE_NOISE, SLOPE_NOISE = 2e-5, 2e-4  # of log Cd and its slopes: the grid's own wiggle
+LENGTH, SPREAD = 1.5, 0.7  # of lengths before anything is seen, and the deviation of their log
+AMPLITUDE = (-1.0, 3.0)  # its log before anything is seen, and that log's deviation
+CORRECTION = (-7.0, 1.5)  # the same of what a trained base leaves over
+NOISY = 0.5  # deviation of the log of the noise over the above
 BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of the logs: amplitude, noise, lengths
+FITTED = 64  # flows from which amplitude, noise and lengths are found; more would only cost
 LEAST_CAPACITY, GROWTH = 8, 4
 
 
@@ -85,19 +87,21 @@ def kriging(
     """The process through all that was told; ``hyper`` is found by likelihood where None."""
     data = _data(told, inputs, base)
     mean = 0.0 if base is not None else np.mean([np.log(flow.drag) for flow in told])
-    hyper = hyper or likeliest(data, mean)
+    if hyper is None:
+        some = _data(told[:: -(-len(told) // FITTED)], inputs, base)
+        hyper = likeliest(some, mean, AMPLITUDE if base is None else CORRECTION)
     return Kriging(base, inputs, data, hyper, jnp.asarray(mean), _solve(data, mean, hyper))
 
 
-def likeliest(data: Data, mean: float) -> Hyper:
+def likeliest(data: Data, mean: float, amplitude: tuple[float, float] = AMPLITUDE) -> Hyper:
     """Amplitude and lengths of greatest posterior probability."""
     size = data.z.shape[1]
 
     def objective(theta):
-        value, slope = _unlikelihood(theta, data, mean)
+        value, slope = _unlikelihood(theta, data, mean, amplitude)
         return float(value), np.asarray(slope)
 
-    start = np.array([AMPLITUDE, 0.0, *[np.log(LENGTH)] * size])
+    start = np.array([amplitude[0], 0.0, *[np.log(LENGTH)] * size])
     bounds = [*BOUNDS[:2], *[BOUNDS[2]] * size]
     options = {"maxiter": 40, "ftol": 1e-6}
     found = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
@@ -153,14 +157,15 @@ def _solve(data, mean, hyper):
 
 @jax.jit
 @jax.value_and_grad
-def _unlikelihood(theta, data, mean):
+def _unlikelihood(theta, data, mean, amplitude):
     """Minus the log of likelihood and prior."""
     hyper = _hyper(theta)
     left = jnp.where(data.real[:, None], data.rows.at[:, 0].add(-mean), 0.0).ravel()
     factor = jnp.linalg.cholesky(_matrix(data, hyper))
     white = jax.scipy.linalg.solve_triangular(factor, left, lower=True)
     prior = jnp.sum(((hyper.lengths - np.log(LENGTH)) / SPREAD) ** 2)
-    prior += ((hyper.amplitude - AMPLITUDE) / WIDE) ** 2 + (hyper.noise / NOISY) ** 2
+    middle, wide = amplitude
+    prior += ((hyper.amplitude - middle) / wide) ** 2 + (hyper.noise / NOISY) ** 2
     return white @ white / 2 + jnp.sum(jnp.log(jnp.diagonal(factor))) + prior / 2
 
 

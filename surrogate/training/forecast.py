@@ -56,11 +56,11 @@ def _gradient_seconds(plan):
 
 
 def _inverse_seconds(plan, batch):
-    """One eigendecomposition of the smaller Gram matrix; a step without one costs next to nothing."""
+    """One eigendecomposition of the smaller Gram matrix; other steps cost next to nothing."""
     if plan.method != "hig":
         return 0.0
     inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
-    weights = ravel_pytree(blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0)))[0].size
+    weights = blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0)).weights.size
     rows = min(weights, batch * (modes + 1 if plan.published else inputs + 1))
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)

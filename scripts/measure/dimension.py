@@ -1,0 +1,137 @@
+"""Where training is needed: networks against kriging over the number of shape parameters.
+
+python scripts/measure/dimension.py
+"""
+
+import dataclasses
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from rivals import rivals
+from study import TINY, Result, Study, run_study, table_of_rows
+from training import solved_samples
+
+from shapeopt import Designer, Problem
+from shapeopt.payoff.queries import query_stream
+from shapeopt.render.figures import STYLE, plt, save_figure
+from surrogate import Family, Flow, Scene, Surrogate
+from surrogate.training.loop import make_bench, run_training
+from surrogate.training.plan import make_plan
+from surrogate.training.record import surrogate_of
+from surrogate.training.samples import held_out_samples, training_samples
+
+PARAMETERS = (4, 7, 11)
+COUNTS = (32, 64, 128, 256)
+LED = 64  # bodies of the models by which designs are led
+KRIGING = "kriging, with slopes"
+METHODS = ("hig", "sip")
+Row = dict[str, Any]
+NONE = dict.fromkeys(("mean", "max", "work", "fit_s", "flows", "late", "kkt"))
+
+
+def scene_of(parameters: int, tiny: bool) -> Scene:
+    """The default stream around bodies of so many parameters; higher modes have less room."""
+    betas = {f"beta{k}": (-0.24 / k, 0.24 / k) for k in range(5, parameters + 1)}
+    family = Family(**dict(Family().ranges), **betas)
+    return Scene(family=family, fidelity=TINY if tiny else "standard")
+
+
+def measure(tiny: bool, progress: Callable, queries: int) -> Result:
+    """Bodies, errors, seconds of fit, and flows a design of each."""
+    rows: list[Row] = []
+    chosen = PARAMETERS[:1] if tiny else PARAMETERS
+    for k, parameters in enumerate(chosen):
+        progress(k / len(chosen), f"{parameters} parameters")
+        found = _rows(scene_of(parameters, tiny), tiny, 1 if tiny else queries)
+        rows += [NONE | {"parameters": parameters} | row for row in found]
+    return {"queries": queries, "rows": rows}
+
+
+def _rows(scene: Scene, tiny: bool, queries: int) -> Iterator[Row]:
+    flow, counts = Flow(scene), (8,) if tiny else COUNTS
+    led = min(LED, max(counts))
+    unseen = held_out_samples(scene, 0, 4 if tiny else 64)
+    truth, asked = np.asarray(flow.labels(*unseen).drag), query_stream(scene, 0, queries)
+    yield {"method": "growing kriging", "bodies": 0} | _designs(Designer(flow), asked)
+    solved, work = solved_samples(flow, training_samples(scene, 0, max(counts)))
+    z = np.asarray(jax.vmap(solved.inputs)(*unseen))
+    for count in counts:
+        part, start = solved.head(count), time.process_time()
+        predict = rivals()[KRIGING](part)
+        row = {"method": KRIGING, "bodies": count, "fit_s": time.process_time() - start}
+        row |= _errors(np.exp(predict(z)), truth) | {"work": round(work * count / max(counts))}
+        if count == led:
+            designer = Designer(flow)
+            designer.memory.told.extend(part.told)
+            row |= _designs(designer, asked)
+        yield row
+        for method in METHODS:
+            surrogate, seconds = _trained(scene, method, count, tiny)
+            drags = np.asarray(jax.vmap(surrogate.network.drag)(*unseen))
+            row = {"method": method, "bodies": count, "fit_s": seconds} | _errors(drags, truth)
+            row["work"] = surrogate.record["green_applications"]
+            yield row | (_designs(Designer(surrogate), asked) if count == led else {})
+
+
+def _trained(scene: Scene, method: str, count: int, tiny: bool) -> tuple[Surrogate, float]:
+    """A network, and the seconds that its fit took, flows left out."""
+    plan = make_plan(scene, method, "full", count)
+    plan = dataclasses.replace(plan, held_out=4, report_every=10**6)
+    plan = dataclasses.replace(plan, iterations=2 if tiny else plan.iterations)
+    bench = make_bench(plan)
+    trained = run_training(plan, bench)
+    first = run_training(dataclasses.replace(plan, iterations=1), bench).history[-1]
+    last = trained.history[-1]
+    flows = first.seconds * count / min(plan.make_method().batch, count)
+    return surrogate_of(plan, trained, bench.setup_s), max(last.seconds - flows, 0.0)
+
+
+def _errors(drags: np.ndarray, truth: np.ndarray) -> Row:
+    errors = np.abs(drags / truth - 1)
+    return {"mean": errors.mean(), "max": errors.max()}
+
+
+def _designs(designer: Designer, asked: Sequence[Problem]) -> Row:
+    """Flows a design, what was seen kept from design to design; the last half beside."""
+    designs = [designer.design(problem) for problem in asked]
+    flows = [design.flows for design in designs]
+    return {
+        "flows": np.mean(flows),
+        "late": np.mean(flows[len(flows) // 2 :]),
+        "kkt": max(design.kkt_residual for design in designs),
+    }
+
+
+def draw(result: Result, path: Path) -> None:
+    """Mean error against bodies, one panel a number of parameters."""
+    rows = result["rows"]
+    counts = list(dict.fromkeys(row["parameters"] for row in rows))
+    with plt.rc_context(STYLE):
+        figure, axes = plt.subplots(
+            1, len(counts), figsize=(12, 4), layout="constrained", sharey=True, squeeze=False
+        )
+    for axis, parameters in zip(axes[0], counts, strict=True):
+        for method in (KRIGING, *METHODS):
+            mine = [r for r in rows if (r["parameters"], r["method"]) == (parameters, method)]
+            points = [(r["bodies"], 100 * r["mean"]) for r in mine]
+            axis.loglog(*zip(*points, strict=True), "o-", ms=3, label=method)
+        axis.set(xlabel="bodies", title=f"{parameters} shape parameters")
+    axes[0, 0].set(ylabel="mean drag error, %")
+    axes[0, 0].legend(frameon=False)
+    save_figure(figure, path)
+
+
+HEADS = "parameters | method | bodies | mean | max | G | seconds of fit | flows a design"
+HEADS += " | of the last half | KKT at most"
+FORMS = "{parameters} | {method} | {bodies} | {mean:.3%} | {max:.2%} | {work} | {fit_s:.1f}"
+FORMS += " | {flows:.1f} | {late:.1f} | {kkt:.0e}"
+OPTIONS = {"--queries": {"type": int, "default": 12, "help": "designs by each model of 64 bodies"}}
+STUDY = Study("dimension", measure, table_of_rows(HEADS, FORMS), draw, OPTIONS)
+
+if __name__ == "__main__":
+    sys.exit(run_study(STUDY))
