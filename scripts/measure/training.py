@@ -73,7 +73,7 @@ def _rows(plans: Mapping[str, Plan], folder: Path) -> Iterator[Row]:
     flow, unseen = Flow(most.scene), held_out_samples(most.scene, most.seed, most.held_out)
     truth = Truth(unseen, flow.labels(*unseen), adjoint_slopes(flow, unseen.head(GRADIENTS)))
     for name, surrogate in surrogates.items():
-        yield {"method": name, "seed": most.seed} | _learned(truth, surrogate)
+        yield {"method": name, "seed": most.seed} | learned(truth, surrogate)
     solved, work = solved_samples(flow, training_samples(most.scene, most.seed, most.samples))
     for name, fit in rivals().items():
         yield {"method": name, "seed": most.seed} | _fitted(truth, solved, work, fit)
@@ -87,7 +87,7 @@ class Truth(NamedTuple):
     slopes: np.ndarray
 
 
-def _learned(truth: Truth, surrogate: Surrogate) -> Row:
+def learned(truth: Truth, surrogate: Surrogate) -> Row:
     """A network's row."""
     record, drag = surrogate.record, surrogate.network.drag
     history = record["history"]

@@ -14,8 +14,8 @@ from shapeopt.search.together import STEPS, descend_together, predicted_and_grad
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
 
-STARTS = 32
-FINISHED = 4  # of them, by SLSQP
+STARTS = 16
+FINISHED = 3  # of them, by SLSQP
 
 
 class Proposal(NamedTuple):
@@ -36,11 +36,11 @@ def propose(
       NotConverged: no start reached an optimum.
     """
     limits, scenarios = problem.limits, problem.scenarios
-    feasible = candidates(problem)
     drawn = drawn_bodies(limits)
     values = np.asarray(ranked(model, drawn, limits, scenarios))
     starts = drawn[np.argsort(values)[:STARTS]]
     if np.sum(np.isfinite(values)) < STARTS:
+        feasible = candidates(problem)
         starts = feasible[np.arange(STARTS) % len(feasible)]
     if leaders:
         starts = np.concatenate([starts[: STARTS - len(leaders)], np.array(leaders)])

@@ -11,8 +11,8 @@ from shapeopt.problem.constraints import Limits, margins, satisfied
 from shapeopt.problem.objective import Scenarios, predicted
 from surrogate.arrays import AnyArray
 
-STEPS = 60
-RATE = 0.03  # of a parameter's range
+STEPS = 30
+RATE = 0.04  # of a parameter's range
 PENALTY = 100.0  # of a squared violation, in objectives
 
 
