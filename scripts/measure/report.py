@@ -19,7 +19,7 @@ import training
 from study import PICTURES, RESULTS, Result, keep, table, words
 
 from shapeopt.commands.cli import Parser, emit, numbers, run
-from shapeopt.payoff.tables import break_even_table, payoff_tables
+from shapeopt.payoff.tables import payoff_tables, short_table
 from surrogate import InvalidInput
 from surrogate.files import whole_file
 
@@ -115,7 +115,7 @@ def _payoff(result: Result) -> str:
         "hours by flows and adjoints (extrapolated)."
     )
     hours = result["robust"]["direct_seconds_extrapolated"] / 3600
-    return f"{break_even_table(result['payoff'])}\n\n{words(form, hours=hours, **result['robust'])}"
+    return f"{short_table(result['payoff'])}\n\n{words(form, hours=hours, **result['robust'])}"
 
 
 def _duration(result: Result) -> str:

@@ -66,6 +66,24 @@ def break_even_table(rows: list[Mapping[str, Any]]) -> str:
     return markdown(heads, lines)
 
 
+def short_table(rows: list[Mapping[str, Any]]) -> str:
+    """Who pays when, in few columns: without the methods as published."""
+    heads = ["way", "training", "flows a design", "a design", "pays after designs, by G", "by time"]
+    lines = [
+        [
+            r["method"],
+            f"{r['training_g']:.0f} G, {r['training_s']:.0f} s" if r["training_g"] else "",
+            f"{r['flows_per_design']:.2f}",
+            f"{r['g_per_design']:.0f} G, {r['s_per_design']:.2f} s",
+            _designs(r, "g"),
+            _designs(r, "s"),
+        ]
+        for r in rows
+        if "published" not in r["method"]
+    ]
+    return markdown(heads, lines)
+
+
 def _cumulative_table(rows):
     heads = ["applications of G after designs", "1", "5", "10", "50", "1000"]
     return markdown(heads, [[r["method"], *(f"{g:,.0f}" for g in r["cumulative_g"])] for r in rows])

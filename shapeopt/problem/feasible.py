@@ -10,7 +10,7 @@ from jaxtyping import Float
 from shapeopt.problem.constraints import Limits, margins, satisfied
 from surrogate.arrays import AnyArray
 
-DRAWN = 1024
+DRAWN = 2048
 ELLIPSES = 33  # of them
 REPAIRED = 64
 ENOUGH = 8  # feasible draws from which a search can start

@@ -14,6 +14,7 @@ from shapeopt.search.together import STEPS, descend_together, predicted_and_grad
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
 
+RANKED = 1024  # draws
 STARTS = 16
 FINISHED = 3  # of them, by SLSQP
 
@@ -36,7 +37,7 @@ def propose(
       NotConverged: no start reached an optimum.
     """
     limits, scenarios = problem.limits, problem.scenarios
-    drawn = drawn_bodies(limits)
+    drawn = drawn_bodies(limits)[:RANKED]
     values = np.asarray(ranked(model, drawn, limits, scenarios))
     starts = drawn[np.argsort(values)[:STARTS]]
     if np.sum(np.isfinite(values)) < STARTS:
