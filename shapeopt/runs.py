@@ -17,7 +17,6 @@ from surrogate.flow.loads.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 from surrogate.training.record import command_line
-from surrogate.training.refine import KnownDrag
 
 RECORD = "run.json"
 FILES = ("contour.csv", "contour.vtp", "body.stl")
@@ -196,24 +195,3 @@ def _loads(problem: Problem, design: Design):
         return flow.solve(design.parameters, problem.objective.nominal, estimate=False).surface()
     except NotConverged:
         return None
-
-
-def verified_bodies(record: dict[str, Any]) -> list[KnownDrag]:
-    """The bodies of a run whose drags the flow has told.
-
-    Raises:
-      InvalidInput: there is none.
-    """
-    try:
-        found = [
-            KnownDrag(np.array(body, float), float(reynolds), float(drag))
-            for body, reynolds, drag in (
-                (case["parameters"], case["reynolds"], case["cd_verified"])
-                for case in record["cases"]
-            )
-        ]
-    except (KeyError, TypeError, ValueError):
-        found = []
-    if not found:
-        raise InvalidInput("refinement: a run lacks its verified drags")
-    return found

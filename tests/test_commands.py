@@ -141,16 +141,14 @@ def test_several_reynolds_numbers_to_the_flows_optimum(capsys, trained, tmp_path
     assert result["reynolds"] == 40
 
 
-def test_refinement_closes_the_gap(capsys, trained, tmp_path):
-    """The optimum of a quick surrogate, and the same surrogate trained on around it."""
-    run_folder = tmp_path / "run"
-    answer(capsys, "optimize_shape", "--surrogate", trained, "--reynolds", "5", "--out", run_folder)
-    arguments = ["--surrogate", trained, "--runs", run_folder, "--out", tmp_path / "refined"]
-    result = answer(capsys, "refine_surrogate", *arguments, "--tolerance", "1e-6")
-    assert result["gap_after"] < max(0.8 * result["gap_before"], 2e-3)
-    record = json.loads((tmp_path / "refined" / "surrogate.json").read_text())
-    assert len(record["added"][1]) == result["samples_added"]
-    assert call("refine_surrogate", *arguments[:-1], tmp_path / "x", "--tolerance", "1") == 2
+def test_a_memory_makes_the_same_design_nearly_free(capsys, trained, tmp_path):
+    memory = tmp_path / "flows.json"
+    arguments = ["--surrogate", trained, "--reynolds", "20", "--until", "flow", "--memory", memory]
+    first = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "run")
+    again = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "run")
+    assert first["flows"] >= 1
+    assert again["flows"] <= 1
+    assert again["cd_verified"] == pytest.approx(first["cd_verified"], rel=1e-4)
 
 
 def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path):
@@ -274,9 +272,6 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 20 --trust 0.5": "trust 0.5: from 0 to below",
     f"{OPTIMISE} --reynolds 20 --trust 0.1 --range aspect=1:1.1": "aspect: its range and trust 0.1",
     f"{OPTIMISE} --reynolds 20 --min-radius 2": "min radius 2: every body of",
-    "refine_surrogate --surrogate pretrained --runs {missing} --out {folder}/x": "no run.json",
-    "refine_surrogate --surrogate pretrained --runs {damaged} --out {folder}/x": "is damaged",
-    "refine_surrogate --surrogate {damaged} --runs {missing} --out {folder}/x": "damaged or",
     f"{OPTIMISE} --reynolds 40 --max-length 0.5": "max length 0.5: every body of",
     f"{OPTIMISE} --reynolds 40 --max-length -2": "max_length -2: must be a finite",
     f"{OPTIMISE} --reynolds 40 --min-thickness 3": "min thickness 3: every body of",
@@ -284,6 +279,7 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 40 --fidelity draft": "--fidelity: belongs to --surrogate none",
     f"{OPTIMISE} --reynolds 40 --scene {{crossing}}": "--scene: belongs to --surrogate none",
     "optimize_shape --surrogate none --reynolds 40 --scene {missing} --out {folder}/x": "cannot be",
+    "optimize_shape --reynolds 9 --memory {folder}/m.json --out {folder}/x": "--until flow",
     "optimize_shape --surrogate none --until surrogate --reynolds 9 --out {folder}/x": "--until",
     "train_surrogate --method hig --scene {crossing} --out {folder}/x": "is not TOML",
     "train_surrogate --method hig --samples 2 --out {folder}/x": "samples 2: a whole number from 4",

@@ -10,7 +10,6 @@ COMMANDS = {
     "train": "train a drag surrogate",
     "predict": "drag by a trained surrogate",
     "optimise": "shape of least drag",
-    "refine": "train a surrogate on where its optima are off",
     "render": "pictures of optimised shapes",
     "explore": "a web page that holds a surrogate",
     "march": "march the flow in time",

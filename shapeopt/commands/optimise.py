@@ -45,7 +45,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         progress(0.05, "searching")
         model = surrogate or Flow(problem.scene)
         if surrogate is None or arguments.until == "flow":
-            design = Designer(model, arguments.memory).design(problem)
+
+            def report(body, flows):
+                told = f"{flows} flows: {body.value:.4f}, KKT residual {body.kkt_residual:.1e}"
+                progress(0.5 - 0.45 / (1 + flows / 8), told)
+
+            design = Designer(model, arguments.memory).design(problem, report)
         else:
             design = optimise(problem, model)
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")

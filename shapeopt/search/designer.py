@@ -7,6 +7,7 @@ model promises nothing better anywhere. Alexandrov and Lewis 2001, with memory.
 
 import dataclasses
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import jax
@@ -73,6 +74,9 @@ class Solved:
         self.kkt_residual = optimality(problem.limits, parameters, self.value, self.gradient)
 
 
+Report = Callable[[Solved, int], None]
+
+
 class Designer:
     """Designs of one scene, each the flow's own optimum, and every one cheaper than the last.
 
@@ -98,8 +102,10 @@ class Designer:
         """Of all its designs."""
         return self.memory.flow.scene
 
-    def design(self, problem: Problem) -> Design:
-        """The flow's own optimum of a problem.
+    def design(self, problem: Problem, report: Report = lambda body, flows: None) -> Design:
+        """The flow's own optimum of a problem; ``report(body, flows)`` hears of every body solved.
+
+        Flows are kept whatever comes of the design.
 
         Raises:
           InvalidInput: no body satisfies the constraints, or the problem is of another scene.
@@ -108,27 +114,13 @@ class Designer:
         if problem.scene != self.scene:
             raise InvalidInput("optimise: problem and model are of different scenes")
         check_cylinder(problem)
-        begin, calls, memory = time.perf_counter(), 0, self.memory
+        begin, memory = time.perf_counter(), self.memory
         before = memory.flows, memory.green_applications
-        width = np.asarray(problem.limits.width)
-        solved: list[Solved] = []
-        tight = 0
-        for _ in range(MOST):
-            model = memory.model(tight)
-            if model is None:
-                solved.append(Solved(problem, memory, plainest(problem)))
-                continue
-            leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
-            proposed = propose(problem, model, leaders)
-            calls += proposed.calls
-            if finished(proposed, solved):
-                break
-            if not stuck(proposed, solved, width):
-                solved.append(Solved(problem, memory, proposed.found.parameters))
-            elif (tight := tight + 1) > TIGHTEST:
-                break
+        try:
+            solved, calls = self._search(problem, report)
+        finally:
+            memory.save()
         best = min(solved, key=_preference)
-        memory.save()
         if best.kkt_residual > WIGGLE:
             raise NotConverged(
                 f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
@@ -149,6 +141,30 @@ class Designer:
             green_applications=memory.green_applications - before[1],
             seconds=time.perf_counter() - begin,
         )
+
+    def _search(self, problem: Problem, report: Report) -> tuple[list[Solved], int]:
+        """Bodies that were solved on the way to an optimum, and drags asked of models."""
+        memory, width = self.memory, np.asarray(problem.limits.width)
+        solved: list[Solved] = []
+        calls = tight = 0
+        for _ in range(MOST):
+            model = memory.model(tight)
+            if model is None:
+                body = plainest(problem)
+            else:
+                leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
+                proposed = propose(problem, model, leaders)
+                body, calls = proposed.found.parameters, calls + proposed.calls
+                if finished(proposed, solved):
+                    break
+                if stuck(proposed, solved, width):
+                    tight += 1
+                    if tight > TIGHTEST:
+                        break
+                    continue
+            solved.append(Solved(problem, memory, body))
+            report(solved[-1], memory.flows)
+        return solved, calls
 
 
 def check_cylinder(problem: Problem) -> None:

@@ -9,8 +9,8 @@ from surrogate.training.loop import Trained
 from surrogate.training.plan import Plan
 
 
-def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> Surrogate:
-    """A finished training as a surrogate, its record complete; ``more`` is added to it."""
+def surrogate_of(plan: Plan, trained: Trained, setup_s: float) -> Surrogate:
+    """A finished training as a surrogate, its record complete."""
     last = trained.history[-1]
     record = {
         "method": plan.method,
@@ -30,20 +30,19 @@ def surrogate_of(plan: Plan, trained: Trained, setup_s: float, **more: Any) -> S
         "failed_samples": last.failed,
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],
-        **more,
     }
     return Surrogate(trained.network, plan.scene, record)
 
 
 def is_of(plan: Plan, surrogate: Surrogate) -> bool:
-    """Whether this is what the plan's training leaves: a whole one, and not refined since."""
+    """Whether this is what the plan's training leaves: a whole one."""
     record = surrogate.record
     keys = ("method", "published", "samples", "held_out", "seed", "budget_s")
     asked = tuple(getattr(plan, key) for key in keys)
     found = tuple(record.get(key) for key in keys)
     done = record.get("iterations") == plan.iterations or plan.budget_s is not None
     whole = done or record.get("stopped") is not None
-    return found == asked and surrogate.scene == plan.scene and whole and "added" not in record
+    return found == asked and surrogate.scene == plan.scene and whole
 
 
 def command_line() -> str:

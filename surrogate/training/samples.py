@@ -53,11 +53,6 @@ def network_key(seed: int) -> jax.Array:
     return _keys(seed)[1]
 
 
-def joined(samples: list[Samples]) -> Samples:
-    """Samples one after another."""
-    return Samples(*(np.concatenate(parts) for parts in zip(*samples, strict=True)))
-
-
 def _keys(seed):
     """For held-out bodies, for weights."""
     return jax.random.split(jax.random.key(seed), 3)[1:]
