@@ -2,7 +2,6 @@
 
 import sys
 from pathlib import Path
-from typing import Any
 
 from surrogate.model.surrogate import Surrogate
 from surrogate.training.loop import Trained

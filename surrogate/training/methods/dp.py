@@ -30,11 +30,11 @@ ADJOINT = Effort(0.1, 30)
 
 
 class DpState(NamedTuple):
-    """Adam's moments; the last flow of every sample with its target, and Oseen compliances."""
+    """Adam's moments; last flows with their targets; Oseen compliances, if physics is lagged."""
 
     adam: optax.OptState
     targets: Targets
-    compliance: Float[Array, "samples modes modes"]
+    compliance: Float[Array, "samples modes modes"] | None
 
 
 def differentiable_physics(
@@ -81,7 +81,7 @@ def published_differentiable_physics(
 
     def init(network, physics):
         adam = optimiser.init(network.weights)
-        return DpState(adam, no_targets(physics), jnp.zeros(()))
+        return DpState(adam, no_targets(physics), None)
 
     def driven(physics, index, amplitude, flow):
         domain, case = physics.domain, physics.case(index)
