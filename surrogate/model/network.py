@@ -60,6 +60,24 @@ class DragNetwork(eqx.Module):
         trained = ravel_pytree((self.layers, self.trend))[1](weights)
         return eqx.tree_at(lambda net: (net.layers, net.trend), self, trained)
 
+    @property
+    def drag_weights(self) -> Float[AnyArray, " drag_weights"]:
+        """Those that the drag depends on: all but the heads of the other modes."""
+        return ravel_pytree(self._of_drag)[0]
+
+    def with_drag_weights(self, weights: Float[AnyArray, " drag_weights"]) -> "DragNetwork":
+        """The same network with other numbers for the drag."""
+        hidden, row, bias, trend = ravel_pytree(self._of_drag)[1](weights)
+        last = self.layers[-1]
+        heads = last.weight.at[0].set(row), last.bias.at[0].set(bias)
+        last = eqx.tree_at(lambda layer: (layer.weight, layer.bias), last, heads)
+        return eqx.tree_at(lambda net: (net.layers, net.trend), self, ((*hidden, last), trend))
+
+    @property
+    def _of_drag(self):
+        last = self.layers[-1]
+        return self.layers[:-1], last.weight[0], last.bias[0], self.trend
+
     def _log_drag(self, z, out):
         return quadratic(z) @ self.trend + REACH * out[0]
 

@@ -60,7 +60,7 @@ def _inverse_seconds(plan, batch):
     if plan.method != "hig":
         return 0.0
     inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
-    weights = blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0)).weights.size
+    weights = blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0)).drag_weights.size
     rows = min(weights, batch * (modes + 1 if plan.published else inputs + 1))
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)

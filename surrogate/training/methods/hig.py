@@ -67,12 +67,13 @@ def half_inverse_gradients(
         targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
 
         def outcomes(weights, index):
-            return drag_misses(network.with_weights(weights), physics, targets, index)
+            return drag_misses(network.with_drag_weights(weights), physics, targets, index)
 
-        y = jax.vmap(outcomes, (None, 0))(network.weights, batch)
-        step = weight_step(outcomes, network.weights, batch, y, tau, kappa, vectors)
+        weights = network.drag_weights
+        y = jax.vmap(outcomes, (None, 0))(weights, batch)
+        step = weight_step(outcomes, weights, batch, y, tau, kappa, vectors)
         rate = eta / (1 + state.iteration / decay)
-        network = network.with_weights(network.weights - rate * step)
+        network = network.with_drag_weights(weights - rate * step)
         spent = Progress(products, jnp.mean(jnp.sum(y**2, axis=1)) / 2, jnp.sum(~valid))
         return network, HigState(targets, state.iteration + 1), spent
 
