@@ -16,7 +16,7 @@ from surrogate.errors import NotConverged
 
 RANKED = 1024  # draws
 STARTS = 16
-FINISHED = 3  # of them, by SLSQP
+FINISHED = 4  # of them, by SLSQP; more where there are more than four parameters
 
 
 class Proposal(NamedTuple):
@@ -66,6 +66,6 @@ def _apart(bodies, losses, width):
     for k in np.argsort(losses):
         if all(np.max(np.abs(bodies[k] - bodies[j]) / width) > 0.02 for j in chosen):
             chosen.append(int(k))
-        if len(chosen) == FINISHED:
+        if len(chosen) == max(FINISHED, 2 * len(width) - 4):
             break
     return chosen
