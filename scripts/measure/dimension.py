@@ -14,13 +14,13 @@ import jax
 import numpy as np
 from rivals import rivals
 from study import TINY, Result, Study, run_study, table_of_rows
-from training import solved_samples
+from training import solved_samples, timed_fit
 
 from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from shapeopt.render.figures import STYLE, plt, save_figure
 from surrogate import Family, Flow, Scene, Surrogate
-from surrogate.training.loop import make_bench, run_training
+from surrogate.training.loop import make_bench
 from surrogate.training.plan import make_plan
 from surrogate.training.record import surrogate_of
 from surrogate.training.samples import held_out_samples, training_samples
@@ -81,14 +81,12 @@ def _rows(scene: Scene, tiny: bool, queries: int) -> Iterator[Row]:
 def _trained(scene: Scene, method: str, count: int, tiny: bool) -> tuple[Surrogate, float]:
     """A network, and the seconds that its fit took, flows left out."""
     plan = make_plan(scene, method, "full", count)
-    plan = dataclasses.replace(plan, held_out=4, report_every=10**6)
-    plan = dataclasses.replace(plan, iterations=2 if tiny else plan.iterations)
+    iterations = 2 if tiny else plan.iterations
+    changes = {"held_out": 4, "iterations": iterations, "report_every": max(1, iterations // 5)}
+    plan = dataclasses.replace(plan, **changes)
     bench = make_bench(plan)
-    trained = run_training(plan, bench)
-    first = run_training(dataclasses.replace(plan, iterations=1), bench).history[-1]
-    last = trained.history[-1]
-    flows = first.seconds * count / min(plan.make_method().batch, count)
-    return surrogate_of(plan, trained, bench.setup_s), max(last.seconds - flows, 0.0)
+    trained, seconds = timed_fit(plan, bench)
+    return surrogate_of(plan, trained, bench.setup_s), seconds
 
 
 def _errors(drags: np.ndarray, truth: np.ndarray) -> Row:

@@ -5,16 +5,15 @@ python scripts/measure/seeds.py
 
 import dataclasses
 import sys
-import time
 from collections.abc import Callable
 from typing import Any
 
 from gradients import adjoint_slopes
 from study import Result, Study, run_study, table_of_rows
-from training import GRADIENTS, Truth, learned, shrunk
+from training import GRADIENTS, Truth, learned, shrunk, timed_fit
 
 from surrogate import Flow
-from surrogate.training.loop import make_bench, run_training
+from surrogate.training.loop import make_bench
 from surrogate.training.plan import make_plan
 from surrogate.training.record import surrogate_of
 
@@ -30,14 +29,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         plan = dataclasses.replace(make_plan(None, method, "full", count, seed), report_every=20)
         plan = shrunk(plan) if tiny else plan
         bench = make_bench(plan)
-        seconds: list[tuple[int, float]] = []
-
-        def watched(point, done, seconds=seconds):
-            seconds.append((point.iteration, time.process_time()))
-
-        trained = run_training(plan, bench, report=watched)
-        (first, begin), (last, end) = seconds[len(seconds) // 2], seconds[-1]
-        fit = (end - begin) / max(last - first, 1) * plan.iterations
+        trained, fit = timed_fit(plan, bench)
         flow, unseen = Flow(plan.scene), bench.held_out
         slopes = adjoint_slopes(flow, unseen.head(GRADIENTS))
         surrogate = surrogate_of(plan, trained, bench.setup_s)

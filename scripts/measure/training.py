@@ -9,6 +9,7 @@ Kriging needs scikit-learn: pip install -e '.[bench]'.
 import dataclasses
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,12 +21,12 @@ from rivals import Fit, Solved, rivals
 from study import TINY, Result, Study, run_study, table
 
 from shapeopt.render.figures import STYLE, plt, save_figure
+from shapeopt.search.memory import Memory
 from surrogate import Flow, NotConverged, Surrogate
 from surrogate.checks import whole_number
 from surrogate.flow.steps import Labels
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import Told
-from surrogate.training.loop import Bench, run_training
+from surrogate.training.loop import Bench, Trained, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import PRESETS, Plan, compared_plans
 from surrogate.training.samples import Samples, held_out_samples, training_samples
@@ -100,13 +101,19 @@ def learned(truth: Truth, surrogate: Surrogate) -> Row:
 
 def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
     """What rivals learn from, and the work of flows and adjoints."""
-    inputs, told, work = scene_inputs(flow.scene), [], 0
-    for parameters, reynolds in zip(*samples, strict=True):
-        found = flow.slope(parameters, reynolds)
-        slopes = np.append(found.gradient, reynolds * found.by_reynolds) / found.drag
-        told.append(Told(parameters, float(reynolds), float(found.drag), slopes))
-        work += int(found.green_applications)
-    return Solved(inputs, np.asarray(jax.vmap(inputs)(*samples)), told), work
+    inputs, memory = scene_inputs(flow.scene), Memory(flow, None)
+    told = [memory.ask(p, float(re)) for p, re in zip(*samples, strict=True)]
+    return Solved(inputs, np.asarray(jax.vmap(inputs)(*samples)), told), memory.green_applications
+
+
+def timed_fit(plan: Plan, bench: Bench) -> tuple[Trained, float]:
+    """A training, and the CPU seconds of its steps at the pace they have once flows are known."""
+    seconds: list[tuple[int, float]] = []
+    trained = run_training(
+        plan, bench, report=lambda point, _: seconds.append((point.iteration, time.process_time()))
+    )
+    (first, begin), (last, end) = seconds[len(seconds) // 2], seconds[-1]
+    return trained, (end - begin) / max(last - first, 1) * plan.iterations
 
 
 def _fitted(truth: Truth, solved: Solved, work: int, fit: Fit) -> Row:

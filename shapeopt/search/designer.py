@@ -25,6 +25,7 @@ from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
+from surrogate.scene.scene import Scene
 
 OPTIMAL = 1e-3  # KKT residual at which a body counts as the flow's own optimum
 WIGGLE = 1e-2  # where the grid's own wiggle leaves no better, and nothing better is promised
@@ -89,16 +90,13 @@ class Designer:
     """
 
     def __init__(self, model: Surrogate | Flow, memory: str | Path | None = None):
-        if not isinstance(model, Surrogate | Flow):
-            raise InvalidInput(
-                f"designer: {model!r} is no drag model; load(name) or Flow(scene) is"
-            )
+        check_model(model)
         flow = model if isinstance(model, Flow) else Flow(model.scene)
         base = None if isinstance(model, Flow) else model.network
         self.memory = Memory(flow, base, memory)
 
     @property
-    def scene(self):
+    def scene(self) -> Scene:
         """Of all its designs."""
         return self.memory.flow.scene
 
@@ -111,9 +109,7 @@ class Designer:
           InvalidInput: no body satisfies the constraints, or the problem is of another scene.
           NotConverged: no optimum was found, or a flow on the way was not.
         """
-        if problem.scene != self.scene:
-            raise InvalidInput("optimise: problem and model are of different scenes")
-        check_cylinder(problem)
+        check_problem(problem, self.scene)
         begin, memory = time.perf_counter(), self.memory
         before = memory.flows, memory.green_applications
         try:
@@ -167,9 +163,17 @@ class Designer:
         return solved, calls
 
 
-def check_cylinder(problem: Problem) -> None:
-    """Raise InvalidInput where drags count over the cylinder's, which the family lacks."""
-    family = problem.scene.family
+def check_model(model: Surrogate | Flow) -> None:
+    """Raise InvalidInput unless it is a drag model."""
+    if not isinstance(model, Surrogate | Flow):
+        raise InvalidInput(f"optimise: {model!r} is no drag model; load(name) or Flow(scene) is")
+
+
+def check_problem(problem: Problem, scene: Scene) -> None:
+    """Raise InvalidInput where it is of another scene, or over a cylinder that its family lacks."""
+    if problem.scene != scene:
+        raise InvalidInput("optimise: problem and model are of different scenes")
+    family = scene.family
     if bool(problem.scenarios.relative) and not family.contains(family.ellipse(1.0)):
         raise InvalidInput("weighted drags are over the cylinder's, which this family lacks")
 

@@ -11,7 +11,7 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import Hyper, Kriging, Told, kriging
+from surrogate.model.kriging import Hyper, Kriging, Told, kriging, likeliest
 from surrogate.model.network import DragNetwork
 
 KIND = "flows of a designer"
@@ -60,14 +60,11 @@ class Memory:
         """
         if not self.told:
             return self.base
-        if len(self.told) >= REFIT * self._fitted:
-            self._hyper, self._fitted = None, len(self.told)
         inputs = scene_inputs(self.flow.scene)
-        found = kriging(self.told, inputs, self.base, self._hyper)
-        self._hyper = found.hyper
-        if not tight:
-            return found
-        closer = found.hyper._replace(noise=found.hyper.noise - tight)
+        if self._hyper is None or len(self.told) >= REFIT * self._fitted:
+            self._hyper = likeliest(self.told, inputs, self.base)
+            self._fitted = len(self.told)
+        closer = self._hyper._replace(noise=self._hyper.noise - tight)
         return kriging(self.told, inputs, self.base, closer)
 
     def save(self) -> None:

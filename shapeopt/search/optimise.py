@@ -4,7 +4,7 @@ import time
 
 from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
-from shapeopt.search.designer import Design, Designer, check_cylinder
+from shapeopt.search.designer import Design, Designer, check_model, check_problem
 from shapeopt.search.propose import propose
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
@@ -24,22 +24,19 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
       InvalidInput: no body satisfies the constraints, or the model is of another scene.
       NotConverged: no start reached an optimum, or a flow on the way was not found.
     """
-    if not isinstance(model, Surrogate | Flow):
-        raise InvalidInput(f"optimise: {model!r} is no drag model; load(name) or Flow(scene) is")
-    if model.scene != problem.scene:
-        raise InvalidInput("optimise: problem and model are of different scenes")
+    check_model(model)
+    check_problem(problem, model.scene)
     if until not in (None, "surrogate", "flow"):
         raise InvalidInput(f"until {until!r}: 'surrogate' or 'flow'")
-    if isinstance(model, Flow):
-        if until == "surrogate":
-            raise InvalidInput("until 'surrogate': the model is the flow itself")
+    if isinstance(model, Flow) and until == "surrogate":
+        raise InvalidInput("until 'surrogate': the model is the flow itself")
+    if isinstance(model, Flow) or until == "flow":
         return Designer(model).design(problem)
-    return Designer(model).design(problem) if until == "flow" else _by_surrogate(problem, model)
+    return _by_surrogate(problem, model)
 
 
 def _by_surrogate(problem: Problem, surrogate: Surrogate) -> Design:
     begin = time.perf_counter()
-    check_cylinder(problem)
     found, start, calls = propose(problem, surrogate.network)
     drag = found.value
     if not isinstance(problem.objective, AtReynolds):

@@ -73,7 +73,7 @@ class Kriging(eqx.Module):
 
     def log_drag(self, z: Float[AnyArray, " inputs"]) -> Float[Array, ""]:
         """log Cd at scaled inputs."""
-        seen = jax.vmap(lambda y: _rows(lambda at: _covariance(self.hyper, z, at), y))(self.data.z)
+        seen = jax.vmap(lambda y: _pair(self.hyper, z, y)[0])(self.data.z)
         left = self.mean + jnp.sum(seen * self.coefficients)
         return left if self.base is None else left + self.base.log_drag(z)
 
@@ -85,17 +85,15 @@ def kriging(
     hyper: Hyper | None = None,
 ) -> Kriging:
     """The process through all that was told; ``hyper`` is found by likelihood where None."""
-    data = _data(told, inputs, base)
-    mean = 0.0 if base is not None else np.mean([np.log(flow.drag) for flow in told])
-    if hyper is None:
-        some = _data(told[:: -(-len(told) // FITTED)], inputs, base)
-        hyper = likeliest(some, mean, AMPLITUDE if base is None else CORRECTION)
+    data, mean = _data(told, inputs, base), _mean(told, base)
+    hyper = likeliest(told, inputs, base) if hyper is None else hyper
     return Kriging(base, inputs, data, hyper, jnp.asarray(mean), _solve(data, mean, hyper))
 
 
-def likeliest(data: Data, mean: float, amplitude: tuple[float, float] = AMPLITUDE) -> Hyper:
-    """Amplitude and lengths of greatest posterior probability."""
-    size = data.z.shape[1]
+def likeliest(told: Sequence[Told], inputs: Inputs, base: DragNetwork | None) -> Hyper:
+    """Amplitude, noise and lengths of greatest posterior probability."""
+    data, mean = _data(told[:: -(-len(told) // FITTED)], inputs, base), _mean(told, base)
+    amplitude, size = AMPLITUDE if base is None else CORRECTION, data.z.shape[1]
 
     def objective(theta):
         value, slope = _unlikelihood(theta, data, mean, amplitude)
@@ -112,15 +110,14 @@ def _hyper(theta):
     return Hyper(theta[0], theta[1], theta[2:])
 
 
-def _covariance(hyper, z, y):
-    squares = jnp.sum(((z - y) * jnp.exp(-hyper.lengths)) ** 2)
-    return jnp.exp(2 * hyper.amplitude) * (1 + squares / (2 * ALPHA)) ** -ALPHA
+def _mean(told, base):
+    """What is expected of log Cd, or of what the base leaves over, before anything is told."""
+    return 0.0 if base is not None else np.mean([np.log(flow.drag) for flow in told])
 
 
-def _rows(function, at):
-    """Value and slopes of a function."""
-    value, slopes = jax.value_and_grad(function)(at)
-    return jnp.append(value, slopes)
+def _centred(data, mean):
+    """The rows about the mean, nought in the padding."""
+    return jnp.where(data.real[:, None], data.rows.at[:, 0].add(-mean), 0.0)
 
 
 def _matrix(data, hyper):
@@ -150,7 +147,7 @@ def _pair(hyper, z, y):
 
 @jax.jit
 def _solve(data, mean, hyper):
-    left = jnp.where(data.real[:, None], data.rows.at[:, 0].add(-mean), 0.0)
+    left = _centred(data, mean)
     factor = jax.scipy.linalg.cho_factor(_matrix(data, hyper), lower=True)
     return jax.scipy.linalg.cho_solve(factor, left.ravel()).reshape(left.shape)
 
@@ -160,7 +157,7 @@ def _solve(data, mean, hyper):
 def _unlikelihood(theta, data, mean, amplitude):
     """Minus the log of likelihood and prior."""
     hyper = _hyper(theta)
-    left = jnp.where(data.real[:, None], data.rows.at[:, 0].add(-mean), 0.0).ravel()
+    left = _centred(data, mean).ravel()
     factor = jnp.linalg.cholesky(_matrix(data, hyper))
     white = jax.scipy.linalg.solve_triangular(factor, left, lower=True)
     prior = jnp.sum(((hyper.lengths - np.log(LENGTH)) / SPREAD) ** 2)
@@ -187,4 +184,5 @@ def _left_over(inputs, base, parameters, reynolds, drags, slopes):
     rows = jnp.concatenate([jnp.log(drags)[:, None], slopes * steep], axis=1)
     if base is None:
         return z, rows
-    return z, rows - jax.vmap(lambda at: _rows(base.log_drag, at))(z)
+    values, slopes = jax.vmap(jax.value_and_grad(base.log_drag))(z)
+    return z, rows - jnp.concatenate([values[:, None], slopes], axis=1)

@@ -42,9 +42,8 @@ def forecast(plan: Plan) -> Forecast:
 
 def _gradient_seconds(plan):
     """One gradient of the network over all samples."""
-    inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
-    network = blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0))
-    points = jnp.zeros((plan.samples, inputs))
+    network = _network(plan)
+    points = jnp.zeros((plan.samples, network.layers[0].in_features))
 
     def loss(layers, points):
         for layer in layers:
@@ -59,12 +58,18 @@ def _inverse_seconds(plan, batch):
     """One eigendecomposition of the smaller Gram matrix; other steps cost next to nothing."""
     if plan.method != "hig":
         return 0.0
-    inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
-    weights = blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0)).drag_weights.size
-    rows = min(weights, batch * (modes + 1 if plan.published else inputs + 1))
+    network = _network(plan)
+    first, last = network.layers[0], network.layers[-1]
+    outcomes = 1 + (last.out_features if plan.published else first.in_features)
+    rows = min(network.drag_weights.size, batch * outcomes)
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)
     return _median(lambda: decompose(jnp.asarray(matrix + matrix.T)), 2)
+
+
+def _network(plan):
+    inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
+    return blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0))
 
 
 def _median(call, repeats=5):

@@ -15,7 +15,15 @@ from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, drag_weights, slip_adjoint
-from surrogate.training.methods.method import Method, Progress, keep, per_sample, predict
+from surrogate.training.methods.method import (
+    Method,
+    Progress,
+    adam_that_ends,
+    keep,
+    per_sample,
+    predict,
+    slowed,
+)
 from surrogate.training.methods.targets import (
     Targets,
     drag_misses,
@@ -45,7 +53,7 @@ def differentiable_physics(
     The slip is linear about the step's traction a+, ``C (a - a+)`` by Oseen compliances C; settled
     flows tell by one adjoint what the drag's slopes are.
     """
-    optimiser, invert = _adam(learning_rate), one_step(slopes=slopes > 0)
+    optimiser, invert = adam_that_ends(learning_rate), one_step(slopes=slopes > 0)
 
     def init(network, physics):
         adam = optimiser.init(network.weights)
@@ -77,7 +85,7 @@ def published_differentiable_physics(
     batch: int = 4, learning_rate: float = 1e-2, goal: float = 3.0
 ) -> Method:
     """DP as published: one warm-started forced flow and two adjoints per sample and step."""
-    optimiser = _adam(learning_rate)
+    optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
         adam = optimiser.init(network.weights)
@@ -117,12 +125,6 @@ def published_differentiable_physics(
     return Method(init, update, batch)
 
 
-def _adam(learning_rate):
-    return optax.inject_hyperparams(optax.adam)(learning_rate)
-
-
 def _step(optimiser, learning_rate, network, adam, gradient, done):
-    """One step of Adam, its rate falling to nought as the training ends."""
-    adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
-    change, adam = optimiser.update(gradient, adam)
+    change, adam = optimiser.update(gradient, slowed(adam, learning_rate, done))
     return network.with_weights(network.weights + change), adam

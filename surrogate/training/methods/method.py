@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import optax
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.model.network import DragNetwork
@@ -31,6 +32,17 @@ class Method(NamedTuple):
     init: Callable[[DragNetwork, Physics], PyTree]
     update: Callable[[DragNetwork, Any, Physics, Batch, Float[Array, ""]], tuple]
     batch: int
+
+
+def adam_that_ends(learning_rate: float) -> optax.GradientTransformation:
+    """Adam whose rate ``slowed`` sets."""
+    return optax.inject_hyperparams(optax.adam)(learning_rate)
+
+
+def slowed(adam: optax.OptState, learning_rate: float, done: Array) -> optax.OptState:
+    """Its rate falls by a cosine to nought as the training ends."""
+    adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
+    return adam
 
 
 def per_sample(function: Callable, *arguments: PyTree) -> PyTree:

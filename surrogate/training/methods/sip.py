@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import optax
 
 from surrogate.flow.solver.tangent import Effort
-from surrogate.training.methods.method import Method, Progress, predict
+from surrogate.training.methods.method import Method, Progress, adam_that_ends, predict, slowed
 from surrogate.training.methods.targets import (
     Inversion,
     Targets,
@@ -66,7 +66,7 @@ def imitation(
     its slopes in scaled inputs by ``(slopes goal)**2``: what the adjoint of a settled flow tells of
     its neighbours (Sobolev training, Czarnecki et al. 2017).
     """
-    optimiser = optax.inject_hyperparams(optax.adam)(learning_rate)
+    optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
         return ImitationState(optimiser.init(network.weights), no_targets(physics))
@@ -96,9 +96,7 @@ def imitation(
             change, adam = optimiser.update(gradient, adam)
             return (weights + change, adam), loss
 
-        adam = state.adam
-        adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
-        start = network.weights, adam
+        start = network.weights, slowed(state.adam, learning_rate, done)
         (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
         spent = Progress(products, losses[-1], jnp.sum(~valid))
         return network.with_weights(weights), ImitationState(adam, targets), spent
