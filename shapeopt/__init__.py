@@ -9,7 +9,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.runs import load_run, save_run
 from shapeopt.search.designer import Design, Designer
-from shapeopt.search.optimise import optimise
+from shapeopt.search.optimise import optimise, optimise_all
 from shapeopt.search.verify import Verified, verify
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Weighted",
     "load_run",
     "optimise",
+    "optimise_all",
     "save_run",
     "verify",
 ]

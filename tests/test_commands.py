@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pictures import pixels
 
 from shapeopt.commands.cli import run
 
@@ -125,6 +126,21 @@ def test_train_predict_optimise_render(capsys, trained, tmp_path):
 
     page = answer(capsys, "explore", "--surrogate", trained, "--out", tmp_path / "page.html")
     assert page["bytes"] == (tmp_path / "page.html").stat().st_size
+
+
+def test_sheet_of_designs(capsys, tmp_path):
+    arguments = ["--reynolds", "40,1", "--max-length", "1.2,1.6", "--out", tmp_path / "sheet.png"]
+    result = answer(capsys, "design_sheet", *arguments)
+    rows = {(row["reynolds"], row["max_length"]): row for row in result["designs"]}
+    assert len(rows) == 6
+    for (_, length), row in rows.items():
+        assert length is None or row["parameters"]["aspect"] <= length**2 + 1e-6
+        assert row["kkt_residual"] < 1e-5
+    for reynolds in (1.0, 40.0):
+        cds = [rows[reynolds, length]["cd"] for length in (1.2, 1.6, None)]
+        assert cds == sorted(cds, reverse=True)
+    _, drawn = pixels(tmp_path / "sheet.png")
+    assert len(np.unique(drawn.reshape(-1, drawn.shape[-1]), axis=0)) > 20
 
 
 def test_several_reynolds_numbers_to_the_flows_optimum(capsys, trained, tmp_path):

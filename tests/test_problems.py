@@ -5,13 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from shapeopt import LogNormal, Problem, Robust, Station, Uniform, Weighted, optimise
+from shapeopt import LogNormal, Problem, Robust, Station, Uniform, Weighted, optimise, optimise_all
 from shapeopt.payoff.direct import design_directly
+from shapeopt.payoff.slsqp import descend
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import margins, satisfied
 from shapeopt.problem.feasible import drawn_bodies
 from shapeopt.problem.objective import conditional_value_at_risk, predicted
-from shapeopt.search.slsqp import descend
+from shapeopt.search import sqp
 from surrogate import Family, Flow, InvalidInput, Scene, load
 from surrogate.body.measures import chord, radii, thickness, thickness_at
 
@@ -136,6 +137,41 @@ def test_robust_costs_more_than_its_middle_and_cvar_more_than_the_mean(pretraine
         for objective in (20.0, Robust(20.0, LogNormal(0.3)), Robust(20.0, LogNormal(0.3), 0, 0.9))
     )
     assert at < mean < worst
+
+
+def test_a_call_of_many_problems_answers_as_one_by_one(pretrained):
+    scene = pretrained.scene
+    asked = [Problem(scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 37.0)]
+    asked.append(Problem(scene, 20.0, min_thickness=0.7, within={"aspect": (1.0, 1.02)}))
+    together, alone = optimise_all(asked, pretrained), [optimise(p, pretrained) for p in asked]
+    for one, other in zip(together, alone, strict=True):
+        assert one.parameters == pytest.approx(other.parameters, abs=1e-9)
+        assert (one.calls, one.kkt_residual < 1e-5) == (other.calls, True)
+    assert optimise_all([], pretrained) == []
+    with pytest.raises(InvalidInput, match="as many cases and stations"):
+        optimise_all([asked[0], Problem(scene, Weighted((1.0, 40.0), (1.0, 1.0)))], pretrained)
+    with pytest.raises(InvalidInput, match="a surrogate"):
+        optimise_all(asked, Flow(scene))
+
+
+@pytest.mark.parametrize("case", [(1.2, 0.0), (3.0, 0.78), (1.15, 0.7)])
+def test_sqp_and_slsqp_end_alike(pretrained, case):
+    """Two codes of one problem, from the same start; under no, one and two active bounds."""
+    length, thick = case
+    problem = Problem(pretrained.scene, 30.0, length, thick or None)
+    start = candidates(problem)[0]
+
+    def objective(body):
+        value, gradient = jax.value_and_grad(predicted, 1)(
+            pretrained.network, jnp.asarray(body), problem.scenarios
+        )
+        return float(value), np.asarray(gradient)
+
+    ours = jax.jit(sqp.descend)(pretrained.network, start, problem.limits, problem.scenarios)
+    theirs = descend(objective, problem.limits, start, 1e-12)
+    assert ours.ended
+    assert ours.room >= -1e-8
+    assert ours.value <= theirs.value * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)

@@ -10,6 +10,7 @@ COMMANDS = {
     "train": "train a drag surrogate",
     "predict": "drag by a trained surrogate",
     "optimise": "shape of least drag",
+    "sheet": "designs over Reynolds number and length",
     "render": "pictures of optimised shapes",
     "explore": "a web page that holds a surrogate",
     "march": "march the flow in time",

@@ -5,10 +5,10 @@ import time
 import numpy as np
 from jaxtyping import Float
 
+from shapeopt.payoff.slsqp import Found, descend
 from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import OPTIMAL, WIGGLE, Design, Solved, plainest
 from shapeopt.search.memory import Memory
-from shapeopt.search.slsqp import Found, descend
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow

@@ -19,8 +19,8 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.objective import AtReynolds, combine
 from shapeopt.problem.problem import Problem
 from shapeopt.search.memory import Memory
+from shapeopt.search.optimality import optimality
 from shapeopt.search.propose import Proposal, propose
-from shapeopt.search.slsqp import optimality
 from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
@@ -150,7 +150,7 @@ class Designer:
             else:
                 leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
                 proposed = propose(problem, model, leaders)
-                body, calls = proposed.found.parameters, calls + proposed.calls
+                body, calls = proposed.parameters, calls + proposed.calls
                 if finished(proposed, solved):
                     break
                 if stuck(proposed, solved, width):
@@ -183,13 +183,13 @@ def finished(proposed: Proposal, solved: list[Solved]) -> bool:
     if not solved:
         return False
     best = min(solved, key=_preference)
-    promised = 1 - proposed.found.value / best.value
+    promised = 1 - proposed.value / best.value
     return best.kkt_residual <= OPTIMAL and promised < PROMISE
 
 
 def stuck(proposed: Proposal, solved: list[Solved], width: np.ndarray) -> bool:
     """Whether the model proposes what is solved already: it takes slopes there for noise."""
-    away = [np.max(np.abs(b.parameters - proposed.found.parameters) / width) for b in solved]
+    away = [np.max(np.abs(b.parameters - proposed.parameters) / width) for b in solved]
     return bool(solved and min(away) < NEAR)
 
 

@@ -1,11 +1,12 @@
 """The body of least objective: a surrogate's own optimum, or the flow's."""
 
 import time
+from collections.abc import Sequence
 
 from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import Design, Designer, check_model, check_problem
-from shapeopt.search.propose import propose
+from shapeopt.search.propose import propose_all
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
@@ -32,24 +33,44 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
         raise InvalidInput("until 'surrogate': the model is the flow itself")
     if isinstance(model, Flow) or until == "flow":
         return Designer(model).design(problem)
-    return _by_surrogate(problem, model)
+    return optimise_all([problem], model)[0]
 
 
-def _by_surrogate(problem: Problem, surrogate: Surrogate) -> Design:
+def optimise_all(problems: Sequence[Problem], surrogate: Surrogate | Flow) -> list[Design]:
+    """The surrogate's own optimum of every problem, all in one compiled call.
+
+    ``seconds`` of a design are its share of the call.
+
+    Raises:
+      InvalidInput: a problem has no feasible body or is of another scene, the problems differ
+        in how many cases or stations they have, or the model is a flow.
+      NotConverged: no start reached an optimum of one.
+    """
+    check_model(surrogate)
+    if not isinstance(surrogate, Surrogate):
+        raise InvalidInput("optimise_all: a surrogate answers many problems; a Designer the flow's")
+    for problem in problems:
+        check_problem(problem, surrogate.scene)
     begin = time.perf_counter()
-    found, start, calls = propose(problem, surrogate.network)
-    drag = found.value
+    proposals = propose_all(problems, surrogate.network) if problems else []
+    share = (time.perf_counter() - begin) / max(len(problems), 1)
+    pairs = zip(problems, proposals, strict=True)
+    return [_design(problem, surrogate, proposal, share) for problem, proposal in pairs]
+
+
+def _design(problem, surrogate, proposal, seconds):
+    drag = proposal.value
     if not isinstance(problem.objective, AtReynolds):
-        drag = float(surrogate.drag(found.parameters, problem.objective.nominal))
+        drag = float(surrogate.drag(proposal.parameters, problem.objective.nominal))
     return Design(
-        parameters=found.parameters,
-        objective=found.value,
+        parameters=proposal.parameters,
+        objective=proposal.value,
         drag=drag,
-        kkt_residual=found.kkt_residual,
-        start=start,
-        path=found.path,
-        calls=calls,
+        kkt_residual=proposal.kkt_residual,
+        start=proposal.start,
+        path=proposal.path,
+        calls=proposal.calls,
         flows=0,
         green_applications=0,
-        seconds=time.perf_counter() - begin,
+        seconds=seconds,
     )

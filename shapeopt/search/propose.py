@@ -1,71 +1,128 @@
-"""The body that a drag model finds best: draws ranked, the best moved together, some finished."""
+"""The body that a drag model finds best: draws ranked, the best from all over descended."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float, Int
 
 from shapeopt.problem.conflicts import candidates
-from shapeopt.problem.feasible import drawn_bodies
+from shapeopt.problem.constraints import Limits, satisfied
+from shapeopt.problem.feasible import ELLIPSES, drawn_bodies
+from shapeopt.problem.objective import Scenarios, predicted
 from shapeopt.problem.problem import Problem
-from shapeopt.search.slsqp import Found, descend
-from shapeopt.search.together import STEPS, descend_together, predicted_and_gradient, ranked
+from shapeopt.search.optimality import optimality
+from shapeopt.search.sqp import descend
 from surrogate.arrays import AnyArray
-from surrogate.errors import NotConverged
+from surrogate.errors import InvalidInput, NotConverged
 
-RANKED = 1024  # draws
 STARTS = 16
-FINISHED = 4  # of them, by SLSQP; more where there are more than four parameters
+GROUP = 66  # draws, of which the best is a start
+RANKED = ELLIPSES + GROUP * (STARTS - 1)
+WITHIN = -1e-6  # room of constraints that counts as none
+
+Leaders = Sequence[Float[AnyArray, " parameters"]]
 
 
 class Proposal(NamedTuple):
-    """Where the search on a model ended, the objective where it began, drags asked of the model."""
+    """Where a search on a model ended, the objective where it began, drags asked of the model."""
 
-    found: Found
+    parameters: Float[np.ndarray, " parameters"]
+    value: float
+    kkt_residual: float
     start: float
+    path: Float[np.ndarray, "steps parameters"]
     calls: int
 
 
-def propose(
-    problem: Problem, model: Any, leaders: Sequence[Float[AnyArray, " parameters"]] = ()
-) -> Proposal:
+def propose(problem: Problem, model: Any, leaders: Leaders = ()) -> Proposal:
     """The global optimum of the problem on a differentiable model; ``leaders`` are starts too.
 
     Raises:
       InvalidInput: no body satisfies the constraints.
       NotConverged: no start reached an optimum.
     """
-    limits, scenarios = problem.limits, problem.scenarios
-    drawn = drawn_bodies(limits)[:RANKED]
-    values = np.asarray(ranked(model, drawn, limits, scenarios))
-    starts = drawn[np.argsort(values)[:STARTS]]
-    if np.sum(np.isfinite(values)) < STARTS:
-        feasible = candidates(problem)
-        starts = feasible[np.arange(STARTS) % len(feasible)]
+    return propose_all([problem], model, leaders)[0]
+
+
+def propose_all(problems: Sequence[Problem], model: Any, leaders: Leaders = ()) -> list[Proposal]:
+    """The same of many problems in one compiled call; they must have as many cases and stations.
+
+    Raises:
+      InvalidInput: problems are of different kinds, or no body satisfies the constraints of one.
+      NotConverged: no start reached an optimum of one.
+    """
+    limits = _stacked([problem.limits for problem in problems])
+    scenarios = _stacked([problem.scenarios for problem in problems])
+    drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
+    starts, feasible = map(np.array, best_draws(model, drawn, limits, scenarios))
+    for k in np.flatnonzero(feasible < STARTS):
+        bodies = candidates(problems[k])
+        starts[k] = bodies[np.arange(STARTS) % len(bodies)]
     if leaders:
-        starts = np.concatenate([starts[: STARTS - len(leaders)], np.array(leaders)])
-    moved, losses = map(np.asarray, descend_together(model, starts, limits, scenarios))
-    best = moved[_apart(moved, losses, np.asarray(limits.width))]
+        starts[:, -len(leaders) :] = np.array(leaders)
+    ends, began, turns = jax.tree.map(
+        np.asarray, descend_from_all(model, starts, limits, scenarios)
+    )
+    found = []
+    for k, problem in enumerate(problems):
+        end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)
+        if not (end.ended and end.room >= WITHIN and np.isfinite(end.value)):
+            raise NotConverged("optimise: none of the starts reached an optimum")
+        value = float(end.value)
+        residual = optimality(problem.limits, end.parameters, value, end.gradient)
+        calls = (RANKED + int(turns[k])) * len(problem.scenarios.weight)
+        path = end.path[: int(end.moves) + 1]
+        found.append(Proposal(end.parameters, value, residual, float(began[k]), path, calls))
+    return found
 
-    def objective(parameters):
-        value, gradient = predicted_and_gradient(model, parameters, scenarios)
-        return float(value), np.asarray(gradient)
 
-    results = [descend(objective, limits, body) for body in best]
-    found = min(results, key=lambda found: (not found.converged, found.value))
-    if not found.converged:
-        raise NotConverged("optimise: none of the starts reached an optimum")
-    evaluations = len(drawn) + STARTS * (STEPS + 1) + sum(result.evaluations for result in results)
-    return Proposal(found, objective(found.path[0])[0], evaluations * len(scenarios.weight))
+@jax.jit
+def best_draws(
+    model: Any,
+    drawn: Float[AnyArray, "problems bodies parameters"],
+    limits: Limits,
+    scenarios: Scenarios,
+) -> tuple[Float[Array, "problems starts parameters"], Int[Array, " problems"]]:
+    """Of every problem the best ellipse and the best of every group, and how many are feasible."""
+
+    def one(case):
+        drawn, limits, scenarios = case
+        values = jax.vmap(predicted, in_axes=(None, 0, None))(model, drawn, scenarios)
+        values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
+        ellipse, others = jnp.argmin(values[:ELLIPSES]), values[ELLIPSES:].reshape(-1, GROUP)
+        places = ELLIPSES + GROUP * jnp.arange(STARTS - 1) + jnp.argmin(others, axis=1)
+        places = jnp.append(ellipse, places)
+        places = jnp.where(jnp.isfinite(values[places]), places, jnp.argmin(values))
+        return drawn[places], jnp.sum(jnp.isfinite(values))
+
+    return jax.lax.map(one, (drawn, limits, scenarios))
 
 
-def _apart(bodies, losses, width):
-    """Indices of the best bodies that differ from each other."""
-    chosen: list[int] = []
-    for k in np.argsort(losses):
-        if all(np.max(np.abs(bodies[k] - bodies[j]) / width) > 0.02 for j in chosen):
-            chosen.append(int(k))
-        if len(chosen) == max(FINISHED, 2 * len(width) - 4):
-            break
-    return chosen
+@jax.jit
+def descend_from_all(
+    model: Any,
+    starts: Float[AnyArray, "problems starts parameters"],
+    limits: Limits,
+    scenarios: Scenarios,
+) -> tuple[Any, Float[Array, " problems"], Int[Array, " problems"]]:
+    """The best end of every problem, the objective where it began, and evaluations of all."""
+
+    def one(case):
+        starts, limits, scenarios = case
+        ends = jax.vmap(lambda start: descend(model, start, limits, scenarios))(starts)
+        reached = ends.ended & (ends.room >= WITHIN)
+        best = jnp.argmin(jnp.where(reached, ends.value, jnp.inf))
+        end = jax.tree.map(lambda leaf: leaf[best], ends)
+        return end, predicted(model, starts[best], scenarios), jnp.sum(ends.evaluations)
+
+    return jax.lax.map(one, (starts, limits, scenarios))
+
+
+def _stacked(values):
+    kinds = {tuple(np.shape(leaf) for leaf in jax.tree.leaves(value)) for value in values}
+    if len(kinds) > 1:
+        raise InvalidInput("problems: of one batch must have as many cases and stations each")
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *values)

@@ -62,7 +62,8 @@ def radii(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Radii:
     t = ANGLES
     x1, x2 = half * np.sin(t), half * np.cos(t)
     y1, y2 = _height(parameters, modes, t, 1), _height(parameters, modes, t, 2)
-    curvature = jnp.abs(x1 * y2 - y1 * x2) / (x1**2 + y1**2 + 1e-12) ** 1.5
+    speed = jnp.sqrt(x1**2 + y1**2 + 1e-12)
+    curvature = jnp.abs(x1 * y2 - y1 * x2) / speed**3
     return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, -1 / least(-curvature[1:-1]))
 
 

@@ -1,23 +1,21 @@
-"""One descent from one start by SLSQP, and the optimality condition at its end."""
+"""One descent from one start by SLSQP, as SciPy has it."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import minimize, nnls
+from scipy.optimize import minimize
 
-from shapeopt.problem.constraints import Limits, margins
+from shapeopt.problem.constraints import Limits
+from shapeopt.search.optimality import margins_and_slopes, optimality
 from surrogate.arrays import AnyArray
-
-ACTIVE = 1e-5  # a constraint with less room than this counts as met with equality
 
 ValueAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 class Found(NamedTuple):
-    """Where SLSQP ended, whether within the constraints; ``kkt_residual`` as the function."""
+    """Where SLSQP ended, whether within the constraints; ``kkt_residual`` as ``optimality``."""
 
     parameters: Float[AnyArray, " parameters"]
     value: float
@@ -44,7 +42,7 @@ def descend(
         return value, gradient * width
 
     def room(z):
-        value, jacobian = _margins(low + width * z, limits)
+        value, jacobian = margins_and_slopes(low + width * z, limits)
         return np.asarray(value), np.asarray(jacobian) * width
 
     result = minimize(
@@ -75,39 +73,3 @@ def descend(
         converged=bool(result.success) and feasible and bool(np.isfinite(value)),
         path=np.array(path),
     )
-
-
-def optimality(
-    limits: Limits,
-    parameters: Float[AnyArray, " parameters"],
-    value: float,
-    gradient: Float[AnyArray, " parameters"],
-) -> float:
-    """The KKT residual of a body from the objective's value and gradient there."""
-    width = np.asarray(limits.width)
-    room, jacobian = map(np.asarray, _margins(parameters, limits))
-    z = (np.asarray(parameters) - limits.low) / width
-    return kkt_residual(z, value, np.asarray(gradient) * width, room, jacobian * width)
-
-
-def kkt_residual(
-    z: Float[np.ndarray, " parameters"],
-    value: float,
-    gradient: Float[np.ndarray, " parameters"],
-    room: Float[np.ndarray, " constraints"],
-    jacobian: Float[np.ndarray, "constraints parameters"],
-) -> float:
-    """What of the gradient no active constraint holds: |g - J^T m| / |f|, least over m >= 0.
-
-    ``z`` are parameters over their ranges, so the residual is the relative change of the
-    objective per range of a parameter; it vanishes at a local optimum (Karush-Kuhn-Tucker).
-    """
-    normals = [jacobian[room < ACTIVE], np.eye(z.size)[z < ACTIVE], -np.eye(z.size)[1 - z < ACTIVE]]
-    active = np.concatenate(normals).T
-    left = nnls(active, gradient)[1] if active.shape[1] else float(np.linalg.norm(gradient))
-    return float(left / abs(value))
-
-
-@jax.jit
-def _margins(parameters, limits):
-    return margins(parameters, limits), jax.jacfwd(margins)(parameters, limits)

@@ -1,0 +1,81 @@
+"""How fast a surrogate designs, one query at a time and a thousand in one call; a sheet of bodies.
+
+python scripts/measure/designs.py
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from study import Result, Study, run_study, words
+
+from shapeopt import Problem, optimise, optimise_all
+from shapeopt.payoff.queries import query_stream
+from shapeopt.render.designs import plot_designs
+from surrogate import load
+
+QUERIES, ALONE, ROUNDS = 1000, 100, 3
+REYNOLDS, LENGTHS = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), (1.1, 1.3, 1.6, 2.0, None)
+
+
+def measure(tiny: bool, progress: Callable) -> Result:
+    """Times after compilation, the medians of rounds; every design of the call beside its own."""
+    surrogate, count = load("pretrained"), 4 if tiny else QUERIES
+    queries = query_stream(surrogate.scene, 0, count)
+    alone, together = [], []
+    for k in range(1 + ROUNDS):
+        progress(k / (1 + ROUNDS), f"{count} queries")
+        ours = [optimise(query, surrogate) for query in queries[: 4 if tiny else ALONE]]
+        alone.append([design.seconds for design in ours])
+        begin = time.perf_counter()
+        designs = optimise_all(queries, surrogate)
+        together.append(time.perf_counter() - begin)
+    gaps = [d.objective / one.objective - 1 for d, one in zip(designs, ours, strict=False)]
+    asked = [Problem(surrogate.scene, re, length) for length in LENGTHS for re in REYNOLDS]
+    drawn = optimise_all(asked, surrogate)
+    free = dict(zip(REYNOLDS, [d.drag for d in drawn[-len(REYNOLDS) :]], strict=True))
+    sheet = [
+        {
+            "reynolds": problem.reynolds,
+            "max_length": problem.max_length,
+            "parameters": surrogate.scene.family.named(design.parameters),
+            "cd": design.drag,
+            "excess": design.drag / free[problem.reynolds] - 1,
+        }
+        for problem, design in zip(asked, drawn, strict=True)
+    ]
+    return {
+        "queries": count,
+        "alone_s": np.median(alone[1:]),
+        "together_s": np.median(together[1:]) / count,
+        "first_s": together[0],
+        "gap": np.max(np.abs(gaps)),
+        "kkt": max(design.kkt_residual for design in designs),
+        "calls": np.mean([design.calls for design in designs]),
+        "sheet": sheet,
+    }
+
+
+def tables(result: Result) -> str:
+    """One paragraph."""
+    form = (
+        "The pretrained surrogate's own optimum takes {alone:.1f} ms a query one at a time, and "
+        "{together:.1f} ms in a call of {queries} queries ({first:.0f} s with its compilation); "
+        "each asks it for {calls:.0f} drags. The call's answers are those of the single route "
+        "within {gap:.0e}, and their KKT residuals on the surrogate are at most {kkt:.0e}."
+    )
+    ms = {"alone": 1e3 * result["alone_s"], "together": 1e3 * result["together_s"]}
+    return words(form, first=result["first_s"], **ms, **result)
+
+
+def draw(result: Result, path: Path) -> None:
+    """The sheet of bodies."""
+    plot_designs(load("pretrained").scene.family, result["sheet"], path)
+
+
+STUDY = Study("designs", measure, tables, draw)
+
+if __name__ == "__main__":
+    sys.exit(run_study(STUDY))

@@ -1,0 +1,53 @@
+"""One sheet of designs: a body for every Reynolds number and bound on the length."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from shapeopt.render.figures import QUIET, STYLE, plt, save_figure
+from surrogate.body.family import Family
+
+GAP = 0.35  # D, between bodies
+
+
+def plot_designs(family: Family, rows: list[dict[str, Any]], path: str | Path) -> Path:
+    """Bodies to one scale, columns by Re, rows by length; coloured by what the bound costs.
+
+    Returns the path of the PNG, which is written whole or not at all.
+    """
+    columns = sorted({row["reynolds"] for row in rows})
+    lengths = list(dict.fromkeys(row["max_length"] for row in rows))
+    bodies = [np.asarray(family.markers(family.parameters(r["parameters"]), 300)) for r in rows]
+    size = np.max([np.ptp(body, axis=0) for body in bodies], axis=0) + np.array([GAP, 2 * GAP])
+    most = max(0.01, *(row["excess"] for row in rows))
+    shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(0, 100 * most), "viridis")
+    span = size * (len(columns), len(lengths))
+    width = min(16.0, max(6.0, 2.2 * len(columns)))
+    with plt.rc_context(STYLE):
+        figure, axis = plt.subplots(
+            figsize=(width + 1, width * span[1] / span[0] + 1), layout="constrained"
+        )
+        for row, body in zip(rows, bodies, strict=True):
+            place = columns.index(row["reynolds"]), -lengths.index(row["max_length"])
+            centre = size * place
+            axis.fill(*(body + centre).T, color=shades.to_rgba(100 * row["excess"]), lw=0)
+            under = centre - (0, np.ptp(body[:, 1]) / 2 + 0.05)
+            text = f"{row['cd']:.3f}"
+            axis.annotate(text, under, ha="center", va="top", fontsize=9, color=QUIET)
+        axis.set(
+            aspect="equal",
+            xlim=(-size[0] / 2, span[0] - size[0] / 2),
+            ylim=(size[1] / 2 - span[1], size[1] / 2),
+            title="least drag: $C_d$ under each body",
+        )
+        axis.set_xticks(size[0] * np.arange(len(columns)), [f"Re {re:g}" for re in columns])
+        words = ["any length" if length is None else f"≤ {length:g} D" for length in lengths]
+        axis.set_yticks(-size[1] * np.arange(len(lengths)), words)
+        axis.tick_params(length=0)
+        axis.spines[["left", "bottom"]].set_visible(False)
+        bar = figure.colorbar(shades, ax=axis, shrink=0.6, pad=0.02)
+        bar.set_label("drag that the bound costs, %")
+        bar.outline.set_visible(False)
+        return save_figure(figure, path)
