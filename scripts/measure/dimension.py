@@ -86,7 +86,7 @@ def _trained(scene: Scene, method: str, count: int, tiny: bool) -> tuple[Surroga
     plan = dataclasses.replace(plan, **changes)
     bench = make_bench(plan)
     trained, seconds = timed_fit(plan, bench)
-    return surrogate_of(plan, trained, bench.setup_s), seconds
+    return surrogate_of(plan, trained, bench), seconds
 
 
 def _errors(drags: np.ndarray, truth: np.ndarray) -> Row:

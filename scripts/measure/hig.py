@@ -13,11 +13,12 @@ import numpy as np
 from study import TINY, Result, Study, medians, run_study, table_of_rows
 
 from surrogate import FIDELITIES, Flow, Scene
+from surrogate.devices import choose_devices
 from surrogate.model.network import make_network
 from surrogate.training.methods.hig import weight_step, with_goal_row
 from surrogate.training.methods.method import predict
 from surrogate.training.methods.targets import oseen_compliances
-from surrogate.training.physics import Physics, prepare_physics
+from surrogate.training.physics import Physics, deal_samples, prepare_physics
 from surrogate.training.samples import training_samples
 
 TAU, KAPPA, GOAL = 1e-3, 0.5, 3.0
@@ -26,7 +27,8 @@ TAU, KAPPA, GOAL = 1e-3, 0.5, 3.0
 def measure(tiny: bool, progress: Callable) -> Result:
     """Build the real chain dy/da da/dw on networks of growing width, time both inverses."""
     flow = Flow(Scene(fidelity=TINY if tiny else FIDELITIES["draft"]))
-    physics, rows = prepare_physics(flow, training_samples(flow.scene, 0, 4 if tiny else 16)), []
+    samples, rows = training_samples(flow.scene, 0, 4 if tiny else 16), []
+    physics = prepare_physics(flow, samples, deal_samples(samples, choose_devices()))
     sizes, counts = ((1e3,), (8,)) if tiny else ((1e3, 1e4, 1e5, 1e6), (16, 64, 256))
     for k, weights in enumerate(sizes):
         progress(k / len(sizes), f"{weights:g} weights")
@@ -36,7 +38,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
 
 def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Iterator[dict[str, Any]]:
     """Rows of one untrained network: dense, then matrix-free with so many Lanczos vectors."""
-    oseen, key = np.asarray(physics.oseen.amplitude), jax.random.key(1)
+    oseen, key = np.asarray(physics.tractions), jax.random.key(1)
     width = round(np.sqrt(weights + 121) - 11)
     network = make_network(physics.flow.scene, key, *physics.samples, oseen, width)
     batch, matrix = jnp.arange(physics.count), oseen_compliances(physics)

@@ -32,7 +32,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         trained, fit = timed_fit(plan, bench)
         flow, unseen = Flow(plan.scene), bench.held_out
         slopes = adjoint_slopes(flow, unseen.head(GRADIENTS))
-        surrogate = surrogate_of(plan, trained, bench.setup_s)
+        surrogate = surrogate_of(plan, trained, bench)
         found = learned(Truth(unseen, bench.labels, slopes), surrogate)
         rows.append({"seed": seed, "bodies": count, "method": method, "fit_s": fit} | found)
     return {"rows": rows}

@@ -11,6 +11,7 @@ import os
 import platform
 import re
 import shlex
+import socket
 import string
 import sys
 import time
@@ -98,6 +99,13 @@ def keep(
     with whole_file(Path(out) / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
     return record
+
+
+def free_port() -> int:
+    """Of this machine, for processes that are to find each other."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return probe.getsockname()[1]
 
 
 def plain(value: Any) -> Any:

@@ -16,8 +16,12 @@ from typing import Any
 from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 
-DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED = 0, 2, 3, 4, 130
-STATUSES = "exit status: 0 done, 2 bad input, 3 not converged, 4 not written"
+DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, LOST, INTERRUPTED = 0, 2, 3, 4, 5, 130
+STATUSES = "exit status: 0 done, 2 bad input, 3 not converged, 4 not written, 5 a process lost"
+
+
+class ProcessLost(RuntimeError):
+    """One of many processes that work as one has ended."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -63,6 +67,8 @@ def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> in
         status, message = BAD_INPUT, str(problem)
     except NotConverged as problem:
         status, message = NOT_CONVERGED, str(problem)
+    except ProcessLost as problem:
+        status, message = LOST, str(problem)
     except OSError as problem:
         status, message = NOT_WRITTEN, f"{problem.filename or 'output'}: {problem.strerror}"
     except KeyboardInterrupt:

@@ -32,3 +32,7 @@ def main() -> int:
         return DONE
     print(f"drag-surrogates: no command {name!r}; one of {', '.join(COMMANDS)}", file=sys.stderr)
     return BAD_INPUT
+
+
+if __name__ == "__main__":
+    sys.exit(main())

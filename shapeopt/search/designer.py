@@ -83,7 +83,8 @@ class Designer:
 
     Args:
       model: a surrogate to start from, or the flow alone.
-      memory: file that keeps flows and adjoints; read if it is there.
+      memory: file that keeps flows and adjoints; read if it is there. Several processes may share
+        one: each learns at the start of a design what the others have added.
 
     Raises:
       InvalidInput: the model is none, or the file is damaged, foreign or of another scene.
@@ -111,6 +112,7 @@ class Designer:
         """
         check_problem(problem, self.scene)
         begin, memory = time.perf_counter(), self.memory
+        memory.refresh()
         before = memory.flows, memory.green_applications
         try:
             solved, calls = self._search(problem, report)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_file, whole_file
+from surrogate.files import check_file, locked, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Hyper, Kriging, Told, kriging, likeliest
@@ -31,8 +31,7 @@ class Memory:
         self.flows, self.green_applications = 0, 0
         self._hyper: Hyper | None = None
         self._fitted = 0
-        if self.file is not None and self.file.is_file():
-            self.told = _read(self.file, flow)
+        self.refresh()
 
     def ask(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Told:
         """Drag and slopes of a body, by flow and adjoint unless they are known.
@@ -67,14 +66,33 @@ class Memory:
         closer = self._hyper._replace(noise=self._hyper.noise - tight)
         return kriging(self.told, inputs, self.base, closer)
 
+    def refresh(self) -> None:
+        """Learn what other processes have put into the file meanwhile.
+
+        Raises:
+          InvalidInput: the file is damaged, foreign or of another scene.
+        """
+        if self.file is not None and self.file.is_file():
+            known = {_body(told) for told in self.told}
+            theirs = _read(self.file, self.flow)
+            self.told += [told for told in theirs if _body(told) not in known]
+
     def save(self) -> None:
-        """Write the file, if there is one, whole or not at all."""
+        """Add to the file, if there is one, what it lacks; several processes may share it."""
         if self.file is None:
             return
-        flows = [[t.parameters.tolist(), t.reynolds, t.drag, t.slopes.tolist()] for t in self.told]
-        record = {"kind": KIND, "scene": self.flow.scene.record, "flows": flows}
-        with whole_file(self.file) as part:
-            part.write_text(json.dumps(record) + "\n")
+        with locked(self.file.parent):
+            self.refresh()
+            flows = [
+                [t.parameters.tolist(), t.reynolds, t.drag, t.slopes.tolist()] for t in self.told
+            ]
+            record = {"kind": KIND, "scene": self.flow.scene.record, "flows": flows}
+            with whole_file(self.file) as part:
+                part.write_text(json.dumps(record) + "\n")
+
+
+def _body(told):
+    return (*told.parameters.tolist(), told.reynolds)
 
 
 def _read(file: Path, flow: Flow) -> list[Told]:

@@ -1,4 +1,4 @@
-"""The body that a drag model finds best: draws ranked, the best from all over descended."""
+"""The body that a drag model finds best: draws are ranked, the best of them descended."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import Limits, satisfied
-from shapeopt.problem.feasible import ELLIPSES, drawn_bodies
+from shapeopt.problem.feasible import drawn_bodies
 from shapeopt.problem.objective import Scenarios, predicted
 from shapeopt.problem.problem import Problem
 from shapeopt.search.optimality import optimality
@@ -18,9 +18,8 @@ from shapeopt.search.sqp import descend
 from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput, NotConverged
 
-STARTS = 16
-GROUP = 66  # draws, of which the best is a start
-RANKED = ELLIPSES + GROUP * (STARTS - 1)
+RANKED = 1024  # draws
+STARTS = 8  # of them, at least; twice the parameters where that is more
 WITHIN = -1e-6  # room of constraints that counts as none
 
 Leaders = Sequence[Float[AnyArray, " parameters"]]
@@ -58,9 +57,10 @@ def propose_all(problems: Sequence[Problem], model: Any, leaders: Leaders = ()) 
     scenarios = _stacked([problem.scenarios for problem in problems])
     drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
     starts, feasible = map(np.array, best_draws(model, drawn, limits, scenarios))
-    for k in np.flatnonzero(feasible < STARTS):
+    count = starts.shape[1]
+    for k in np.flatnonzero(feasible < count):
         bodies = candidates(problems[k])
-        starts[k] = bodies[np.arange(STARTS) % len(bodies)]
+        starts[k] = bodies[np.arange(count) % len(bodies)]
     if leaders:
         starts[:, -len(leaders) :] = np.array(leaders)
     ends, began, turns = jax.tree.map(
@@ -86,17 +86,14 @@ def best_draws(
     limits: Limits,
     scenarios: Scenarios,
 ) -> tuple[Float[Array, "problems starts parameters"], Int[Array, " problems"]]:
-    """Of every problem the best ellipse and the best of every group, and how many are feasible."""
+    """The best draws of every problem, and how many of its draws are feasible."""
+    count = max(STARTS, 2 * drawn.shape[-1])
 
     def one(case):
         drawn, limits, scenarios = case
         values = jax.vmap(predicted, in_axes=(None, 0, None))(model, drawn, scenarios)
         values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
-        ellipse, others = jnp.argmin(values[:ELLIPSES]), values[ELLIPSES:].reshape(-1, GROUP)
-        places = ELLIPSES + GROUP * jnp.arange(STARTS - 1) + jnp.argmin(others, axis=1)
-        places = jnp.append(ellipse, places)
-        places = jnp.where(jnp.isfinite(values[places]), places, jnp.argmin(values))
-        return drawn[places], jnp.sum(jnp.isfinite(values))
+        return drawn[jax.lax.top_k(-values, count)[1]], jnp.sum(jnp.isfinite(values))
 
     return jax.lax.map(one, (drawn, limits, scenarios))
 

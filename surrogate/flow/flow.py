@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import time
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -12,6 +13,7 @@ from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.family import LEAST_OPENING, opening
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
+from surrogate.devices import Devices, choose_devices, deal_bodies
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.check.trust import Trust, judge
 from surrogate.flow.grid.domain import Domain, fitted_domain, scene_domain
@@ -20,12 +22,13 @@ from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.steps import (
     Labels,
     Slope,
+    all_solver,
     approach,
     drag_and_slope,
     drag_and_status,
     failure,
     gradient_at,
-    solve_all,
+    hardness,
 )
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS, Scene, check_reynolds
@@ -90,14 +93,19 @@ class Flow:
         self,
         parameters: Float[AnyArray, "bodies parameters"],
         reynolds: Float[AnyArray, " bodies"],
+        devices: Devices | None = None,
     ) -> Labels:
-        """Flows of many bodies, one after another: what trainings learn and are tested by.
+        """Flows of many bodies, spread over ``devices``: what trainings are tested by.
 
         Raises:
           NotConverged: a flow was not found.
         """
-        found = solve_all(self, jnp.asarray(parameters, float), jnp.asarray(reynolds, float))
-        if missing := int(np.sum(~np.asarray(found.converged))):
+        parameters, reynolds = np.asarray(parameters, float), np.asarray(reynolds, float)
+        devices = devices or choose_devices()
+        deal = deal_bodies(devices, hardness(parameters, reynolds))
+        found = all_solver(self, devices)(*devices.share((deal, parameters, reynolds)))
+        found = jax.tree.map(np.asarray, found)
+        if missing := int(np.sum(~found.converged)):
             raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
         return found
 

@@ -1,6 +1,7 @@
 """The compiled steps behind ``Flow``: solves, the drag with its derivative, many bodies."""
 
 import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -11,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.body.family import family_markers, modes_of
 from surrogate.body.shape import Shape
+from surrogate.devices import Deal, Devices
 from surrogate.errors import NotConverged
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.loads.forces import Coefficients, coefficients, drag_coefficient
@@ -159,12 +161,24 @@ def drag_and_slope(flow: Any, parameters, reynolds):
     return Slope(*answer, spent, converged)
 
 
-@functools.partial(jax.jit, static_argnames="flow")
-def solve_all(flow: Any, parameters, reynolds):
+def hardness(
+    parameters: Float[AnyArray, "bodies parameters"], reynolds: Float[AnyArray, " bodies"]
+) -> Float[np.ndarray, " bodies"]:
+    """What the work of flows grows with: Re of the thickness."""
+    return np.asarray(reynolds) / np.sqrt(np.asarray(parameters)[:, 0])
+
+
+@functools.cache
+def all_solver(flow: Any, devices: Devices) -> Callable[[Deal, AnyArray, AnyArray], Labels]:
+    """``(deal, parameters, reynolds)`` to the flows of many bodies, compiled."""
+
     def one(body):
         case = steady.prepare(flow.domain, flow.markers(body[0]), body[1])
         state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
         spent = info.products + steady.preparation_cost(flow.domain)
         return Labels(state.amplitude, spent, info.converged)
 
-    return jax.lax.map(one, (parameters, reynolds))
+    def every(deal, parameters, reynolds):
+        return deal.gathered(deal.each(one, deal.dealt((parameters, reynolds))))
+
+    return jax.jit(every, compiler_options=devices.options)

@@ -3,31 +3,64 @@
 import dataclasses
 from pathlib import Path
 
+import jax
+import numpy as np
 from jaxtyping import PyTree
 
+from surrogate.devices import Deal, Owned
 from surrogate.errors import InvalidInput
 from surrogate.leaves import read_header, read_leaves, write_leaves
+from surrogate.processes import agreed, first
 from surrogate.training.plan import Plan
 
 
-def save_checkpoint(path: Path, plan: Plan, state: PyTree) -> None:
-    """Write the plan and all leaves of ``state`` in one file, whole or not at all."""
-    write_leaves(path, state, _describe(plan))
+def save_checkpoint(path: Path, plan: Plan, state: PyTree, deal: Deal) -> None:
+    """Write the plan and all leaves of ``state`` in one file, whole or not at all.
+
+    What is owned goes there in the order of the samples, whatever devices there are.
+    """
+    state = _in_order(state, deal)
+    if first():
+        write_leaves(path, state, _describe(plan))
 
 
-def load_checkpoint(path: Path, plan: Plan, like: PyTree) -> PyTree | None:
+def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree | None:
     """The saved state, shaped ``like`` a fresh one; None where there is no checkpoint.
 
     Raises:
       InvalidInput: the file is damaged, or belongs to another plan.
     """
-    if not path.exists():
+    if not agreed(path.exists()):
         return None
-    if read_header(path, "checkpoint") != _describe(plan):
-        raise InvalidInput(
-            f"checkpoint {path}: belongs to another training; remove it, or choose another folder"
-        )
-    return read_leaves(path, like, "checkpoint")
+    shapes = jax.eval_shape(lambda state: _in_order(state, deal), like)
+    if first():
+        if read_header(path, "checkpoint") != _describe(plan):
+            raise InvalidInput(
+                f"checkpoint {path}: belongs to another training; remove it, or choose another "
+                "folder"
+            )
+        saved = read_leaves(path, shapes, "checkpoint")
+    else:
+        saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
+    saved = agreed(saved)
+
+    def dealt(node, rows):
+        return deal.dealt(rows) if isinstance(node, Owned) else rows
+
+    state = jax.tree.map(dealt, like, saved, is_leaf=_owned)
+    shared = [deal.devices.share(part) for part in state[:2]]
+    return type(like)(*shared, *state[2:])
+
+
+def _in_order(state, deal):
+    gathered = jax.jit(lambda owned: deal.gathered(owned))
+    return jax.tree.map(
+        lambda node: gathered(node) if _owned(node) else node, state, is_leaf=_owned
+    )
+
+
+def _owned(node):
+    return isinstance(node, Owned)
 
 
 def _describe(plan):

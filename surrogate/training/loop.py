@@ -11,14 +11,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from surrogate.arrays import AnyArray
+from surrogate.devices import Devices, choose_devices
 from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solver.steady import preparation_cost
 from surrogate.flow.steps import Labels
 from surrogate.model.network import DragNetwork, make_network
+from surrogate.processes import agreed
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
-from surrogate.training.methods.method import Method
-from surrogate.training.physics import Physics, prepare_physics
+from surrogate.training.methods.method import Batch, Method, Progress
+from surrogate.training.physics import Physics, deal_samples, prepare_physics
 from surrogate.training.plan import Plan
 from surrogate.training.samples import (
     Samples,
@@ -44,11 +47,15 @@ class Point(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Trained:
-    """A finished training; ``stopped`` says why it ended early, if it did."""
+    """A finished training; ``stopped`` says why it ended early, if it did.
+
+    ``waiting`` are applications of G that idle devices and lanes could have done.
+    """
 
     network: DragNetwork
     history: tuple[Point, ...]
     stopped: str | None
+    waiting: int
 
 
 class Stage(NamedTuple):
@@ -56,11 +63,12 @@ class Stage(NamedTuple):
 
     network: DragNetwork
     state: PyTree
-    iteration: Int[Array, ""]
-    seconds: Float[Array, ""]
-    products: Int[Array, ""]
-    failed: Int[Array, ""]
-    history: Float[Array, "points 7"]
+    iteration: Int[AnyArray, ""]
+    seconds: Float[AnyArray, ""]
+    products: Int[AnyArray, ""]
+    failed: Int[AnyArray, ""]
+    waiting: Int[AnyArray, ""]
+    history: Float[AnyArray, "points 7"]
 
 
 class Bench(NamedTuple):
@@ -76,7 +84,7 @@ class Bench(NamedTuple):
     setup_s: float
 
 
-def make_bench(plan: Plan) -> Bench:
+def make_bench(plan: Plan, devices: Devices | None = None) -> Bench:
     """Draw and prepare samples, solve the held-out bodies, build the initial network.
 
     Depends on the plan's scene, seed and counts only, not on its method.
@@ -87,14 +95,16 @@ def make_bench(plan: Plan) -> Bench:
     flow = Flow(plan.scene)
     samples = training_samples(plan.scene, plan.seed, plan.samples)
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    labels = flow.labels(*held_out)
-    prepare = prepare_physics.lower(flow, samples).compile()
+    devices = devices or choose_devices()
+    labels = flow.labels(*held_out, devices)
+    samples, deal = devices.share((samples, deal_samples(samples, devices)))
+    prepare = prepare_physics.lower(flow, samples, deal).compile(devices.options)
     start = time.perf_counter()
-    physics = jax.block_until_ready(prepare(samples))
+    physics = jax.block_until_ready(prepare(samples, deal))
     setup_s = time.perf_counter() - start
-    oseen = np.asarray(physics.oseen.amplitude)
-    network = make_network(plan.scene, network_key(plan.seed), *samples, oseen)
-    return Bench(physics, held_out, labels, network, setup_s)
+    oseen = np.asarray(physics.tractions)
+    network = make_network(plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen)
+    return Bench(physics, *devices.share((held_out, labels, network)), setup_s)
 
 
 def run_training(
@@ -118,58 +128,68 @@ def run_training(
       NotConverged: the network blew up before it had one good point.
     """
     method = method or plan.make_method()
+    physics, deal = bench.physics, bench.physics.deal
     batches = _batches(plan, method.batch)
-    prepared = bench.physics.count * preparation_cost(bench.physics.domain)
+    prepared = physics.count * preparation_cost(physics.domain)
     fresh = Stage(
         bench.network,
-        method.init(bench.network, bench.physics),
-        *map(jnp.asarray, (0, 0.0, prepared, 0)),
-        jnp.zeros((_points(plan) + 1, len(Point._fields))),
+        jax.jit(method.init)(bench.network, physics),
+        *map(np.asarray, (0, 0.0, prepared, 0, 0)),
+        np.zeros((_points(plan) + 1, len(Point._fields))),
     )
-    run = (checkpoint and load_checkpoint(checkpoint, plan, fresh)) or fresh
-    update = jax.jit(method.update).lower(run.network, run.state, bench.physics, batches(0), 0.0)
-    update = update.compile()
+    run = (checkpoint and load_checkpoint(checkpoint, plan, fresh, deal)) or fresh
+    update = compiled_update(method, run, physics, batches(0))
     clock, saved, stopped, good = _Clock(float(run.seconds)), time.perf_counter(), None, run
     while int(run.iteration) < plan.iterations:
-        done = _done(plan, int(run.iteration), clock.seconds())
+        done = _done(plan, int(run.iteration), clock)
         if done >= 1:
             break
-        network, state, spent = update(
-            run.network, run.state, bench.physics, batches(int(run.iteration)), jnp.asarray(done)
-        )
+        now = deal.devices.share((batches(int(run.iteration)), np.asarray(done)))
+        network, state, spent = update(run.network, run.state, physics, *now)
         run = run._replace(
             network=network,
             state=state,
             iteration=run.iteration + 1,
-            products=run.products + spent.products,
-            failed=run.failed + spent.failed,
+            products=run.products + np.asarray(spent.products),
+            failed=run.failed + np.asarray(spent.failed),
+            waiting=run.waiting + np.asarray(spent.waiting),
         )
         if not np.all(np.isfinite(network.weights)):
             stopped, run = f"blew up in iteration {int(run.iteration)}", good
             break
         if int(run.iteration) % plan.report_every == 0 or int(run.iteration) == plan.iterations:
-            run = run._replace(seconds=jnp.asarray(clock.seconds()))
+            run = run._replace(seconds=np.asarray(clock.seconds()))
             clock.pause()
             run, point = _record(run, bench, float(spent.loss))
             if not point.error_mean < BLOWN_UP:
                 stopped, run = f"blew up before iteration {point.iteration}", good
                 break
             good = run
-            report(point, _done(plan, point.iteration, point.seconds))
-            if checkpoint and time.perf_counter() - saved > checkpoint_every_s:
-                save_checkpoint(checkpoint, plan, run)
+            report(point, max(done, point.iteration / plan.iterations))
+            if checkpoint and agreed(time.perf_counter() - saved > checkpoint_every_s):
+                save_checkpoint(checkpoint, plan, run, deal)
                 saved = time.perf_counter()
             clock.resume()
     unreported = int(run.iteration) % plan.report_every and int(run.iteration) < plan.iterations
     if stopped is None and unreported:
-        run = run._replace(seconds=jnp.asarray(clock.seconds()))
+        run = run._replace(seconds=np.asarray(clock.seconds()))
         run, point = _record(run, bench, float(spent.loss))
         if not point.error_mean < BLOWN_UP:
             stopped, run = f"blew up before iteration {point.iteration}", good
     history = _history(run)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
-    return Trained(run.network, history, stopped)
+    return Trained(jax.tree.map(np.asarray, run.network), history, stopped, int(run.waiting))
+
+
+def compiled_update(method: Method, run: Stage, physics: Physics, batch: Batch) -> Callable:
+    """The method's update on all devices: ``(network, state, physics, batch, done)``."""
+    devices = physics.deal.devices
+    like = run.network, run.state, physics, *devices.share((batch, np.asarray(0.0)))
+    answers = run.network, run.state, Progress(*[0.0] * len(Progress._fields))
+    return (
+        jax.jit(devices.spread(method.update, like, answers)).lower(*like).compile(devices.options)
+    )
 
 
 @jax.jit
@@ -206,13 +226,15 @@ def _batches(plan, size):
     def batch(iteration):
         epoch, place = divmod(iteration, per_epoch)
         order = jax.random.permutation(jax.random.fold_in(key, epoch), plan.samples)
-        return order[place * size : (place + 1) * size]
+        return np.asarray(order)[place * size : (place + 1) * size]
 
     return batch
 
 
-def _done(plan, iteration, seconds):
-    return seconds / plan.budget_s if plan.budget_s else iteration / plan.iterations
+def _done(plan, iteration, clock):
+    if plan.budget_s:
+        return float(agreed(clock.seconds() / plan.budget_s))
+    return iteration / plan.iterations
 
 
 def _points(plan):
@@ -231,13 +253,14 @@ def _record(run, bench, loss):
         int(run.failed),
     )
     row = min(len(_history(run)), run.history.shape[0] - 1)
-    return run._replace(history=run.history.at[row].set(jnp.array(point))), point
+    history = np.array(run.history)
+    history[row] = point
+    return run._replace(history=history), point
 
 
 def _history(run):
-    rows = np.asarray(run.history)
     return tuple(
         Point(int(i), s, int(g), mean, worst, loss, int(failed))
-        for i, s, g, mean, worst, loss, failed in rows.tolist()
+        for i, s, g, mean, worst, loss, failed in run.history.tolist()
         if i > 0
     )

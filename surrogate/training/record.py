@@ -4,11 +4,11 @@ import sys
 from pathlib import Path
 
 from surrogate.model.surrogate import Surrogate
-from surrogate.training.loop import Trained
+from surrogate.training.loop import Bench, Trained
 from surrogate.training.plan import Plan
 
 
-def surrogate_of(plan: Plan, trained: Trained, setup_s: float) -> Surrogate:
+def surrogate_of(plan: Plan, trained: Trained, bench: Bench) -> Surrogate:
     """A finished training as a surrogate, its record complete."""
     last = trained.history[-1]
     record = {
@@ -19,7 +19,9 @@ def surrogate_of(plan: Plan, trained: Trained, setup_s: float) -> Surrogate:
         "train_s": last.seconds,
         "weights": int(trained.network.weights.size),
         "command": command_line(),
-        "setup_s": setup_s,
+        "setup_s": bench.setup_s,
+        "devices": bench.physics.deal.devices.count,
+        "waiting": trained.waiting,
         "published": plan.published,
         "seed": plan.seed,
         "samples": plan.samples,

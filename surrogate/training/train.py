@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput
 from surrogate.model.store import RECORD, check_surrogate_folder, load, save
 from surrogate.model.surrogate import Surrogate
+from surrogate.processes import first
 from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
 from surrogate.training.loop import Bench, Trained, make_bench, run_training
@@ -25,6 +27,8 @@ def train(
     published: bool = False,
     out: str | Path | None = None,
     progress: bool = True,
+    devices: int | None = None,
+    lanes: int | None = None,
 ) -> Surrogate:
     """Train a network on the flows of a scene.
 
@@ -38,24 +42,28 @@ def train(
       published: the method as it was published, not at its best.
       out: folder to save it in. Interrupted, the same call goes on where it stopped.
       progress: show it on stderr.
+      devices: over which bodies are spread; one where nothing is said.
+      lanes: bodies solved at once on a device, as many as pay there where nothing is said.
 
     Raises:
       InvalidInput: an argument makes no sense, or the folder is not for surrogates.
       NotConverged: a held-out flow was not found, or the training blew up at once.
     """
     plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published)
-    return carry_out(plan, out, progress)
+    return carry_out(plan, out, progress, choose_devices(devices, lanes))
 
 
-def carry_out(plan: Plan, out: str | Path | None = None, progress: bool = True) -> Surrogate:
-    """Train by a plan; as ``train``."""
+def carry_out(
+    plan: Plan, out: str | Path | None, progress: bool, devices: Devices | None = None
+) -> Surrogate:
+    """Train by a plan; as ``train``. Of many processes the first writes."""
     if out is not None:
         check_surrogate_folder(out)
     checkpoint = None if out is None else checkpoint_of(out)
-    bench = prepare(plan, progress)
+    bench = prepare(plan, progress, devices)
     trained = train_with_bar(plan, bench, checkpoint, progress=progress)
-    surrogate = surrogate_of(plan, trained, bench.setup_s)
-    if out is not None:
+    surrogate = surrogate_of(plan, trained, bench)
+    if out is not None and first():
         save(out, surrogate)
         checkpoint.unlink(missing_ok=True)
     return surrogate
@@ -79,7 +87,7 @@ def train_all(plans: Mapping[str, Plan], out: Path) -> dict[str, Surrogate]:
             bench = benches[ground] = benches.get(ground) or prepare(plan)
             checkpoint = checkpoint_of(out / name)
             trained = train_with_bar(plan, bench, checkpoint, title=name)
-            save(out / name, surrogate_of(plan, trained, bench.setup_s))
+            save(out / name, surrogate_of(plan, trained, bench))
             checkpoint.unlink(missing_ok=True)
         surrogates[name] = load(out / name)
         if not is_of(plan, surrogates[name]):
@@ -89,11 +97,11 @@ def train_all(plans: Mapping[str, Plan], out: Path) -> dict[str, Surrogate]:
     return surrogates
 
 
-def prepare(plan: Plan, progress: bool = True) -> Bench:
+def prepare(plan: Plan, progress: bool = True, devices: Devices | None = None) -> Bench:
     """The plan's bench, with progress on stderr."""
     with progress_bar("preparing flows", progress) as update:
         update(0.0, f"{plan.samples} bodies, {plan.held_out} held out")
-        bench = make_bench(plan)
+        bench = make_bench(plan, devices)
         update(1.0, f"in {bench.setup_s:.0f} s")
     return bench
 

@@ -4,13 +4,15 @@ L = mean (|y|^2 + goal^2 (lambda . y / Cd)^2) / 2 over a batch, y the slip of th
 network's traction drives; Adam. Um et al. 2020; Thuerey et al. 2021, chapter 5.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
+from surrogate.devices import Owned
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
@@ -19,8 +21,6 @@ from surrogate.training.methods.method import (
     Method,
     Progress,
     adam_that_ends,
-    keep,
-    per_sample,
     predict,
     slowed,
 )
@@ -45,6 +45,15 @@ class DpState(NamedTuple):
     compliance: Float[Array, "samples modes modes"] | None
 
 
+class Driven(NamedTuple):
+    """Of a flow that a traction drives: the loss, its gradient in the traction, what it took."""
+
+    gradient: Float[Array, " modes"]
+    loss: Float[Array, ""]
+    valid: Bool[Array, ""]
+    products: Int[Array, ""]
+
+
 def differentiable_physics(
     batch: int = 64, learning_rate: float = 1e-2, goal: float = 30.0, slopes: float = 1.0
 ) -> Method:
@@ -61,7 +70,7 @@ def differentiable_physics(
 
     def update(network, state, physics, batch, done):
         predicted = predict(network, physics, batch)
-        targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
+        targets, spent = improve(physics, batch, predicted, state.targets, invert)
         known = targets.known[batch]
 
         def loss_of(weights):
@@ -75,8 +84,7 @@ def differentiable_physics(
 
         loss, gradient = jax.value_and_grad(loss_of)(network.weights)
         network, adam = _step(optimiser, learning_rate, network, state.adam, gradient, done)
-        spent = Progress(products, loss, jnp.sum(~valid))
-        return network, DpState(adam, targets, state.compliance), spent
+        return network, DpState(adam, targets, state.compliance), spent._replace(loss=loss)
 
     return Method(init, update, batch)
 
@@ -91,35 +99,35 @@ def published_differentiable_physics(
         adam = optimiser.init(network.weights)
         return DpState(adam, no_targets(physics), None)
 
-    def driven(physics, index, amplitude, flow):
-        domain, case = physics.domain, physics.case(index)
-        velocity, info = steady.forced_flow(domain, case, amplitude, flow, FLOW)
+    def driven(physics, row, velocity, amplitude, reference):
+        domain, case = physics.domain, physics.case(row)
+        velocity, info = steady.forced_flow(domain, case, amplitude, velocity, FLOW)
         state = FlowState(velocity, amplitude)
         slip = steady.slip_residual(domain, case, state)
         weights, spent = drag_weights(domain, case, state, ADJOINT)
-        row = goal / (2 * jnp.abs(physics.oseen.amplitude[index, 0]))
-        miss = row * (weights @ slip)
-        pulled = slip + row * miss * weights
+        scale = goal / (2 * jnp.abs(reference[0]))
+        miss = scale * (weights @ slip)
+        pulled = slip + scale * miss * weights
         gradient, spent_too = slip_adjoint(domain, case, state, pulled, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + spent.products + spent_too.products
-        return gradient, velocity, (slip @ slip + miss**2) / 2, valid, products
+        told = Driven(gradient, (slip @ slip + miss**2) / 2, valid, products)
+        return told, jnp.where(valid, velocity, physics.velocities.rows[row])
 
     def update(network, state, physics, batch, done):
         predicted, pull = jax.vjp(
             lambda w: predict(network.with_weights(w), physics, batch), network.weights
         )
-        flows = state.targets.flows
-        gradients, new, losses, valid, products = per_sample(
-            lambda *sample: driven(physics, *sample), batch, predicted, flows[batch]
+        owned, reference = state.targets.velocities.rows, physics.tractions[batch]
+        told, owned, waiting = physics.deal.visit(
+            batch, owned, functools.partial(driven, physics), predicted, reference
         )
-        new = keep(valid, new, physics.oseen.velocity[batch])
-        targets = state.targets._replace(flows=flows.at[batch].set(new))
+        targets, valid = state.targets._replace(velocities=Owned(owned)), told.valid
         count = jnp.maximum(jnp.sum(valid), 1)
-        gradient = pull(jnp.where(valid[:, None], gradients, 0.0) / count)[0]
+        gradient = pull(jnp.where(valid[:, None], told.gradient, 0.0) / count)[0]
         network, adam = _step(optimiser, learning_rate, network, state.adam, gradient, done)
-        loss = jnp.sum(jnp.where(valid, losses, 0.0)) / count
-        spent = Progress(jnp.sum(products), loss, jnp.sum(~valid))
+        loss = jnp.sum(jnp.where(valid, told.loss, 0.0)) / count
+        spent = Progress(jnp.sum(told.products), loss, jnp.sum(~valid), waiting)
         return network, DpState(adam, targets, state.compliance), spent
 
     return Method(init, update, batch)

@@ -8,19 +8,21 @@ As published the outcomes are the slips of the flows that the network's traction
 they are what a solved flow and its adjoint tell: log Cd and its slopes in shape and Re.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
+from surrogate.devices import Owned
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, compliance
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.method import Batch, Method, Progress, keep, per_sample, predict
+from surrogate.training.methods.method import Batch, Method, Progress, predict
 from surrogate.training.methods.targets import (
     Targets,
     drag_misses,
@@ -41,6 +43,15 @@ class HigState(NamedTuple):
 
     targets: Targets
     iteration: Int[Array, ""]
+
+
+class Driven(NamedTuple):
+    """Of a flow that a traction drives: its slip, the compliance, and what it took."""
+
+    slip: Float[Array, " modes"]
+    matrix: Float[Array, "modes modes"]
+    valid: Bool[Array, ""]
+    products: Int[Array, ""]
 
 
 def half_inverse_gradients(
@@ -64,7 +75,7 @@ def half_inverse_gradients(
 
     def update(network, state, physics, batch, done):
         predicted = predict(network, physics, batch)
-        targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
+        targets, spent = improve(physics, batch, predicted, state.targets, invert)
 
         def outcomes(weights, index):
             return drag_misses(network.with_drag_weights(weights), physics, targets, index)
@@ -74,7 +85,7 @@ def half_inverse_gradients(
         step = weight_step(outcomes, weights, batch, y, tau, kappa, vectors)
         rate = eta / (1 + state.iteration / decay)
         network = network.with_drag_weights(weights - rate * step)
-        spent = Progress(products, jnp.mean(jnp.sum(y**2, axis=1)) / 2, jnp.sum(~valid))
+        spent = spent._replace(loss=jnp.mean(jnp.sum(y**2, axis=1)) / 2)
         return network, HigState(targets, state.iteration + 1), spent
 
     return Method(init, update, batch)
@@ -97,23 +108,23 @@ def published_half_inverse_gradients(
     def init(network, physics):
         return HigState(no_targets(physics), jnp.array(0))
 
-    def driven(physics, index, predicted, flow):
-        domain, case = physics.domain, physics.case(index)
-        velocity, info = steady.forced_flow(domain, case, predicted, flow, FLOW)
+    def driven(physics, row, velocity, predicted):
+        domain, case = physics.domain, physics.case(row)
+        velocity, info = steady.forced_flow(domain, case, predicted, velocity, FLOW)
         state = FlowState(velocity, predicted)
         slip = steady.slip_residual(domain, case, state)
         matrix, spent = compliance(domain, case, state, TANGENT)
         valid = info.converged & spent.converged
-        return slip, velocity, matrix, valid, info.products + spent.products
+        told = Driven(slip, matrix, valid, info.products + spent.products)
+        return told, jnp.where(valid, velocity, physics.velocities.rows[row])
 
     def update(network, state, physics, batch, done):
         predicted, targets = predict(network, physics, batch), state.targets
-        slip, flows, matrix, valid, products = per_sample(
-            lambda *sample: driven(physics, *sample), batch, predicted, targets.flows[batch]
+        told, velocities, waiting = physics.deal.visit(
+            batch, targets.velocities.rows, functools.partial(driven, physics), predicted
         )
-        flows = keep(valid, flows, physics.oseen.velocity[batch])
-        targets = targets._replace(flows=targets.flows.at[batch].set(flows))
-        y, physical = with_goal_row(slip, matrix, goal, physics.oseen.amplitude[batch, 0])
+        targets, valid = targets._replace(velocities=Owned(velocities)), told.valid
+        y, physical = with_goal_row(told.slip, told.matrix, goal, physics.tractions[batch, 0])
         valid &= jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(physical), axis=(1, 2))
         y = jnp.where(valid[:, None], y, 0.0)
         physical = jnp.where(valid[:, None, None], physical, 0.0)
@@ -126,7 +137,7 @@ def published_half_inverse_gradients(
         rate = eta / (1 + state.iteration / decay)
         network = network.with_weights(network.weights - rate * step)
         loss = jnp.sum(y**2) / jnp.maximum(jnp.sum(valid), 1) / 2
-        spent = Progress(jnp.sum(products), loss, jnp.sum(~valid))
+        spent = Progress(jnp.sum(told.products), loss, jnp.sum(~valid), waiting)
         return network, HigState(targets, state.iteration + 1), spent
 
     return Method(init, update, batch)

@@ -8,25 +8,31 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PyTree
 
+from surrogate.arrays import AnyArray
 from surrogate.model.network import DragNetwork
 from surrogate.training.physics import Physics
 
-Batch = Int[Array, " batch"]
+Batch = Int[AnyArray, " batch"]
 
 
 class Progress(NamedTuple):
-    """What one update spent and saw: applications of G, loss, samples left out."""
+    """What one update spent and saw: applications of G, loss, samples left out.
 
-    products: Int[Array, ""]
-    loss: Float[Array, ""]
-    failed: Int[Array, ""]
+    ``waiting`` are applications of G that idle devices and lanes could have done meanwhile.
+    """
+
+    products: Int[AnyArray, ""]
+    loss: Float[AnyArray, ""]
+    failed: Int[AnyArray, ""]
+    waiting: Int[AnyArray, ""]
 
 
 class Method(NamedTuple):
     """``init(network, physics) -> state``; ``update(network, state, physics, batch, progress)``.
 
     ``update`` returns the network, the state and what it cost; ``done`` is the fraction of the
-    training that lies behind, for schedules.
+    training that lies behind, for schedules. Every device runs ``update`` on its own rows of what
+    is ``Owned``, and comes to the same network.
     """
 
     init: Callable[[DragNetwork, Physics], PyTree]
@@ -45,20 +51,6 @@ def slowed(adam: optax.OptState, learning_rate: float, done: Array) -> optax.Opt
     return adam
 
 
-def per_sample(function: Callable, *arguments: PyTree) -> PyTree:
-    """Apply to the samples of a batch one after another: each stops when it is done."""
-    return jax.lax.map(lambda packed: function(*packed), arguments)
-
-
 def predict(network: DragNetwork, physics: Physics, batch: Batch) -> Float[Array, "batch modes"]:
     """Traction modes of a batch of samples."""
     return jax.vmap(network)(physics.samples.parameters[batch], physics.samples.reynolds[batch])
-
-
-def keep(mask: Array, new: PyTree, old: PyTree) -> PyTree:
-    """Sample by sample, the new value where ``mask`` holds."""
-
-    def select(a, b):
-        return jnp.where(mask.reshape(mask.shape + (1,) * (a.ndim - 1)), a, b)
-
-    return jax.tree.map(select, new, old)

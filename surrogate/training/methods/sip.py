@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import optax
 
 from surrogate.flow.solver.tangent import Effort
-from surrogate.training.methods.method import Method, Progress, adam_that_ends, predict, slowed
+from surrogate.training.methods.method import Method, adam_that_ends, predict, slowed
 from surrogate.training.methods.targets import (
     Inversion,
     Targets,
@@ -73,7 +73,7 @@ def imitation(
 
     def update(network, state, physics, batch, done):
         predicted = predict(network, physics, batch)
-        targets, valid, products = improve(physics, batch, predicted, state.targets, invert)
+        targets, spent = improve(physics, batch, predicted, state.targets, invert)
         everyone = jnp.arange(physics.count)
         scale = network.spread * jnp.abs(targets.tractions[:, :1])
 
@@ -98,7 +98,7 @@ def imitation(
 
         start = network.weights, slowed(state.adam, learning_rate, done)
         (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
-        spent = Progress(products, losses[-1], jnp.sum(~valid))
-        return network.with_weights(weights), ImitationState(adam, targets), spent
+        state = ImitationState(adam, targets)
+        return network.with_weights(weights), state, spent._replace(loss=losses[-1])
 
     return Method(init, update, batch)

@@ -14,29 +14,31 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from surrogate.arrays import AnyArray
+from surrogate.devices import Owned
 from surrogate.flow.loads.forces import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, Query, coupled_step, drag_slopes
 from surrogate.model.network import DragNetwork
-from surrogate.training.methods.method import Batch, keep, per_sample
+from surrogate.training.methods.method import Batch, Progress
 from surrogate.training.physics import Physics
 
 SLOPE = Effort(2e-4, 40)  # five times less leaves a mark on 256 bodies
 
 
 class Targets(NamedTuple):
-    """Per sample the last flow, the target traction, whether there is one, whether it is final.
+    """Per sample the last velocity, the target traction, whether there is one, and if it is final.
 
     ``slopes`` are d log Cd / d(parameters, log Re) of final samples, where they were asked for.
     """
 
-    flows: Float[Array, "samples 2 nx ny"]
-    tractions: Float[Array, "samples modes"]
-    slopes: Float[Array, "samples inputs"]
-    known: Bool[Array, " samples"]
-    settled: Bool[Array, " samples"]
+    velocities: Owned
+    tractions: Float[AnyArray, "samples modes"]
+    slopes: Float[AnyArray, "samples inputs"]
+    known: Bool[AnyArray, " samples"]
+    settled: Bool[AnyArray, " samples"]
 
 
 class Answer(NamedTuple):
@@ -49,7 +51,7 @@ class Answer(NamedTuple):
     products: Int[Array, ""]
 
 
-Inversion = Callable[[Physics, Array, Array, FlowState, Array], Answer]
+Inversion = Callable[[Physics, Array, Array, Array, FlowState, Array], Answer]
 
 
 def one_step(
@@ -61,17 +63,16 @@ def one_step(
     final sample also gets its shape gradient, by one adjoint solve.
     """
 
-    def invert(physics, index, predicted, stored, known):
-        case = physics.case(index)
+    def invert(physics, row, index, predicted, stored, known):
+        case = physics.case(row)
         flow = jnp.where(known, stored.velocity, jnp.tensordot(predicted, case.response, axes=1))
         state, spent = coupled_step(physics.domain, case, FlowState(flow, predicted), effort)
         traction = state.amplitude
         valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
         unmoved = jnp.abs(traction[0] / stored.amplitude[0] - 1) <= settle
         final = valid & known & unmoved
-        return _with_slope(
-            physics, index, Answer(state, None, valid, final, spent.products), slopes
-        )
+        answer = Answer(state, None, valid, final, spent.products)
+        return _with_slope(physics, row, index, answer, slopes)
 
     return invert
 
@@ -81,20 +82,20 @@ def whole_flow(
 ) -> Inversion:
     """Invert by solving the body flow, once."""
 
-    def invert(physics, index, predicted, stored, known):
-        state, info = steady.body_flow(physics.domain, physics.case(index), settings=settings)
+    def invert(physics, row, index, predicted, stored, known):
+        state, info = steady.body_flow(physics.domain, physics.case(row), settings=settings)
         answer = Answer(state, None, info.converged, info.converged, info.products)
-        return _with_slope(physics, index, answer, slopes)
+        return _with_slope(physics, row, index, answer, slopes)
 
     return invert
 
 
-def _with_slope(physics, index, answer, wanted):
+def _with_slope(physics, row, index, answer, wanted):
     """The answer with the slope of log Cd where it is final and one is wanted."""
     parameters, reynolds = physics.samples.parameters[index], physics.samples.reynolds[index]
 
     def adjoint():
-        domain, case, state = physics.domain, physics.case(index), answer.state
+        domain, case, state = physics.domain, physics.case(row), answer.state
         query = Query(physics.flow.markers, parameters, reynolds)
         in_shape, in_re, spent = drag_slopes(domain, case, state, query, SLOPE)
         slope = jnp.append(in_shape, reynolds * in_re) / drag_coefficient(state.amplitude)
@@ -113,7 +114,17 @@ def no_targets(physics: Physics) -> Targets:
     none = jnp.zeros(physics.count, bool)
     count, parameters = physics.samples.parameters.shape
     slopes = jnp.zeros((count, parameters + 1))
-    return Targets(physics.oseen.velocity, physics.oseen.amplitude, slopes, none, none)
+    return Targets(physics.velocities, physics.tractions, slopes, none, none)
+
+
+class _Told(NamedTuple):
+    """What of an inversion everybody is told."""
+
+    traction: Float[Array, " modes"]
+    slope: Float[Array, " inputs"]
+    valid: Bool[Array, ""]
+    final: Bool[Array, ""]
+    products: Int[Array, ""]
 
 
 def improve(
@@ -122,25 +133,27 @@ def improve(
     predicted: Float[Array, "batch modes"],
     targets: Targets,
     invert: Inversion,
-) -> tuple[Targets, Bool[Array, " batch"], Int[Array, ""]]:
-    """Invert the solver for the samples of a batch that are not settled.
+) -> tuple[Targets, Progress]:
+    """Invert the solver for the samples of a batch that are not settled; the loss is not known."""
 
-    Returns the targets, which inversions were good, and the applications of G spent.
-    """
-    flows, tractions, slopes, known, settled = jax.tree.map(lambda leaf: leaf[batch], targets)
-
-    def visit(index, predicted, flow, traction, slope, known, settled):
-        stored = FlowState(flow, traction)
+    def visit(row, velocity, index, predicted, traction, slope, known, settled):
+        stored = FlowState(velocity, traction)
         rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
-        return jax.lax.cond(
-            settled, lambda: rest, lambda: invert(physics, index, predicted, stored, known)
+        answer = jax.lax.cond(
+            settled, lambda: rest, lambda: invert(physics, row, index, predicted, stored, known)
         )
+        new = jax.tree.map(lambda a, b: jnp.where(answer.valid, a, b), answer.state, stored)
+        told = _Told(new.amplitude, answer.slope, answer.valid, answer.final, answer.products)
+        return told, new.velocity
 
-    answer = per_sample(visit, batch, predicted, flows, tractions, slopes, known, settled)
-    state = keep(answer.valid, answer.state, FlowState(flows, tractions))
-    new = (*state, answer.slope, known | answer.valid, settled | answer.final)
-    targets = Targets(*(a.at[batch].set(b) for a, b in zip(targets, new, strict=True)))
-    return targets, answer.valid, jnp.sum(answer.products)
+    seen = jax.tree.map(lambda leaf: leaf[batch], targets[1:])
+    owned = targets.velocities.rows
+    told, owned, waiting = physics.deal.visit(batch, owned, visit, batch, predicted, *seen)
+    *_, known, settled = seen
+    new = told.traction, told.slope, known | told.valid, settled | told.final
+    new = (old.at[batch].set(now) for old, now in zip(targets[1:], new, strict=True))
+    spent = Progress(jnp.sum(told.products), jnp.zeros(()), jnp.sum(~told.valid), waiting)
+    return Targets(Owned(owned), *new), spent
 
 
 def drag_misses(
@@ -165,4 +178,4 @@ def oseen_compliances(physics: Physics) -> Float[Array, "samples modes modes"]:
     def one(case):
         return jax.vmap(case.body.slip)(case.response).T + steady.pinning(physics.domain, case)
 
-    return jax.lax.map(one, physics.cases)
+    return physics.deal.gathered(physics.deal.each(one, physics.cases))

@@ -1,0 +1,197 @@
+"""Devices over which bodies are spread: each owns its bodies, all share the small answers.
+
+The mesh has one axis, ``bodies``. Solvers loop inside ``jax.shard_map``, so that a device stops
+when its own bodies are done; on each of them ``lanes`` bodies are solved at once.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
+from jaxtyping import Array, Float, Int, PyTree
+
+from surrogate.arrays import AnyArray, Number
+from surrogate.checks import whole_number
+from surrogate.errors import InvalidInput
+
+AXIS = "bodies"
+LANES = {"cpu": 1}  # elsewhere as below
+ELSEWHERE = 32
+
+
+class Owned(eqx.Module):
+    """Arrays with a row for every body, each on the device that owns the body."""
+
+    rows: PyTree
+
+
+@dataclasses.dataclass(frozen=True)
+class Devices:
+    """A mesh of devices, and how many bodies each of them solves at once."""
+
+    mesh: Mesh
+    lanes: int = 1
+
+    @property
+    def count(self) -> int:
+        return self.mesh.size
+
+    @property
+    def options(self) -> dict[str, str]:
+        """Of the compiler, so that bodies get the same answers on any number of devices.
+
+        XLA simplifies once more what it partitions, and so rounds differently; without that pass
+        flows are as they are everywhere, and take a twentieth longer on a CPU.
+        """
+        on_cpu = self.mesh.devices.flat[0].platform == "cpu"
+        return {"xla_disable_hlo_passes": "algsimp"} if on_cpu else {}
+
+    def share(self, tree: PyTree) -> PyTree:
+        """The same on every device, but of what is ``Owned`` to each its rows."""
+        places = jax.tree.map(lambda spec: NamedSharding(self.mesh, spec), specs(tree))
+        return jax.device_put(tree, places)
+
+    def spread(self, function: Callable, like: tuple, answers: PyTree) -> Callable:
+        """``function`` run by every device on arguments like these, with answers like those."""
+        return jax.shard_map(
+            function,
+            mesh=self.mesh,
+            in_specs=specs(like),
+            out_specs=specs(answers),
+            check_vma=False,
+        )
+
+
+def choose_devices(count: Number | None = None, lanes: Number | None = None) -> Devices:
+    """So many devices, the first of all; one where nothing is said, all of many processes.
+
+    Raises:
+      InvalidInput: there are not so many.
+    """
+    every = jax.devices()
+    if count is None:
+        count = len(every) if jax.process_count() > 1 else 1
+    count = whole_number("devices", count, 1, 10**6)
+    if count > len(every):
+        raise InvalidInput(
+            f"devices {count}: JAX has {len(every)} here; CPU cores become devices by "
+            "jax.config.update('jax_num_cpu_devices', N) before the first computation"
+        )
+    lanes = LANES.get(every[0].platform, ELSEWHERE) if lanes is None else lanes
+    return Devices(Mesh(np.array(every[:count]), (AXIS,)), whole_number("lanes", lanes, 1, 4096))
+
+
+def specs(tree: PyTree) -> PyTree:
+    """Partition of a tree over the mesh."""
+
+    def owned(node):
+        return isinstance(node, Owned)
+
+    return jax.tree.map(lambda node: P(AXIS) if owned(node) else P(), tree, is_leaf=owned)
+
+
+class Visited(NamedTuple):
+    """Of a visit to some bodies: everybody's answers, what owners keep, G spent by waiting."""
+
+    answers: PyTree
+    owned: PyTree
+    waiting: Int[Array, ""]
+
+
+class Deal(eqx.Module):
+    """Which row is whose: ``places`` of the bodies, the first device's rows first."""
+
+    places: Int[AnyArray, " bodies"]
+    devices: Devices = eqx.field(static=True)
+
+    @property
+    def rows(self) -> int:
+        """Of every device; the last of one may be nobody's."""
+        return -(-self.places.size // self.devices.count)
+
+    def dealt(self, bodies: PyTree) -> Owned:
+        """Rows of arrays of the bodies; those that are nobody's repeat the first body."""
+        sources = np.zeros(self.rows * self.devices.count, int)
+        sources = jnp.asarray(sources).at[self.places].set(jnp.arange(self.places.size))
+        return Owned(jax.tree.map(lambda leaf: leaf[sources], bodies))
+
+    def gathered(self, owned: Owned) -> PyTree:
+        """Arrays in the order of the bodies, the same on every device."""
+        whole = NamedSharding(self.devices.mesh, P())
+        return jax.tree.map(
+            lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), owned.rows
+        )
+
+    def each(self, function: Callable, owned: Owned) -> Owned:
+        """What ``function`` answers of every row, by its owner; to be traced."""
+        lanes = self.devices.lanes
+
+        def local(mine):
+            return Owned(jax.lax.map(function, mine.rows, batch_size=lanes if lanes > 1 else None))
+
+        return self.devices.spread(local, (owned,), Owned(()))(owned)
+
+    def visit(
+        self, batch: Int[Array, " batch"], owned: PyTree, function: Callable, *arguments: PyTree
+    ) -> Visited:
+        """``function(row, own, *sample) -> (answer, own)`` of a batch by its owners; in ``spread``.
+
+        ``own`` is the body's row of ``owned``, ``sample`` its part of ``arguments``; answers have a
+        field ``products``. One after another, or ``lanes`` at once.
+        """
+        lanes, size, places = self.devices.lanes, batch.size, self.places[batch]
+        mine = places // self.rows == jax.lax.axis_index(AXIS)
+        order = jnp.argsort(jnp.where(mine, places % self.rows, self.rows), stable=True)
+        order = jnp.append(order, jnp.full(lanes, size))
+        count = jnp.sum(mine)
+
+        def local(turn):
+            """Places in the batch and rows; out of range where there is nobody."""
+            at = turn if lanes == 1 else turn * lanes + jnp.arange(lanes)
+            k = jnp.where(at < count, order[at], size)
+            return k, jnp.where(at < count, places[k] % self.rows, self.rows)
+
+        def take(tree, k):
+            return jax.tree.map(lambda leaf: leaf[k], tree)
+
+        def put(tree, k, new):
+            return jax.tree.map(lambda leaf, new: leaf.at[k].set(new, mode="drop"), tree, new)
+
+        def turn(i, carry):
+            answers, kept, busy = carry
+            k, row = local(i)
+            step = function if lanes == 1 else jax.vmap(function)
+            answer, own = step(row, take(kept, row), *take(arguments, k))
+            busy += lanes * jnp.max(answer.products)
+            return put(answers, k, answer), put(kept, row, own), busy
+
+        one = take((owned, arguments), 0)
+        blank = jax.eval_shape(lambda row, one: function(row, one[0], *one[1])[0], 0, one)
+        blank = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), blank)
+        turns = -(-count // lanes)
+        answers, owned, busy = jax.lax.fori_loop(0, turns, turn, (blank, owned, jnp.array(0)))
+        answers = jax.tree.map(_everybodys, answers)
+        waiting = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(answers.products)
+        return Visited(answers, owned, waiting)
+
+
+def _everybodys(leaf):
+    """A sum to which one device alone contributes each row: nothing is rounded."""
+    total = jax.lax.psum(leaf.astype(int) if leaf.dtype == bool else leaf, AXIS)
+    return total.astype(leaf.dtype)
+
+
+def deal_bodies(devices: Devices, hardness: Float[AnyArray, " bodies"]) -> Deal:
+    """Bodies to devices, hard and easy ones to each alike, and in order of hardness."""
+    bodies = len(hardness)
+    rank = np.empty(bodies, int)
+    rank[np.argsort(-np.asarray(hardness), kind="stable")] = np.arange(bodies)
+    turn, seat = np.divmod(rank, devices.count)
+    owner = np.where(turn % 2, devices.count - 1 - seat, seat)
+    return Deal(owner * -(-bodies // devices.count) + turn, devices)

@@ -1,0 +1,185 @@
+"""Many devices and many processes: the same numbers, and nobody left waiting for a lost one."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from shapeopt import Designer, Problem
+from surrogate import InvalidInput
+from surrogate.devices import choose_devices, deal_bodies
+from surrogate.processes import join, scheduled
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+TRAIN = [sys.executable, str(ROOT / "scripts" / "train_surrogate.py")]
+SCENE = """
+reynolds = [1, 40]
+fidelity = "draft"
+[family]
+aspect = [1, 2]
+beta2 = [-0.2, 0.2]
+"""
+
+
+@pytest.mark.parametrize(("bodies", "count"), [(13, 4), (64, 2), (3, 4), (1, 1)])
+def test_every_body_has_one_owner_and_hard_ones_are_spread(generator, bodies, count):
+    hardness = generator.random(bodies)
+    deal = deal_bodies(_stands_for(count), hardness)
+    assert len(set(deal.places.tolist())) == bodies
+    assert deal.places.max() < deal.rows * count
+    shares = [hardness[deal.places // deal.rows == k] for k in range(count)]
+    assert max(map(len, shares)) - min(map(len, shares)) <= 1
+    if bodies >= 8 * count:
+        sums = [share.mean() for share in shares]
+        assert max(sums) < 1.15 * min(sums)
+    rows = deal.dealt(np.arange(bodies)).rows
+    assert np.array_equal(np.asarray(rows)[deal.places], np.arange(bodies))
+
+
+def _stands_for(count):
+    """Devices whose number alone is asked for."""
+
+    class Some(type(choose_devices())):
+        count = property(lambda self: self.lanes)
+
+    return Some(choose_devices().mesh, count)
+
+
+def test_wrong_devices_are_refused():
+    with pytest.raises(InvalidInput, match="JAX has"):
+        choose_devices(len(jax.devices()) + 1)
+    for wrong in (0, 1.5, "2"):
+        with pytest.raises(InvalidInput, match="devices"):
+            choose_devices(wrong)
+    with pytest.raises(InvalidInput, match="lanes"):
+        choose_devices(1, 0)
+    with pytest.raises(InvalidInput, match="HOST:PORT"):
+        join("localhost", 2, 0)
+    with pytest.raises(InvalidInput, match="process 2 of 2"):
+        join("localhost:1", 2, 2)
+
+
+def test_schedulers_are_seen():
+    assert not scheduled({})
+    assert not scheduled({"SLURM_NTASKS": "4"})  # an allocation, in which nothing was started
+    assert scheduled({"SLURM_NTASKS": "4", "SLURM_STEP_NODELIST": "node[1-4]"})
+    assert scheduled({"OMPI_COMM_WORLD_SIZE": "2"})
+
+
+def test_lanes_change_nothing_but_rounding(tiny_scene):
+    from surrogate import Flow
+    from surrogate.training.samples import training_samples
+
+    samples = training_samples(tiny_scene, 0, 7)
+    one, three = (Flow(tiny_scene).labels(*samples, choose_devices(1, k)) for k in (1, 3))
+    assert np.array_equal(one.green_applications, three.green_applications)
+    assert one.amplitude == pytest.approx(three.amplitude, rel=1e-5, abs=1e-6)
+
+
+def test_weights_are_the_same_on_any_number_of_devices(tmp_path):
+    """By every method, on 1, 2 and 4, and from a checkpoint of another number."""
+    found = {}
+    for count in (1, 2, 4):
+        run = [sys.executable, str(HERE / "trained_on_devices.py"), str(count)]
+        folder = tmp_path / f"{count}"
+        done = subprocess.run(
+            [*run, str(folder), str(tmp_path / "checkpoint")],
+            env=_environment(),
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        with np.load(folder / "weights.npz") as arrays:
+            found[count] = dict(arrays)
+    assert set(found[1]) == {"dp", "sip", "hig", "supervised", "resumed"}
+    for count in (2, 4):
+        for method, weights in found[count].items():
+            assert np.max(np.abs(weights - found[1][method])) <= 1e-10, (count, method)
+    assert np.max(np.abs(found[4]["resumed"] - found[1]["sip"])) <= 1e-10
+
+
+def test_two_processes_of_two_devices_train_as_one(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    alone = _start(tmp_path, "alone")
+    port = _free_port()
+    pair = [_start(tmp_path, "pair", *_of_two(port, k), "--devices", "2") for k in (0, 1)]
+    texts = [process.communicate(timeout=500) for process in (alone, *pair)]
+    assert [p.returncode for p in (alone, *pair)] == [0, 0, 0], texts
+    json.loads(texts[1][0].splitlines()[-1])
+    assert texts[2][0] == ""
+    weights = [(tmp_path / name / "weights.eqx").read_bytes() for name in ("alone", "pair")]
+    assert weights[0] == weights[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", [0, 1])
+def test_a_lost_process_is_told_in_one_line(tmp_path, lost):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    port = _free_port()
+    pair = [_start(tmp_path, "pair", *_of_two(port, k), samples=4000) for k in (0, 1)]
+    for line in pair[0].stderr:
+        if "preparing flows" in line:
+            break
+    time.sleep(5)
+    workers = subprocess.run(
+        ["pgrep", "-P", str(pair[lost].pid)], capture_output=True, text=True
+    ).stdout.split()
+    os.kill(int(workers[0]), signal.SIGKILL)
+    begin = time.monotonic()
+    for process in pair:
+        _, error = process.communicate(timeout=60)
+        assert process.returncode == 5
+        assert "a process was lost" in error.splitlines()[-1]
+        assert "Traceback" not in error
+    assert time.monotonic() - begin < 60
+    assert not (tmp_path / "pair").exists()
+
+
+def test_designers_share_a_memory_and_lose_nothing(tmp_path, tiny_scene):
+    """Two that opened the same file, each with an answer that the other has not seen."""
+    from surrogate import Flow
+
+    file, flow = tmp_path / "flows.json", Flow(tiny_scene)
+    designers = [Designer(flow, memory=file) for _ in range(2)]
+    for designer, reynolds in zip(designers, (10.0, 30.0), strict=True):
+        designer.design(Problem(tiny_scene, reynolds, within={"aspect": (1.0, 1.2)}))
+    asked = {told.reynolds for told in Designer(flow, memory=file).memory.told}
+    assert asked == {10.0, 30.0}
+    again = designers[0].design(Problem(tiny_scene, 30.0, within={"aspect": (1.0, 1.2)}))
+    assert again.flows <= 1
+
+
+def _start(tmp_path, out, *arguments, samples=8):
+    words = ["--method", "hig", "--samples", str(samples), "--json"]
+    words += ["--scene", str(tmp_path / "scene.toml"), "--out", str(tmp_path / out), *arguments]
+    return subprocess.Popen(
+        [*TRAIN, *words],
+        env=_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def _of_two(port, process):
+    where = f"localhost:{port}"
+    return ["--coordinator", where, "--processes", "2", "--process", str(process)]
+
+
+def _environment():
+    return os.environ | {"PYTHONPATH": str(ROOT), "XLA_FLAGS": ""}
+
+
+def _free_port():
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return probe.getsockname()[1]
