@@ -20,7 +20,8 @@ def main() -> None:
     """Solve the same bodies a few times; print rates, applications of G, bytes."""
     asked = json.loads(sys.argv[1])
     if asked["one_core"]:
-        os.sched_setaffinity(0, {sorted(os.sched_getaffinity(0))[asked["process"]]})
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[asked["process"] % len(cores)]})
     if asked["accelerator"] is None:
         jax.config.update("jax_num_cpu_devices", asked["devices"])
     if asked["processes"] > 1:
