@@ -86,9 +86,9 @@ def test_lanes_change_nothing_but_rounding(tiny_scene):
 
 
 def test_weights_are_the_same_on_any_number_of_devices(tmp_path):
-    """By every method, on 1, 2 and 4, and from a checkpoint of another number."""
+    """By every method, on one and on four, and from a checkpoint of another number."""
     found = {}
-    for count in (1, 2, 4):
+    for count in (1, 4):
         run = [sys.executable, str(HERE / "trained_on_devices.py"), str(count)]
         folder = tmp_path / f"{count}"
         done = subprocess.run(
@@ -101,9 +101,8 @@ def test_weights_are_the_same_on_any_number_of_devices(tmp_path):
         with np.load(folder / "weights.npz") as arrays:
             found[count] = dict(arrays)
     assert set(found[1]) == {"dp", "sip", "hig", "supervised", "resumed"}
-    for count in (2, 4):
-        for method, weights in found[count].items():
-            assert np.max(np.abs(weights - found[1][method])) <= 1e-10, (count, method)
+    for method, weights in found[4].items():
+        assert np.max(np.abs(weights - found[1][method])) <= 1e-10, method
     assert np.max(np.abs(found[4]["resumed"] - found[1]["sip"])) <= 1e-10
 
 
