@@ -308,6 +308,11 @@ MISTAKES = {  # and what the answer must say
     "render_shapes --runs {damaged} --out {folder}/x.png": "run.json is damaged",
     "render_shapes --runs {damaged} --out {folder}/x.bmp": "must name a file that ends",
     "payoff --preset huge --out {folder}/x": "invalid choice: 'huge'",
+    "train_surrogate --method hig --processes 2 --out {missing}": "go with --coordinator",
+    "train_surrogate --method hig --devices 0 --out {missing}": "--devices 0",
+    "train_surrogate --method hig --lanes 0 --out {missing}": "lanes 0",
+    "design_sheet --reynolds 400 --max-length 2 --out {missing}.png": "Reynolds",
+    "design_sheet --reynolds 4 --max-length 0.1 --out {missing}.png": "length",
 }
 
 

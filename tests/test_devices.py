@@ -157,6 +157,26 @@ def test_designers_share_a_memory_and_lose_nothing(tmp_path, tiny_scene):
     assert again.flows <= 1
 
 
+@pytest.mark.slow
+def test_processes_answer_a_stream_together_and_lose_nothing(tmp_path):
+    file = tmp_path / "flows.json"
+    streams = [["2", "9", "31"], ["4", "17", "38"]]
+    processes = [
+        subprocess.Popen(
+            [sys.executable, str(HERE / "designing.py"), str(file), *stream],
+            env=_environment(),
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for stream in streams
+    ]
+    said = [json.loads(process.communicate(timeout=500)[0]) for process in processes]
+    kept = json.loads(file.read_text())["flows"]
+    assert len(kept) == sum(answer["flows"] for answer in said)
+    assert len({json.dumps(flow[:2]) for flow in kept}) == len(kept)
+    assert max(answer["told"] for answer in said) == len(kept)
+
+
 def _start(tmp_path, out, *arguments, samples=8):
     words = ["--method", "hig", "--samples", str(samples), "--json"]
     words += ["--scene", str(tmp_path / "scene.toml"), "--out", str(tmp_path / out), *arguments]

@@ -58,7 +58,9 @@ def come_together(arguments: argparse.Namespace) -> int | None:
     """Devices for this process as asked, the others joined; how many devices to use in all."""
     count = arguments.devices
     if count is not None:
-        jax.config.update("jax_num_cpu_devices", whole_number("--devices", count, 1, 4096))
+        count = whole_number("--devices", count, 1, 4096)
+        with contextlib.suppress(RuntimeError):  # JAX has begun; whether it has them is seen later
+            jax.config.update("jax_num_cpu_devices", count)
     if CHILD not in os.environ:
         return count
     threading.Thread(target=_end_with_parent, daemon=True).start()

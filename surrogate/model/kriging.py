@@ -27,7 +27,7 @@ CORRECTION = (-7.0, 1.5)  # the same of what a trained base leaves over
 NOISY = 0.5  # deviation of the log of the noise over the above
 BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of the logs: amplitude, noise, lengths
 FITTED = 64  # flows from which amplitude, noise and lengths are found; more would only cost
-LEAST_CAPACITY, GROWTH = 8, 4
+LEAST_CAPACITY, GROWTH = 8, 2
 
 
 class Told(NamedTuple):
