@@ -111,8 +111,8 @@ def _accuracy(result: Result) -> str:
 
 def _payoff(result: Result) -> str:
     form = (
-        "One robust design asks for {calls:,} drags: {seconds:.1f} s by the network, {hours:.1f} "
-        "hours by flows and adjoints (extrapolated)."
+        "One robust design asks for {calls:,} drags: {seconds:.1f} s by the network, compilation "
+        "included, {hours:.1f} hours by flows and adjoints (extrapolated)."
     )
     hours = result["robust"]["direct_seconds_extrapolated"] / 3600
     return f"{short_table(result['payoff'])}\n\n{words(form, hours=hours, **result['robust'])}"

@@ -39,8 +39,8 @@ def payoff_tables(result: Mapping[str, Any]) -> str:
             f"{count} queries, every design the flow's own optimum; in brackets 95 % intervals",
             _cumulative_table(result["payoff"]),
             f"Robust design by the network alone: {robust['calls']} drags in "
-            f"{robust['seconds']:.2f} s; by flows and adjoints {hours:.1f} hours, extrapolated "
-            f"from {robust['sampled_flows']}.",
+            f"{robust['seconds']:.2f} s, compilation included; by flows and adjoints {hours:.1f} "
+            f"hours, extrapolated from {robust['sampled_flows']}.",
         ]
     )
 
