@@ -21,10 +21,12 @@ from surrogate import Family, InvalidInput
 
 MEASURE = SCRIPTS / "measure"
 NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
+LONG = {"devices", "shards"}  # they start processes, or compile for nine parameters
+TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in NAMES]
 ENVELOPE = ["command", "versions", "machine", "date", "seconds", "result"]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", TIMED)
 def test_study_runs_and_keeps_its_record(name, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("shapeopt.commands.march.FRAMES", 4)
     found = importlib.import_module(name).STUDY

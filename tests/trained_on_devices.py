@@ -10,6 +10,7 @@ import jax
 import surrogate  # noqa: F401  (64-bit numbers)
 
 count, folder, checkpoint = int(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
+methods = sys.argv[4:]
 jax.config.update("jax_num_cpu_devices", count)
 
 import numpy as np  # noqa: E402
@@ -18,14 +19,14 @@ from surrogate import Fidelity, Scene  # noqa: E402
 from surrogate.cache import use_compilation_cache  # noqa: E402
 from surrogate.devices import choose_devices  # noqa: E402
 from surrogate.training.loop import make_bench, run_training  # noqa: E402
-from surrogate.training.plan import METHODS, Plan  # noqa: E402
+from surrogate.training.plan import Plan  # noqa: E402
 
 use_compilation_cache()
 scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan("sip", scene, samples=13, held_out=5, iterations=4, report_every=2)
 bench = make_bench(plan, choose_devices(count))
 weights = {}
-for method in METHODS:
+for method in methods:
     run = run_training(dataclasses.replace(plan, method=method), bench)
     weights[method] = np.asarray(run.network.weights)
 
