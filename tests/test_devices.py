@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from study import free_port
 
 from shapeopt import Designer, Problem
 from surrogate import InvalidInput
@@ -114,7 +114,7 @@ def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods):
 def test_two_processes_of_two_devices_train_as_one(tmp_path):
     (tmp_path / "scene.toml").write_text(SCENE)
     alone = _start(tmp_path, "alone")
-    port = _free_port()
+    port = free_port()
     pair = [_start(tmp_path, "pair", *_of_two(port, k), "--devices", "2") for k in (0, 1)]
     texts = [process.communicate(timeout=500) for process in (alone, *pair)]
     assert [p.returncode for p in (alone, *pair)] == [0, 0, 0], texts
@@ -128,7 +128,7 @@ def test_two_processes_of_two_devices_train_as_one(tmp_path):
 @pytest.mark.parametrize("lost", [0, 1])
 def test_a_lost_process_is_told_in_one_line(tmp_path, lost):
     (tmp_path / "scene.toml").write_text(SCENE)
-    port = _free_port()
+    port = free_port()
     pair = [_start(tmp_path, "pair", *_of_two(port, k), samples=4000) for k in (0, 1)]
     for line in pair[0].stderr:
         if "preparing flows" in line:
@@ -201,9 +201,3 @@ def _of_two(port, process):
 
 def _environment():
     return os.environ | {"PYTHONPATH": str(ROOT), "XLA_FLAGS": ""}
-
-
-def _free_port():
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return probe.getsockname()[1]

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 from study import Result, Study, run_study, words
 
-from shapeopt import Problem, optimise, optimise_all
+from shapeopt import optimise, optimise_all
 from shapeopt.payoff.queries import query_stream
 from shapeopt.render.designs import plot_designs
+from shapeopt.search.sheet import designs_over
 from surrogate import load
 
 QUERIES, ALONE, ROUNDS = 1000, 100, 3
-REYNOLDS, LENGTHS = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), (1.1, 1.3, 1.6, 2.0, None)
+REYNOLDS, LENGTHS = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), (1.1, 1.3, 1.6, 2.0)
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
@@ -33,19 +34,6 @@ def measure(tiny: bool, progress: Callable) -> Result:
         designs = optimise_all(queries, surrogate)
         together.append(time.perf_counter() - begin)
     gaps = [d.objective / one.objective - 1 for d, one in zip(designs, ours, strict=False)]
-    asked = [Problem(surrogate.scene, re, length) for length in LENGTHS for re in REYNOLDS]
-    drawn = optimise_all(asked, surrogate)
-    free = dict(zip(REYNOLDS, [d.drag for d in drawn[-len(REYNOLDS) :]], strict=True))
-    sheet = [
-        {
-            "reynolds": problem.reynolds,
-            "max_length": problem.max_length,
-            "parameters": surrogate.scene.family.named(design.parameters),
-            "cd": design.drag,
-            "excess": design.drag / free[problem.reynolds] - 1,
-        }
-        for problem, design in zip(asked, drawn, strict=True)
-    ]
     return {
         "queries": count,
         "alone_s": np.median(alone[1:]),
@@ -54,7 +42,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         "gap": np.max(np.abs(gaps)),
         "kkt": max(design.kkt_residual for design in designs),
         "calls": np.mean([design.calls for design in designs]),
-        "sheet": sheet,
+        "sheet": designs_over(surrogate, REYNOLDS, LENGTHS)[0],
     }
 
 

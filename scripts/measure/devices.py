@@ -48,11 +48,9 @@ def measure(tiny: bool, progress: Callable, accelerator: str | None) -> Result:
         bodies = 4 if tiny else BODIES[fidelity] * (4 if accelerator else 1)
         found = _solve(fidelity, ways[way], count, bodies, tiny, accelerator)
         rows.append({"fidelity": fidelity, "way": way, "lanes": count} | found)
-    work = np.array(next(r for r in rows if r["fidelity"] == fidelities[-1])["green_applications"])
-    work = np.array(rows[0]["green_applications"]) if len(work) < 64 else work
-    for row in rows:
-        del row["green_applications"]
-    return {"rows": rows, "work": work, "scaling": _model(rows, work)}
+    works = [row.pop("green_applications") for row in rows]
+    work = np.array(works[0])
+    return {"rows": rows, "work": work, "scaling": _model(rows[0]["flows_per_s"], work)}
 
 
 def _solve(fidelity, way, lanes, bodies, tiny, accelerator) -> dict[str, Any]:
@@ -85,14 +83,13 @@ def _solve(fidelity, way, lanes, bodies, tiny, accelerator) -> dict[str, Any]:
     return json.loads(said[0][0].strip().splitlines()[-1])
 
 
-def _model(rows: list[dict[str, Any]], work: np.ndarray) -> list[dict[str, Any]]:
+def _model(rate: float, work: np.ndarray) -> list[dict[str, Any]]:
     """Seconds of a set's flows over devices, from what one device takes.
 
     Stragglers: the measured applications of G, drawn anew for every body and dealt at random in
     equal numbers; the answers of all bodies reach all devices once.
     """
     rng = np.random.default_rng(0)
-    rate = next(r["flows_per_s"] for r in rows if r["fidelity"] == rows[0]["fidelity"])
     drawn = rng.choice(work, SET)
     found = []
     for count in COUNTS:

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from shapeopt.commands.cli import Parser, emit, numbers
-from shapeopt.problem.problem import Problem
 from shapeopt.render.designs import plot_designs
-from shapeopt.search.optimise import optimise_all
+from shapeopt.search.sheet import designs_over
 from surrogate.files import check_file
 from surrogate.model.store import load
 
@@ -18,27 +17,12 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, design all in one call, draw."""
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
-    lengths = [*sorted(numbers(arguments.max_length)), None]
-    asked = [
-        Problem(surrogate.scene, reynolds, length, arguments.min_thickness)
-        for length in lengths
-        for reynolds in sorted(numbers(arguments.reynolds))
-    ]
-    designs = optimise_all(asked, surrogate)
-    free = {p.reynolds: d.drag for p, d in zip(asked, designs, strict=True) if p.max_length is None}
-    rows = [
-        {
-            "reynolds": problem.reynolds,
-            "max_length": problem.max_length,
-            "parameters": surrogate.scene.family.named(design.parameters),
-            "cd": design.drag,
-            "excess": design.drag / free[problem.reynolds] - 1,
-            "kkt_residual": design.kkt_residual,
-        }
-        for problem, design in zip(asked, designs, strict=True)
-    ]
+    reynolds, lengths = (
+        sorted(numbers(text)) for text in (arguments.reynolds, arguments.max_length)
+    )
+    rows, seconds = designs_over(surrogate, reynolds, lengths, arguments.min_thickness)
     plot_designs(surrogate.scene.family, rows, out)
-    result = {"designs": rows, "seconds": sum(d.seconds for d in designs), "out": str(out)}
+    result = {"designs": rows, "seconds": seconds, "out": str(out)}
     return emit(result, arguments.json, "\n".join([*map(_line, rows), f"-> {out}"]))
 
 

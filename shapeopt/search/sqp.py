@@ -12,8 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from shapeopt.problem.constraints import Limits, margins
+from shapeopt.problem.constraints import Limits
 from shapeopt.problem.objective import Scenarios, predicted
+from shapeopt.search.optimality import margins_and_slopes
 from surrogate.arrays import AnyArray
 
 STEPS = 60
@@ -74,8 +75,7 @@ def descend(
     def evaluate(z):
         body = low + width * z
         value, gradient = jax.value_and_grad(predicted, argnums=1)(model, body, scenarios)
-        jacobian = jax.jacfwd(margins)(body, limits)
-        room = margins(body, limits)
+        room, jacobian = margins_and_slopes(body, limits)
         return _Point(z, value / scale, gradient * width / scale, room, jacobian * width)
 
     def goes_on(state):
