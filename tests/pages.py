@@ -77,7 +77,7 @@ def cases(name):
 
 def crossing(family):
     """The body of the ranges that is thinnest at its tail, where sin kt / sin t is k or -k."""
-    betas = zip(family.modes, family.ranges[1:], strict=True)
+    betas = zip(family.form.modes, family.ranges[1:], strict=True)
     return [family.ranges[0][1][0], *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
 
 

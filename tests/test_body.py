@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from surrogate import Family, InvalidInput, contour_shape, family_shape, naca4, read_contour
 from surrogate.body.contour import crosses_itself, smooth_contour
-from surrogate.body.family import PARAMETERS, check_body, describe, family_markers, opening
+from surrogate.body.family import check_body, describe, family_markers, opening
+from surrogate.body.form import PARAMETERS, Form
 from surrogate.body.measures import AREA, mean_thickness, moments
 from surrogate.body.shape import rotate
 
@@ -41,7 +42,7 @@ def test_exact_area_and_centroid(parameters):
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.tuples(*(st.floats(*ends) for ends in WIDE.bounds.tolist())))
 def test_exact_area_of_any_member_of_the_widest_family(parameters):
-    assume(float(opening(jnp.array(parameters), WIDE.modes)) > 0.02)
+    assume(float(opening(jnp.array(parameters), WIDE.form)) > 0.02)
     markers = np.asarray(WIDE.markers(jnp.array(parameters), 256))
     assert area_and_sides(markers) == pytest.approx(AREA, rel=1e-12)
     assert float(moments(jnp.asarray(markers))[1][0]) == pytest.approx(0, abs=1e-12)
@@ -52,8 +53,14 @@ def test_exact_area_of_any_member_of_the_widest_family(parameters):
 def test_exact_markers_of_names_with_gaps():
     few = Family(aspect=(1, 3), beta5=(-0.1, 0.1))
     assert few.names == ("aspect", "beta5")
-    assert few.modes == (5,)
-    every = Family(**{name: (0.5, 1) if name == "aspect" else (-1, 1) for name in PARAMETERS})
+    assert few.form.modes == (5,)
+    every = Family(
+        **{
+            name: (0.5, 1) if name == "aspect" else (-1, 1)
+            for name in PARAMETERS
+            if name != "flatness"
+        }
+    )
     full = jnp.zeros(12).at[0].set(2.0).at[4].set(0.07)  # beta5 is the fifth
     expected = every.markers(full, 128)
     assert np.allclose(few.markers(jnp.array([2.0, 0.07]), 128), expected, atol=1e-15)
@@ -68,7 +75,7 @@ def test_samples_are_valid_and_inside(family):
     samples = family.sample(jax.random.key(3), 200)
     assert samples.shape == (200, len(family.names))
     assert all(family.contains(np.asarray(sample)) for sample in samples)
-    assert float(jax.vmap(lambda p: opening(p, family.modes))(samples).min()) > 0
+    assert float(jax.vmap(lambda p: opening(p, family.form))(samples).min()) > 0
     again = family.sample(jax.random.key(3), 200)
     assert np.array_equal(samples, again)
 
@@ -103,7 +110,7 @@ def test_a_family_is_the_same_whatever_the_order_of_its_names():
         ({"aspect": (1, np.nan)}, "finite number"),
         ({"aspect": "1 to 5"}, "two numbers"),
         ({"aspect": (1, "5")}, "must be one number"),
-        ({"aspect": (1, 5), "beta2": (-2, 2)}, "between -1 and 1"),
+        ({"aspect": (1, 5), "beta2": (-2, 2)}, "from -1 to 1"),
     ],
 )
 def test_families_that_are_none_are_refused(ranges, words, unchecked):
@@ -208,7 +215,7 @@ def test_a_spike_that_crosses_is_seen_in_contours_of_any_length(points):
 
 
 def test_exact_mean_thickness_of_a_circle():
-    markers = np.asarray(family_markers(jnp.array([1.0]), (), 400))
+    markers = np.asarray(family_markers(jnp.array([1.0]), Form(("aspect",)), 400))
     assert mean_thickness(markers) == pytest.approx(0.5, rel=1e-3)
 
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from surrogate import FIDELITIES, Family, Fidelity, Flow, InvalidInput, Scene, Tunnel, Unbounded
-from surrogate.body.family import PARAMETERS
+from surrogate.body.form import PARAMETERS
 from surrogate.scene.scene import check_reynolds
 
 TUNNEL = """
@@ -33,7 +33,7 @@ def ends(low, high):
 families = st.builds(
     lambda aspect, betas: Family(aspect=aspect, **betas),
     ends(0.1, 20),
-    st.dictionaries(st.sampled_from(PARAMETERS[1:]), ends(-1, 1)),
+    st.dictionaries(st.sampled_from(PARAMETERS[2:]), ends(-1, 1)),
 )
 windows = (st.floats(1, 80),) * 3
 texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=8)
@@ -141,7 +141,7 @@ def test_explain_is_quick(compiled):
 
 BAD = {
     "words": ("a scene of bodies", "is not TOML"),
-    "key": ("flow = 3", "no key 'flow'; dimension, stream, reynolds, family, fidelity"),
+    "key": ("flow = 3", "no key 'flow'; stream, reynolds, family, fidelity, dimension"),
     "reversed": ("reynolds = [40, 1]", "low must not be above high"),
     "one number": ("reynolds = 40", "must be two numbers, low and high"),
     "three numbers": ("reynolds = [1, 2, 3]", "must be two numbers, low and high"),
@@ -150,8 +150,14 @@ BAD = {
     "inf": ("reynolds = [1, inf]", "must be a finite number"),
     "zero": ("reynolds = [0, 40]", "must be a finite number above 0"),
     "fast": ("reynolds = [1, 4000]", "tested up to 300"),
-    "dimension": ("dimension = 3", "dimension = 2"),
-    "dimension text": ("dimension = '2'", "dimension = 2"),
+    "dimension": ("dimension = 4", "2, in the plane, or 3, in space"),
+    "dimension text": ("dimension = '2'", "2, in the plane, or 3, in space"),
+    "dimensions": ("dimension = [3]", "2, in the plane, or 3, in space"),
+    "dimension below": ("[family]\naspect = [1, 2]\ndimension = 3", "the dimension is the scene's"),
+    "walls in space": ("dimension = 3\nstream = 'tunnel:12'", "modelled without walls"),
+    "slow in space": ("dimension = 3\nreynolds = [0.001, 1]", "tested from 0.01"),
+    "flat plane": ("[family]\naspect = [1, 2]\nflatness = [1, 2]", "of bodies in space"),
+    "too flat": ("dimension = 3\n[family]\naspect = [1, 2]\nflatness = [1, 9]", "from 0.2 to 5"),
     "stream": ("stream = 'river'", "'unbounded' or 'tunnel:H'"),
     "narrow": ("stream = 'tunnel:0.5'", "'unbounded' or 'tunnel:H' with H from 1"),
     "nan wide": ("stream = 'tunnel:nan'", "'unbounded' or 'tunnel:H'"),

@@ -56,8 +56,8 @@ def test_constraints_hold_at_the_optimum(pretrained, length, thick):
 def test_measures_of_a_body():
     body = jnp.array([4.0, 0, 0, 0])
     markers = np.asarray(Family().markers(body, 400))
-    assert float(chord(body)) == pytest.approx(np.ptp(markers[:, 0]))
-    assert float(thickness(body, Family().modes)) == pytest.approx(np.ptp(markers[:, 1]))
+    assert float(chord(body, Family().form)) == pytest.approx(np.ptp(markers[:, 0]))
+    assert float(thickness(body, Family().form)) == pytest.approx(np.ptp(markers[:, 1]))
 
 
 def test_impossible_problems_name_the_constraint(pretrained):
@@ -194,7 +194,7 @@ def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
     assert len(design.parameters) == 8
     assert design.kkt_residual <= 1e-3
     assert design.drag < design.start
-    assert float(chord(design.parameters)) <= 1.5 + 1e-6
+    assert float(chord(design.parameters, Family().form)) <= 1.5 + 1e-6
 
 
 def test_payoff_plot_is_not_blank(tmp_path, capfd):

@@ -8,7 +8,8 @@ from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.contour import naca4, read_contour
-from surrogate.body.family import DEFAULT, PARAMETERS
+from surrogate.body.family import DEFAULT
+from surrogate.body.form import PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -18,22 +19,23 @@ from surrogate.scene.scene import Scene, check_reynolds
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
-def reynolds_numbers(text: str, allow_unsteady: bool = False) -> list[float]:
+def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2) -> list[float]:
     """Reynolds numbers for which a steady laminar flow is a fair answer."""
-    return [check_reynolds(value, allow_unsteady) for value in numbers(text)]
+    return [check_reynolds(value, allow_unsteady, dimension) for value in numbers(text)]
 
 
 def add_family_arguments(parser: Parser) -> None:
-    """--aspect, --beta2, ..., --beta12."""
+    """--aspect, --flatness, --beta2, ..., --beta12."""
     parser.add_argument("--aspect", type=float, help="length over thickness of the plain ellipse")
-    for name in PARAMETERS[1:]:
+    parser.add_argument("--flatness", type=float, help="width over height of a body in space (1)")
+    for name in PARAMETERS[2:]:
         parser.add_argument(f"--{name}", type=float, help="shape coefficient (0)")
 
 
 def family_named(arguments: argparse.Namespace) -> dict[str, float]:
     """The family's parameters by name: the usual ones, and what else was given."""
     given = {name: getattr(arguments, name) for name in PARAMETERS}
-    return {n: value or 0.0 for n, value in given.items() if n in DEFAULT or value is not None}
+    return {n: value or 0.0 for n, value in given.items() if n in DEFAULT[2] or value is not None}
 
 
 def add_body_arguments(parser: Parser) -> None:
@@ -45,7 +47,7 @@ def add_body_arguments(parser: Parser) -> None:
     parser.add_argument("--keep-size", action="store_true", help="do not scale a contour")
 
 
-def shape_of(arguments: argparse.Namespace) -> Shape:
+def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
     """The body that was asked for."""
     given = [name for name in ("aspect", "contour", "naca") if getattr(arguments, name) is not None]
     if len(given) != 1:
@@ -53,9 +55,11 @@ def shape_of(arguments: argparse.Namespace) -> Shape:
     if arguments.aspect is not None:
         if arguments.keep_size:
             raise InvalidInput("--keep-size: goes with --contour or --naca")
-        return family_shape(family_named(arguments), arguments.incidence)
+        return family_shape(family_named(arguments), arguments.incidence, dimension)
+    if dimension == 3:
+        raise InvalidInput("--dimension 3: goes with --aspect; a contour is of the plane")
     if any(getattr(arguments, name) for name in PARAMETERS[1:]):
-        raise InvalidInput("body: --beta2 to --beta12 go with --aspect")
+        raise InvalidInput("body: --flatness and --beta2 to --beta12 go with --aspect")
     points = naca4(arguments.naca) if arguments.contour is None else read_contour(arguments.contour)
     return contour_shape(points, arguments.incidence, arguments.keep_size)
 

@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     if len(reynolds) != 1:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
-    sheds = re > ONSET_OF_SHEDDING
+    sheds = re > ONSET_OF_SHEDDING[2]
     duration = arguments.time
     if duration is None:
         duration = 160.0 if sheds else 60.0

@@ -26,10 +26,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     arguments = _parser().parse_args(argv)
     if arguments.aspect is None:
         raise InvalidInput("body: --aspect is needed")
-    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
-    named = family_named(arguments)
-    check_body(named)
-    surrogate = load(arguments.surrogate)
+    surrogate, named = load(arguments.surrogate), family_named(arguments)
+    dimension = surrogate.scene.dimension
+    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True, dimension=dimension)
+    check_body(named, dimension)
     parameters = surrogate.scene.family.parameters(named)
     results = [_predict(surrogate, parameters, value) for value in reynolds]
     if arguments.verify:
@@ -68,7 +68,9 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: dict[str, Any]) -
     """The body's flow: on the scene's grid where it was trained, else on one that fits."""
     body = parameters
     if not row["in_trained_range"]:
-        body = family_shape(surrogate.scene.family.named(parameters))
+        body = family_shape(
+            surrogate.scene.family.named(parameters), dimension=surrogate.scene.dimension
+        )
     found = Flow(surrogate.scene).solve(body, row["reynolds"], allow_unsteady=True)
     return {
         "cd_flow": found.drag,

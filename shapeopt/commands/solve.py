@@ -1,6 +1,7 @@
 """Drag, lift and their gradient of one body by the flow solver.
 
 python scripts/solve_drag.py --aspect 1 --reynolds 1,10,40
+python scripts/solve_drag.py --dimension 3 --aspect 2 --flatness 1.5 --reynolds 40
 python scripts/solve_drag.py --naca 0012 --incidence 10 --reynolds 20 --stream tunnel:8 --json
 """
 
@@ -10,6 +11,7 @@ from typing import Any
 
 from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
 from shapeopt.commands.cli import Parser, emit
+from surrogate.body.family import Family
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
@@ -22,8 +24,9 @@ from surrogate.scene.stream import parse_stream
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, solve every Reynolds number, report."""
     arguments = _parser().parse_args(argv)
-    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
-    scene, shape = _scene(arguments, reynolds), shape_of(arguments)
+    dimension = arguments.dimension
+    reynolds = reynolds_numbers(arguments.reynolds, True, dimension)
+    scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
     flow, results = Flow(scene), []
@@ -42,13 +45,14 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 
 def _scene(arguments, reynolds) -> Scene:
-    fidelity = read_fidelity(arguments.fidelity)
+    fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
         if not 4 <= arguments.cells <= 64:
             raise InvalidInput(f"--cells {arguments.cells}: a whole number from 4 to 64 is needed")
         fidelity = dataclasses.replace(fidelity, cells=arguments.cells)
     stream = parse_stream(arguments.stream)
-    return Scene(stream, (min(reynolds), max(reynolds)), fidelity=fidelity)
+    family = Family(dimension=arguments.dimension)
+    return Scene(stream, (min(reynolds), max(reynolds)), family, fidelity)
 
 
 def _plain(s: Solution) -> dict[str, Any]:
@@ -87,9 +91,10 @@ def _parser():
     parser = Parser(__doc__)
     add_body_arguments(parser)
     parser.add_argument("--reynolds", required=True, help="U D / nu, one or several: 1,10,40")
+    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2, help="3: in space (2)")
     parser.add_argument("--stream", default="unbounded", help="unbounded (default) or tunnel:H")
     parser.add_argument("--fidelity", default="standard", help="draft, standard (default) or fine")
     parser.add_argument("--cells", type=int, help="cells per D, instead of the fidelity's")
     parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
-    parser.add_argument("--allow-unsteady", action="store_true", help="steady flow past Re 46.7")
+    parser.add_argument("--allow-unsteady", action="store_true", help="past Re 46.7; in space 210")
     return parser

@@ -62,15 +62,15 @@ class _Asked(NamedTuple):
 
 
 def _asked(problem):
-    modes = problem.scene.family.modes
+    form = problem.scene.family.form
     thin, long = "every body of the family is thinner", "every body of the family is longer than"
     bounds = (
-        ("max_length", "max length", chord, long),
-        ("min_thickness", "min thickness", lambda p: thickness(p, modes), f"{thin} than"),
+        ("max_length", "max length", lambda p: chord(p, form), long),
+        ("min_thickness", "min thickness", lambda p: thickness(p, form), f"{thin} than"),
         (
             "min_radius",
             "min radius",
-            lambda p: jnp.min(jnp.stack(radii(p, modes))),
+            lambda p: jnp.min(jnp.stack(radii(p, form))),
             "every body of the family has somewhere a radius below",
         ),
     )
@@ -83,7 +83,7 @@ def _asked(problem):
         _Asked(
             f"thickness {station.thickness:g} at {station.x:g} c",
             functools.partial(_drop_station, station),
-            lambda body, x=station.x: thickness_at(body, modes, jnp.asarray(x)),
+            lambda body, x=station.x: thickness_at(body, form, jnp.asarray(x)),
             f"{thin} there than",
         )
         for station in problem.stations

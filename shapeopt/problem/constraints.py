@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.family import ROOMY, opening
+from surrogate.body.form import Form
 from surrogate.body.measures import chord, least, radii, thickness, thickness_at
 
 
@@ -29,7 +30,7 @@ class Limits(eqx.Module):
     min_thickness: Float[AnyArray, ""]
     stations: Float[AnyArray, "stations 2"]
     min_radius: Float[AnyArray, ""]
-    modes: tuple[int, ...] = eqx.field(static=True)
+    form: Form = eqx.field(static=True)
 
     @property
     def width(self) -> Float[AnyArray, " parameters"]:
@@ -42,16 +43,16 @@ def margins(
     parameters: Float[AnyArray, " parameters"], limits: Limits
 ) -> Float[AnyArray, " constraints"]:
     """Every constraint as a number that must not be negative; the ranges are not among them."""
-    modes = limits.modes
-    openings = jax.vmap(lambda shift: opening(parameters + shift, modes))(limits.shift)
-    stations = jax.vmap(lambda s: thickness_at(parameters, modes, s[0]) - s[1])(limits.stations)
+    form = limits.form
+    openings = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
+    stations = jax.vmap(lambda s: thickness_at(parameters, form, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
             least(openings)[None] - ROOMY,
-            jnp.stack([limits.max_length - chord(parameters)]),
-            jnp.stack([thickness(parameters, modes) - limits.min_thickness]),
+            jnp.stack([limits.max_length - chord(parameters, form)]),
+            jnp.stack([thickness(parameters, form) - limits.min_thickness]),
             stations,
-            jnp.stack(radii(parameters, modes)) - limits.min_radius,
+            jnp.stack(radii(parameters, form)) - limits.min_radius,
         ]
     )
 

@@ -87,7 +87,7 @@ class Problem:
             np.asarray(float(self.min_thickness or 0.0)),
             np.array(self.stations, float).reshape(-1, 2),
             np.asarray(float(self.min_radius or 0.0)),
-            self.scene.family.modes,
+            self.scene.family.form,
         )
 
     def _ranges(self):

@@ -3,7 +3,7 @@
     x = -(c/2) cos t,   y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... + beta12 sin 12t),
 
 c = sqrt(aspect) and b = 1 / (2 sqrt(aspect)), so the area is pi/4 whatever the parameters, in units
-of the equivalent diameter D.
+of the equivalent diameter D. In space the same meridian, volume pi/6, and a flatness: ``solid``.
 """
 
 import dataclasses
@@ -15,21 +15,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.optimize import lsq_linear
 from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, Body
+from surrogate.body.form import PARAMETERS, Form
 from surrogate.body.measures import least, moments
+from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
 from surrogate.checks import interval
 from surrogate.errors import InvalidInput
 
-PARAMETERS = ("aspect", *(f"beta{k}" for k in range(2, 13)))
+BETAS = {"beta2": (-0.3, 0.3), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
 DEFAULT = {
-    "aspect": (1.0, 5.0),
-    "beta2": (-0.3, 0.3),
-    "beta3": (-0.15, 0.2),
-    "beta4": (-0.1, 0.1),
+    2: {"aspect": (1.0, 5.0), **BETAS},
+    3: {"aspect": (0.7, 4.0), "flatness": (1.0, 2.0), **BETAS},
 }
 ASPECTS = (0.1, 20.0)  # length over thickness that the solver is tested for
+FLATNESSES = (0.2, 5.0)  # width over height
 LEAST_OPENING = 0.02  # thinnest y / (b sin t) a body may have
 ROOMY = 2 * LEAST_OPENING  # that samples and optima keep
 NODES = 128  # of the contours whose reach is measured
@@ -41,28 +43,35 @@ class Family:
     """Ranges (low, high) of the parameters by name; ``aspect`` is one, betas not named are zero.
 
     ``Family()`` has aspect and beta2 to beta4; ``Family(aspect=(1, 3), beta2=(-0.2, 0.2))`` two
-    parameters. Arrays of parameters are in the order of ``names``.
+    parameters; ``Family(dimension=3)`` has a flatness as well, and without one are bodies of
+    revolution. Arrays of parameters are in the order of ``names``.
     """
 
     ranges: tuple[tuple[str, Range], ...]
+    dimension: int
 
-    def __init__(self, /, **ranges: Range | Any):
-        ranges = ranges or DEFAULT
+    def __init__(self, /, dimension: int = 2, **ranges: Range | Any):
+        if dimension not in (2, 3):
+            raise InvalidInput(f"dimension {dimension!r}: 2, in the plane, or 3, in space")
+        ranges = ranges or DEFAULT[dimension]
         for name in ranges:
             if name not in PARAMETERS:
-                raise InvalidInput(f"family: no parameter {name!r}; {PARAMETERS[0]}, beta2...12")
+                raise InvalidInput(f"family: no parameter {name!r}; {', '.join(PARAMETERS)}")
+        if "flatness" in ranges and dimension == 2:
+            raise InvalidInput("family: flatness is of bodies in space, dimension = 3")
         if "aspect" not in ranges:
             raise InvalidInput("family: the aspect needs a range, as aspect = [1, 5]")
         ordered = [(n, interval(f"range of {n}", ranges[n])) for n in PARAMETERS if n in ranges]
         for name, (low, high) in ordered:
             if low == high:
                 raise InvalidInput(f"range of {name}: {low:g} alone is none; leave a width")
-        low, high = ordered[0][1]
-        if not ASPECTS[0] <= low <= high <= ASPECTS[1]:
-            raise InvalidInput(f"range of aspect {low:g} to {high:g}: from 0.1 to 20")
-        if any(abs(end) > 1 for _, ends in ordered[1:] for end in ends):
-            raise InvalidInput("family: the ranges of betas must lie between -1 and 1")
+            least, most = _limits(name)
+            if not least <= low <= high <= most:
+                raise InvalidInput(
+                    f"range of {name} {low:g} to {high:g}: from {least:g} to {most:g}"
+                )
         object.__setattr__(self, "ranges", tuple(ordered))
+        object.__setattr__(self, "dimension", int(dimension))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -70,57 +79,103 @@ class Family:
         return tuple(name for name, _ in self.ranges)
 
     @property
-    def modes(self) -> tuple[int, ...]:
-        """Sine modes that the parameters behind the aspect weigh."""
-        return modes_of(self.names)
+    def form(self) -> Form:
+        """What the numbers of its bodies mean."""
+        return Form(self.names, self.dimension)
 
     @property
     def bounds(self) -> Float[AnyArray, "parameters 2"]:
         return np.array([ends for _, ends in self.ranges])
 
     @property
-    def extent(self) -> tuple[float, float]:
-        """Length and height in D of a box, centred on the centroid, that holds every member."""
-        low, high = self.bounds.T
+    def extent(self) -> tuple[float, ...]:
+        """Length and height, in space length, width and height, in D, of a box for every member.
+
+        It is centred on the centroid.
+        """
+        low, high = self.bounds[self.form.ratios :].T
         t = 2 * np.pi * np.arange(NODES) / NODES
-        waves = np.sin(np.outer(self.modes, t))
-        ends = [np.sin(t) + low[1:] @ np.minimum(waves, 0) + high[1:] @ np.maximum(waves, 0)]
-        ends += [np.sin(t) + high[1:] @ np.minimum(waves, 0) + low[1:] @ np.maximum(waves, 0)]
-        shifts = [dict(self.ranges).get("beta2", (0.0, 0.0))[k] for k in (0, 1)]
+        waves = np.sin(np.outer(self.form.modes, t))
+        ends = [np.sin(t) + low @ np.minimum(waves, 0) + high @ np.maximum(waves, 0)]
+        ends += [np.sin(t) + high @ np.minimum(waves, 0) + low @ np.maximum(waves, 0)]
+        highest = float(np.abs(ends).max())
         with jax.ensure_compile_time_eval():
-            longest = [family_markers(jnp.array([high[0], b]), (2,), NODES) for b in shifts]
-            half_length = max(float(jnp.abs(markers[:, 0]).max()) for markers in longest)
+            if self.dimension == 3:
+                return self._extent_in_space(low, high, highest)
+            longest, shifts = self.bounds[0, 1], dict(self.ranges).get("beta2", (0.0, 0.0))
+            form = Form(("aspect", "beta2"))
+            ends = [family_markers(jnp.array([longest, b]), form, NODES) for b in shifts]
+            half_length = max(float(jnp.abs(markers[:, 0]).max()) for markers in ends)
+        return 2 * half_length, highest / np.sqrt(self.bounds[0, 0])
+
+    def _extent_in_space(self, low, high, highest):
+        """By the least bulk that betas can have, and the centroids of the extreme ones."""
+        mu, weight = GAUSS
+        root = np.sqrt(weight * (1 - mu**2))
+        waves = np.array([root * eval_chebyu(k - 1, mu) for k in self.form.modes])
+        betas = np.zeros(0)
+        if len(low):
+            betas = lsq_linear(waves.T, -root, (low, high), tol=1e-12).x
+        ratios = dict(self.ranges)
+        flat, flattest = ratios.get("flatness", (1.0, 1.0))
+        corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+        off = float(jnp.abs(jax.vmap(lambda b: self._centre(b))(jnp.asarray(corners))).max())
+        longest, tallest = (
+            half_axes(jnp.array([end, 1.0, *betas]), self._full) for end in self.bounds[0, ::-1]
+        )
+        across = 2 * highest * float(tallest[1])
         return (
-            2 * half_length,
-            float(np.abs(ends).max() / np.sqrt(low[0])),
+            2 * float(longest[0]) * (1 + off),
+            across * float(np.sqrt(flattest)),
+            across / float(np.sqrt(flat)),
         )
 
+    @property
+    def _full(self):
+        betas = self.names[self.form.ratios :]
+        return Form(("aspect", "flatness", *betas), 3)
+
+    def _centre(self, betas):
+        return centre(jnp.concatenate([jnp.ones(2), betas]), self._full)
+
     def markers(
+        self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
+    ) -> Float[AnyArray, "nodes 2"] | Skin:
+        """Contour of a member, clockwise from the nose, area centroid at the origin.
+
+        In space its skin, at ``nodes`` rings and azimuths.
+        """
+        if self.dimension == 3:
+            return skin(jnp.asarray(parameters), self.form, nodes)
+        return family_markers(parameters, self.form, nodes)
+
+    def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
-        """Contour of a member, clockwise from the nose, area centroid at the origin."""
-        return family_markers(parameters, self.modes, nodes)
+        """Contour of a member as it is drawn: in space as seen from the side."""
+        return family_markers(parameters, self.form, nodes)
 
     def ellipse(self, aspect: float) -> Float[AnyArray, " parameters"]:
-        """Parameters of a plain ellipse; of a cylinder at aspect 1."""
-        return np.array([aspect] + [0.0] * len(self.modes))
+        """Parameters of a plain ellipse; of a cylinder, in space a sphere, at aspect 1."""
+        return np.array([aspect] + [1.0] * (self.form.ratios - 1) + [0.0] * len(self.form.modes))
 
     def named(self, parameters: AnyArray) -> dict[str, float]:
         """Parameters by name, for people and files."""
         return dict(zip(self.names, np.asarray(parameters, float).tolist(), strict=True))
 
     def parameters(self, named: Mapping[str, float]) -> Float[AnyArray, " parameters"]:
-        """The array of parameters given by name; betas not named are zero.
+        """The array of parameters given by name; betas not named are zero, flatness 1.
 
         Raises:
           InvalidInput: a name is not the family's.
         """
-        foreign = [name for name in named if name not in self.names and named[name]]
+        usual = {"flatness": 1.0}
+        foreign = [n for n in named if n not in self.names and named[n] != usual.get(n, 0.0)]
         if foreign:
             raise InvalidInput(
                 f"body: {foreign[0]} is none of the family's {', '.join(self.names)}"
             )
-        return np.array([float(named.get(name, 0.0)) for name in self.names])
+        return np.array([float(named.get(n, usual.get(n, 0.0))) for n in self.names])
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
         """Uniform in the bounds; members that close on themselves are drawn again.
@@ -144,7 +199,7 @@ class Family:
         Raises:
           InvalidInput: hardly any does.
         """
-        keep = np.asarray(jax.vmap(lambda p: opening(p, self.modes))(jnp.asarray(bodies))) > ROOMY
+        keep = np.asarray(jax.vmap(lambda p: opening(p, self.form))(jnp.asarray(bodies))) > ROOMY
         if len(keep) > 64 * (1 + np.sum(keep)):
             raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
         return keep
@@ -172,7 +227,7 @@ class Family:
             raise InvalidInput(f"body: a batch of {len(values)}; jax.vmap takes batches, one here")
         if values.shape != (len(self.names),):
             raise InvalidInput(f"body: an array of shape {values.shape}; {self._wanted}")
-        check_body(self.named(values))
+        check_body(self.named(values), self.dimension)
         return values
 
     @property
@@ -180,16 +235,12 @@ class Family:
         return f"{len(self.names)} parameters are needed: {', '.join(self.names)}"
 
 
-def modes_of(names: tuple[str, ...]) -> tuple[int, ...]:
-    """Sine modes of the parameters behind the aspect."""
-    return tuple(int(name.removeprefix("beta")) for name in names[1:])
-
-
 def describe(name: str) -> str:
     """What a parameter does to a body, for a person."""
     beta = f"\N{GREEK SMALL LETTER BETA}{name.removeprefix('beta')}"
     known = {
         "aspect": "Aspect, length to thickness",
+        "flatness": "Flatness, width to height",
         "beta2": f"Fuller fore or aft, {beta}",
         "beta3": f"Blunt or pointed ends, {beta}",
         "beta4": f"Finer fore and aft, {beta}",
@@ -197,43 +248,54 @@ def describe(name: str) -> str:
     return known.get(name, f"Waves of the contour, {beta}")
 
 
-def smooth(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " parameters"]:
-    """Coordinates of a body in which its drag varies smoothly: the aspect counts by its log."""
-    return jnp.asarray(parameters).at[0].set(jnp.log(parameters[0]))
-
-
-def opening(
-    parameters: Float[AnyArray, " parameters"], modes: tuple[int, ...]
-) -> Float[AnyArray, ""]:
+def opening(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyArray, ""]:
     """Least y / (b sin t) over the body: it crosses itself where this is not positive."""
     c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
-    waves = np.array([eval_chebyu(k - 1, c) for k in modes]).reshape(len(modes), c.size)
-    return least(1 + jnp.asarray(parameters)[1:] @ waves)
+    waves = np.array([eval_chebyu(k - 1, c) for k in form.modes]).reshape(len(form.modes), c.size)
+    return least(1 + form.betas(parameters) @ waves)
 
 
 def family_markers(
-    parameters: Float[AnyArray, " parameters"], modes: tuple[int, ...], nodes: int
+    parameters: Float[AnyArray, " parameters"], form: Form, nodes: int
 ) -> Float[AnyArray, "nodes 2"]:
-    """Contour of a body, clockwise from the nose, area centroid at the origin."""
-    aspect, *betas = parameters
+    """Contour of a body, clockwise from the nose, its centroid at the origin.
+
+    In space seen from the side: length and height.
+    """
     t = 2 * np.pi * np.arange(nodes) / nodes
-    half_length, half_height = jnp.sqrt(aspect) / 2, 1 / (2 * jnp.sqrt(aspect))
-    y = np.sin(t) + sum(beta * np.sin(k * t) for k, beta in zip(modes, betas, strict=True))
-    markers = jnp.stack([-half_length * np.cos(t), half_height * y], axis=1)
+    waves = zip(form.modes, form.betas(parameters), strict=True)
+    y = np.sin(t) + sum(beta * np.sin(k * t) for k, beta in waves)
+    if form.dimension == 3:
+        half_length, _, half_height = half_axes(parameters, form)
+        x = -half_length * (np.cos(t) - centre(parameters, form))
+        return jnp.stack([x, half_height * y], axis=1)
+    root = jnp.sqrt(form.aspect(parameters))
+    markers = jnp.stack([-root / 2 * np.cos(t), 1 / (2 * root) * y], axis=1)
     return markers - jnp.array([moments(markers)[1][0], 0.0])
 
 
-def check_body(named: Mapping[str, float]) -> None:
+def check_body(named: Mapping[str, float], dimension: int = 2) -> None:
     """Raise InvalidInput unless the named parameters describe a body."""
     values = np.array(list(named.values()), float)
     if not np.all(np.isfinite(values)):
         raise InvalidInput("body: every shape parameter must be a finite number")
-    if not ASPECTS[0] <= values[0] <= ASPECTS[1]:
-        raise InvalidInput(
-            f"aspect {values[0]:g}: must lie between 0.1 and 20 (length / thickness)"
-        )
-    if float(opening(values, modes_of(tuple(named)))) < LEAST_OPENING:
-        bent = ", ".join(f"{name} {value:g}" for name, value in named.items() if value)
+    form = Form(tuple(named), dimension)
+    if "flatness" in named and dimension == 2:
+        raise InvalidInput("flatness: is of bodies in space, dimension 3")
+    ratios = zip(form.names[: form.ratios], ("length / thickness", "width / height"), strict=False)
+    for name, meaning in ratios:
+        least, most = _limits(name)
+        if not least <= named[name] <= most:
+            raise InvalidInput(
+                f"{name} {named[name]:g}: must lie between {least:g} and {most:g} ({meaning})"
+            )
+    if float(opening(values, form)) < LEAST_OPENING:
+        betas = list(named.items())[form.ratios :]
+        bent = ", ".join(f"{name} {value:g}" for name, value in betas if value)
         raise InvalidInput(
             f"body: {bent} make the contour cross or close on itself; smaller betas would not"
         )
+
+
+def _limits(name):
+    return {"aspect": ASPECTS, "flatness": FLATNESSES}.get(name, (-1.0, 1.0))

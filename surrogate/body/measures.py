@@ -8,10 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.form import Form
+from surrogate.body.solid import half_axes
 
 AREA = np.pi / 4  # of every body unless its size is kept: the equivalent diameter D is 1
 ANGLES = np.linspace(0, np.pi, 181)  # from the nose to the tail
-Modes = tuple[int, ...]
 
 
 class Radii(NamedTuple):
@@ -39,29 +40,32 @@ def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> float:
     return float(abs(moments(markers)[0]) * 2 / np.linalg.norm(edges, axis=1).sum())
 
 
-def chord(parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
+def chord(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyArray, ""]:
     """Length along the stream."""
-    return jnp.sqrt(parameters[0])
+    return 2 * _halves(parameters, form)[0]
 
 
-def thickness(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Float[AnyArray, ""]:
-    """Greatest thickness across the stream."""
-    return 2 * -least(-_height(parameters, modes, ANGLES))
+def thickness(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyArray, ""]:
+    """Greatest thickness across the stream; in space the height."""
+    return 2 * -least(-_height(parameters, form, ANGLES))
 
 
 def thickness_at(
-    parameters: Float[AnyArray, " parameters"], modes: Modes, station: Float[AnyArray, ""]
+    parameters: Float[AnyArray, " parameters"], form: Form, station: Float[AnyArray, ""]
 ) -> Float[AnyArray, ""]:
     """Thickness at x/c = ``station``: 0 is the nose, 1 the tail."""
-    return 2 * _height(parameters, modes, jnp.arccos(1 - 2 * station))
+    return 2 * _height(parameters, form, jnp.arccos(1 - 2 * station))
 
 
-def radii(parameters: Float[AnyArray, " parameters"], modes: Modes) -> Radii:
-    """Radii of curvature of the contour, convex or hollow: |r'|^3 / |x' y'' - y' x''|."""
-    half = chord(parameters) / 2
+def radii(parameters: Float[AnyArray, " parameters"], form: Form) -> Radii:
+    """Radii of curvature of the contour, convex or hollow: |r'|^3 / |x' y'' - y' x''|.
+
+    In space, of the outline seen from the side.
+    """
+    half = chord(parameters, form) / 2
     t = ANGLES
     x1, x2 = half * np.sin(t), half * np.cos(t)
-    y1, y2 = _height(parameters, modes, t, 1), _height(parameters, modes, t, 2)
+    y1, y2 = _height(parameters, form, t, 1), _height(parameters, form, t, 2)
     speed = jnp.sqrt(x1**2 + y1**2 + 1e-12)
     curvature = jnp.abs(x1 * y2 - y1 * x2) / speed**3
     return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, -1 / least(-curvature[1:-1]))
@@ -72,11 +76,17 @@ def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:
     return values[jnp.argmin(values)]
 
 
-def _height(parameters, modes, t, derivative=0):
+def _halves(parameters, form):
+    """Half the length, and half the thickness of an ellipse before the modes."""
+    if form.dimension == 3:
+        return half_axes(parameters, form)[::2]
+    root = jnp.sqrt(form.aspect(parameters))
+    return root / 2, 1 / (2 * root)
+
+
+def _height(parameters, form, t, derivative=0):
     """y or a derivative of it in t, half the thickness of an ellipse times the modes."""
-    aspect, *betas = parameters
     turn = derivative * np.pi / 2
-    waves = zip((1, *modes), (1.0, *betas), strict=True)
-    return sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves) / (
-        2 * jnp.sqrt(aspect)
-    )
+    waves = zip((1, *form.modes), (1.0, *form.betas(parameters)), strict=True)
+    half = _halves(parameters, form)[1]
+    return half * sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves)

@@ -15,8 +15,9 @@ from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
 from surrogate.devices import Devices, choose_devices, deal_bodies
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.check.trust import Trust, judge
+from surrogate.flow.check.trust import SHRUNK, Trust, judge
 from surrogate.flow.grid.domain import Domain, fitted_domain, scene_domain
+from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.steps import (
@@ -29,11 +30,10 @@ from surrogate.flow.steps import (
     failure,
     gradient_at,
     hardness,
+    loads,
 )
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS, Scene, check_reynolds
-
-NODES_TO_FIT = 400
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,8 +56,8 @@ class Flow:
         """The scene's discretisation."""
         return scene_domain(self.scene)
 
-    def markers(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, "nodes 2"]:
-        """Contour of a family body as the scene's grid takes it."""
+    def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
+        """Contour of a family body as the scene's grid takes it; in space its skin."""
         return self.scene.family.markers(parameters, self.domain.nodes)
 
     def drag(
@@ -66,9 +66,9 @@ class Flow:
         reynolds: Number,
         allow_unsteady: bool = False,
     ) -> Float[Array, ""]:
-        """Cd = 2 Fx per unit span of a family body; jit, vmap, jax.grad in both arguments.
+        """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
 
-        Under a transformation, what cannot be answered is NaN.
+        For jit, vmap and jax.grad in both arguments. Under a transformation, what cannot be answered is NaN.
 
         Raises:
           InvalidInput: no such body or Reynolds number, or beyond what the scene's grid is for.
@@ -133,17 +133,20 @@ class Flow:
           NotConverged: the flow, or the adjoint that the gradient needs, was not found.
         """
         if isinstance(body, Shape):
-            reynolds = check_reynolds(reynolds, allow_unsteady)
+            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension)
+            self._same_dimension(body)
             shape, domain = body, _fit(self.scene, body, self.scene.fidelity, reynolds)
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
-            shape, domain = family_shape(self.scene.family.named(parameters)), self.domain
+            named = self.scene.family.named(parameters)
+            shape, domain = family_shape(named, dimension=self.scene.dimension), self.domain
         if gradient and (shape.parameters is None or not shape.symmetric):
             raise InvalidInput("gradient: is for bodies of the family at zero incidence")
         start = time.perf_counter()
         found, work = approach(domain, self.settings, shape, reynolds)
         seconds = time.perf_counter() - start
-        force = {name: float(value) for name, value in found.forces._asdict().items()}
+        force = loads(domain, shape.markers(domain.nodes), found.state, reynolds)
+        force = {name: float(value) for name, value in force._asdict().items()}
         slopes = gradient_at(domain, self.settings, shape, reynolds, found) if gradient else None
         trust = self._judged(force["drag"], shape, reynolds) if estimate else None
         return Solution(
@@ -164,34 +167,49 @@ class Flow:
         def solve(fidelity: Fidelity) -> tuple[float, int]:
             domain = _fit(self.scene, shape, fidelity, reynolds)
             found, work = approach(domain, self.settings, shape, reynolds)
-            return float(found.forces.drag), work
+            return found.drag, work
 
-        height = float(np.ptp(shape.draw(NODES_TO_FIT)[:, 1]))
-        return judge(drag, solve, self.scene.fidelity, reynolds, height)
+        height = float(shape.reach[1])
+        return judge(drag, solve, self.scene.fidelity, reynolds, height, SHRUNK[shape.dimension])
+
+    def _reach(self, parameters):
+        """Largest |x|, |y|, ... of a body."""
+        points = jax.tree.leaves(self.markers(parameters))[0]
+        return jnp.abs(points).max(axis=0)
+
+    def _same_dimension(self, shape):
+        if shape.dimension != self.scene.dimension:
+            raise InvalidInput(
+                f"body: of dimension {shape.dimension}, in a scene of {self.scene.dimension}"
+            )
 
     def _answers(self, parameters, reynolds, allow_unsteady):
         """What ``_checked`` asks of numbers, of traced ones."""
-        highest = min(self.scene.reynolds[1], np.inf if allow_unsteady else ONSET_OF_SHEDDING)
-        reach = jnp.abs(self.markers(parameters)).max(axis=0)
-        body = opening(parameters, self.scene.family.modes) >= LEAST_OPENING
+        onset = np.inf if allow_unsteady else ONSET_OF_SHEDDING[self.scene.dimension]
+        highest = min(self.scene.reynolds[1], onset)
+        reach = self._reach(parameters)
+        body = opening(parameters, self.scene.family.form) >= LEAST_OPENING
         body &= jnp.all(reach <= self.domain.reach)
-        return body & (reynolds >= REYNOLDS[0]) & (reynolds <= highest * (1 + 1e-9))
+        return (
+            body
+            & (reynolds >= REYNOLDS[self.scene.dimension][0])
+            & (reynolds <= highest * (1 + 1e-9))
+        )
 
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Body and Re as numbers that the scene's grid can take."""
         body = self.scene.family.check(parameters)
-        value = check_reynolds(reynolds, allow_unsteady)
+        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension)
         highest = self.scene.reynolds[1]
         if value > highest * (1 + 1e-9):
             raise InvalidInput(
                 f"Reynolds number {value:g}: the scene's window is made for wakes up to Re "
                 f"{highest:g}; a Scene that reaches further would do"
             )
-        if np.any(np.abs(self.markers(body)).max(axis=0) > self.domain.reach):
+        if np.any(self._reach(body) > self.domain.reach):
             raise InvalidInput("body: reaches beyond the bodies that the scene's grid was made for")
         return body, value
 
 
 def _fit(scene: Scene, shape: Shape, fidelity: Fidelity, reynolds: float) -> Domain:
-    outline = shape.draw(NODES_TO_FIT)
-    return fitted_domain(scene.stream, fidelity, outline, shape.symmetric, reynolds)
+    return fitted_domain(scene.stream, fidelity, shape, reynolds)

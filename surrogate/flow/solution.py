@@ -9,6 +9,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads.surface import SURFACE_POINTS, Surface, surface_of
 from surrogate.flow.solver.steady import FlowState
 
@@ -42,13 +43,13 @@ class Solution:
     state: FlowState
 
     @property
-    def markers(self) -> Float[np.ndarray, "nodes 2"]:
-        """The contour that was solved, in D, clockwise from the nose."""
-        return self.shape.draw(self.domain.nodes)
+    def markers(self) -> Markers:
+        """The contour that was solved, in D, clockwise from the nose; in space the skin."""
+        return self.shape.markers(self.domain.nodes)
 
     @property
-    def velocity(self) -> Float[np.ndarray, "2 nx ny"]:
-        """u and v over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
+    def velocity(self) -> Float[np.ndarray, "axes ..."]:
+        """u, v, ... over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
         whole = np.array(self.domain.lattice.unfold(self.state.velocity))
         whole[0] += 1.0
         return whole

@@ -10,12 +10,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import family_markers, modes_of
+from surrogate.body.family import family_markers
 from surrogate.body.shape import Shape
+from surrogate.body.solid import skin
 from surrogate.devices import Deal, Devices
 from surrogate.errors import NotConverged
 from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads.forces import Coefficients, coefficients, drag_coefficient
+from surrogate.flow.loads.space import space_coefficients
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.tangent import Effort, Query, drag_slopes
@@ -50,19 +53,33 @@ class Labels(NamedTuple):
 
 
 class Found(NamedTuple):
-    """A solved contour."""
+    """A solved body."""
 
     state: steady.FlowState
-    forces: Coefficients
     info: NewtonInfo
+
+    @property
+    def drag(self) -> float:
+        return float(drag_coefficient(self.state.amplitude))
 
 
 @functools.partial(jax.jit, static_argnames=("domain", "settings"))
 def solve_contour(domain, settings, markers, reynolds, guess=None):
     """Body flow of a contour; ``info.converged`` says whether the numbers mean anything."""
     case = steady.prepare(domain, markers, reynolds)
-    state, info = steady.body_flow(domain, case, guess, settings)
-    return Found(state, coefficients(domain, markers, *state, reynolds), info)
+    return Found(*steady.body_flow(domain, case, guess, settings))
+
+
+def loads(
+    domain: Domain, markers: Markers, state: steady.FlowState, reynolds: float
+) -> Coefficients:
+    """Force coefficients of a solved body."""
+    if domain.lattice.dimension == 3:
+        return space_coefficients(domain, markers, state, reynolds)
+    return _plane_loads(domain, markers, *state, jnp.asarray(reynolds))
+
+
+_plane_loads = jax.jit(coefficients, static_argnames="domain")
 
 
 def approach(
@@ -72,7 +89,7 @@ def approach(
 
     Returns the applications of G of all attempts too, their preparations included.
     """
-    markers, spent = jnp.asarray(shape.draw(domain.nodes)), 0
+    markers, spent = shape.markers(domain.nodes), 0
     for depth in range(HALVINGS + 1):
         guess, steps = None, 2**depth
         for k in range(1, steps + 1):
@@ -104,22 +121,21 @@ def gradient_at(
     Raises:
       NotConverged: the adjoint was not found.
     """
-    names, values = tuple(shape.parameters), jnp.array(list(shape.parameters.values()))
-    slopes = slopes_at(
-        domain, settings, modes_of(names), values, jnp.asarray(reynolds), found.state
-    )
+    at = jnp.asarray(shape.values), jnp.asarray(reynolds)
+    slopes = slopes_at(domain, settings, shape.form, *at, found.state)
     flat = np.array([*slopes[0], slopes[1]], float)
     if not np.all(np.isfinite(flat)):
         raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
-    return dict(zip((*names, "reynolds"), flat.tolist(), strict=True))
+    return dict(zip((*shape.parameters, "reynolds"), flat.tolist(), strict=True))
 
 
-@functools.partial(jax.jit, static_argnames=("domain", "settings", "modes"))
-def slopes_at(domain, settings, modes, parameters, reynolds, state, case=None):
+@functools.partial(jax.jit, static_argnames=("domain", "settings", "form"))
+def slopes_at(domain, settings, form, parameters, reynolds, state, case=None):
     """dCd/d(parameters, Re) by one adjoint of as many digits as the flow has."""
 
     def contour(parameters):
-        return family_markers(parameters, modes, domain.nodes)
+        draw = skin if form.dimension == 3 else family_markers
+        return draw(parameters, form, domain.nodes)
 
     if case is None:
         case = steady.prepare(domain, contour(parameters), reynolds)
@@ -143,7 +159,7 @@ def _drag_and_state(flow, parameters, reynolds):
 
 
 def _drag_slopes(flow, saved, cotangent):
-    slopes = slopes_at(flow.domain, flow.settings, flow.scene.family.modes, *saved)
+    slopes = slopes_at(flow.domain, flow.settings, flow.scene.family.form, *saved)
     return tuple(cotangent[0] * slope for slope in slopes)
 
 

@@ -10,6 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.flow.grid.domain import traction_modes
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.scene.scene import Scene
 
@@ -100,18 +101,20 @@ def make_network(
     features = jax.vmap(lambda p, re: quadratic(inputs(p, re)))(parameters, reynolds)
     trend = np.linalg.lstsq(features, np.log(-2 * oseen[:, 0]))[0]
     relative = -oseen / oseen[:, :1]
-    blank = blank_network((inputs.low.size, width, width, oseen.shape[1]), key)
+    blank = blank_network(scene, (width, width), key)
     layers = (*blank.layers[:-1], jax.tree.map(lambda leaf: 0.1 * leaf, blank.layers[-1]))
     mean, spread = relative.mean(axis=0), relative.std(axis=0) + 0.02
     return DragNetwork(layers, jnp.asarray(trend), inputs, jnp.asarray(mean), jnp.asarray(spread))
 
 
-def blank_network(sizes: tuple[int, ...], key: jax.Array) -> DragNetwork:
-    """Random layers from inputs to modes, scales of nought."""
+def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> DragNetwork:
+    """Random layers from a scene's inputs to its traction modes, scales of nought."""
+    form, outputs = scene.family.form, traction_modes(scene.family, scene.fidelity).count
+    sizes = (len(form.names) + 1, *hidden, outputs)
     layers = tuple(
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
     count, modes = sizes[0], jnp.zeros(sizes[-1])
-    inputs = Inputs(jnp.zeros(count), jnp.zeros(count))
+    inputs = Inputs(jnp.zeros(count), jnp.zeros(count), form)
     return DragNetwork(layers, jnp.zeros((count + 1) * (count + 2) // 2), inputs, modes, modes)

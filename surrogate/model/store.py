@@ -14,6 +14,7 @@ import numpy as np
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import check_target, whole_files
+from surrogate.flow.grid.domain import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import DragNetwork, blank_network
@@ -75,12 +76,12 @@ def load(name: str | Path) -> Surrogate:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {problem}") from None
     except InvalidInput as problem:
         raise InvalidInput(f"{what}: {problem}") from None
-    inputs, outputs = len(scene.family.names) + 1, 2 * scene.fidelity.harmonics + 1
+    outputs = traction_modes(scene.family, scene.fidelity).count
     if not 1 <= len(sizes) <= DEEPEST or sizes[-1] != outputs:
         raise InvalidInput(
             f"{what}: its layers {sizes} do not end in the {outputs} modes of its scene"
         )
-    blank = eqx.filter_eval_shape(blank_network, (inputs, *sizes), jax.random.key(0))
+    blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
     if _digest(folder / WEIGHTS) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")

@@ -28,24 +28,31 @@ OVERHEAD = 1.6  # of a whole flow over its convolutions alone: convection, Krylo
 
 
 @functools.cache
-def application_seconds(shape: tuple[int, int]) -> float:
+def application_seconds(shape: tuple[int, ...]) -> float:
     """Seconds of a flow per application of G in a symmetric window of ``shape`` cells.
 
     Timed on a convolution of the same size: transforms there and back around one product.
     """
-    nx, ny = shape
-    across = np.ones((ny, 2 * ny + 1), np.float32)
+    nx, *across = shape
+    matrices = [np.ones((rows, 2 * rows + 1), np.float32) for rows in across]
 
     @jax.jit
     def convolve(field):
-        spectrum = jnp.fft.rfft(field @ across, n=2 * nx, axis=1)
-        product = jnp.stack([spectrum[0] + spectrum[1], spectrum[0] - spectrum[1]])
-        return jnp.fft.irfft(product, n=2 * nx, axis=1)[:, :nx] @ across.T
+        lateral = functools.reduce(_along_next_axis, matrices, field)
+        spectrum = jnp.fft.rfft(lateral, n=2 * nx, axis=1)
+        product = sum(spectrum) + spectrum
+        lateral = jnp.fft.irfft(product, n=2 * nx, axis=1)[:, :nx]
+        return functools.reduce(_along_next_axis, [m.T for m in matrices], lateral)
 
-    field = jnp.ones((2, nx, ny), jnp.float32)
+    field = jnp.ones((len(shape), *shape), jnp.float32)
     seconds = []
     for _ in range(REPEATS):
         start = time.perf_counter()
         jax.block_until_ready(convolve(field))
         seconds.append(time.perf_counter() - start)
     return OVERHEAD * float(np.median(seconds[1:]))
+
+
+def _along_next_axis(field, matrix):
+    """A matrix along the first axis across the stream, which then is the last."""
+    return jnp.tensordot(field, matrix, axes=[[2], [0]])

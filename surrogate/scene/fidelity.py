@@ -54,13 +54,13 @@ class Fidelity:
         """Two thirds of the cells."""
         return dataclasses.replace(self, cells=round(2 * self.cells / 3))
 
-    def smaller(self) -> "Fidelity":
-        """Two thirds of the window."""
+    def smaller(self, share: float) -> "Fidelity":
+        """A share of the window."""
         return dataclasses.replace(
             self,
-            upstream=2 * self.upstream / 3,
-            downstream=2 * self.downstream / 3,
-            height=2 * self.height / 3,
+            upstream=share * self.upstream,
+            downstream=share * self.downstream,
+            height=share * self.height,
         )
 
 
@@ -72,10 +72,18 @@ FIDELITIES = {
         Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001),
     )
 }
+SPACE_FIDELITIES = {
+    level.name: level
+    for level in (
+        Fidelity("draft", 8, 3, 6, 4, wake=0.0, promise=0.02),
+        Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005),
+        Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001),
+    )
+}
 
 
-def read_fidelity(value: Any) -> Fidelity:
-    """A fidelity by its name, or by a table of its numbers.
+def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
+    """A fidelity by its name, or by a table of its numbers; in space the names mean others.
 
     Raises:
       InvalidInput: there is none of this name, or a number is missing or makes no sense.
@@ -83,9 +91,10 @@ def read_fidelity(value: Any) -> Fidelity:
     if isinstance(value, Fidelity):
         return value
     if not isinstance(value, Mapping):
-        if not isinstance(value, str) or value not in FIDELITIES:
-            raise InvalidInput(f"fidelity {value!r}: one of {', '.join(FIDELITIES)}")
-        return FIDELITIES[value]
+        levels = FIDELITIES if dimension == 2 else SPACE_FIDELITIES
+        if not isinstance(value, str) or value not in levels:
+            raise InvalidInput(f"fidelity {value!r}: one of {', '.join(levels)}")
+        return levels[value]
     try:
         return Fidelity(**{"name": "custom", **value})
     except TypeError:

@@ -13,6 +13,7 @@ In a file it is a few lines of TOML; what they leave out is as in ``Scene()``:
 
 import dataclasses
 import json
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,7 +26,7 @@ from surrogate.checks import finite_number, interval
 from surrogate.errors import InvalidInput
 from surrogate.files import whole_file
 from surrogate.scene.cost import APPLICATIONS, application_seconds
-from surrogate.scene.fidelity import FIDELITIES, Fidelity, read_fidelity
+from surrogate.scene.fidelity import FIDELITIES, SPACE_FIDELITIES, Fidelity, read_fidelity
 from surrogate.scene.stream import (
     Stream,
     Tunnel,
@@ -35,15 +36,16 @@ from surrogate.scene.stream import (
     window_height,
 )
 
-REYNOLDS = (1e-3, 300.0)  # that the steady solver is tested for
-ONSET_OF_SHEDDING = 46.7  # cylinder, unbounded stream
+REYNOLDS = {2: (1e-3, 300.0), 3: (1e-2, 300.0)}  # that the steady solver is tested for
+ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
     """A family of bodies in a stream over a range of Reynolds numbers U D / nu.
 
-    ``stream`` and ``fidelity`` may be given by their names in a file.
+    ``stream`` and ``fidelity`` may be given by their names in a file. The dimension is the
+    family's; given alone it stands for ``Family(dimension)``.
 
     Raises:
       InvalidInput: a range or the fidelity is none that can be modelled.
@@ -51,19 +53,33 @@ class Scene:
 
     stream: Stream | Any = Unbounded()
     reynolds: tuple[float, float] | Any = (1.0, 40.0)
-    family: Family | Any = Family()
-    fidelity: Fidelity | Any = FIDELITIES["standard"]
+    family: Family | Any = None
+    fidelity: Fidelity | Any = "standard"
+    dimension: int | Any = None
 
     def __post_init__(self):
-        reynolds = interval("Reynolds range", self.reynolds)
-        for end in reynolds:
-            check_reynolds(end, allow_unsteady=True)
-        object.__setattr__(self, "reynolds", reynolds)
-        object.__setattr__(self, "fidelity", read_fidelity(self.fidelity))
-        if not isinstance(self.stream, Stream):
-            object.__setattr__(self, "stream", parse_stream(self.stream))
+        def put(name, value):
+            object.__setattr__(self, name, value)
+
+        if self.family is None:
+            put("family", Family(dimension=2 if self.dimension is None else self.dimension))
         if not isinstance(self.family, Family):
             raise InvalidInput(f"scene: {self.family!r} is no family; Family(aspect=(1, 5)) is")
+        if self.dimension not in (None, self.family.dimension):
+            raise InvalidInput(
+                f"scene: dimension {self.dimension!r}, but a family of dimension "
+                f"{self.family.dimension}; Family(dimension=...) sets it"
+            )
+        put("dimension", self.family.dimension)
+        reynolds = interval("Reynolds range", self.reynolds)
+        for end in reynolds:
+            check_reynolds(end, allow_unsteady=True, dimension=self.dimension)
+        put("reynolds", reynolds)
+        put("fidelity", read_fidelity(self.fidelity, self.dimension))
+        if not isinstance(self.stream, Stream):
+            put("stream", parse_stream(self.stream))
+        if self.dimension == 3 and self.stream != Unbounded():
+            raise InvalidInput(f"stream {self.stream}: bodies in space are modelled without walls")
 
     @classmethod
     def read(cls, path: str | Path) -> "Scene":
@@ -91,22 +107,22 @@ class Scene:
         if not isinstance(record, Mapping):
             raise InvalidInput("scene: must be a table")
         values = dict(record)
-        known = ["dimension", *(field.name for field in dataclasses.fields(cls))]
+        known = [field.name for field in dataclasses.fields(cls)]
         if foreign := [key for key in values if key not in known]:
             raise InvalidInput(f"scene: no key {foreign[0]!r}; {', '.join(known)}")
-        if values.pop("dimension", 2) != 2:
-            raise InvalidInput("dimension: bodies in the plane are modelled, dimension = 2")
         if "family" in values:
             if not isinstance(values["family"], Mapping):
                 raise InvalidInput("family: must be a table of ranges")
-            values["family"] = Family(**values["family"])
+            if "dimension" in values["family"]:
+                raise InvalidInput("family: the dimension is the scene's, not in its table")
+            values["family"] = Family(values.get("dimension", 2), **values["family"])
         return cls(**values)
 
     @property
     def record(self) -> dict[str, Any]:
         """Plain values, for JSON."""
         return {
-            "dimension": 2,
+            "dimension": self.dimension,
             "stream": str(self.stream),
             "reynolds": list(self.reynolds),
             "fidelity": dataclasses.asdict(self.fidelity),
@@ -118,7 +134,8 @@ class Scene:
         plain = self.record
         family, fidelity = plain.pop("family"), plain.pop("fidelity")
         tables = {"family": family}
-        if FIDELITIES.get(self.fidelity.name) == self.fidelity:
+        named = FIDELITIES if self.dimension == 2 else SPACE_FIDELITIES
+        if named.get(self.fidelity.name) == self.fidelity:
             plain["fidelity"] = self.fidelity.name
         else:
             tables["fidelity"] = fidelity
@@ -129,10 +146,9 @@ class Scene:
             part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     @property
-    def extent(self) -> tuple[float, float]:
-        """Length and height in D of a box that holds every body, and the cylinder."""
-        length, height = self.family.extent
-        return max(length, 1.0), max(height, 1.0)
+    def extent(self) -> tuple[float, ...]:
+        """Sides in D of a box that holds every body, and the cylinder or sphere."""
+        return tuple(max(float(side), 1.0) for side in self.family.extent)
 
     @property
     def reaching(self) -> Fidelity:
@@ -146,17 +162,19 @@ class Scene:
           InvalidInput: it is none, or outside the scene's range.
         """
         low, high = self.reynolds
-        value = check_reynolds(reynolds, allow_unsteady=True)
+        value = check_reynolds(reynolds, allow_unsteady=True, dimension=self.dimension)
         if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
             raise InvalidInput(f"Reynolds number {value:g}: the scene covers {low:g} to {high:g}")
         return value
 
     def explain(self, bodies: int = 512) -> str:
         """What is modelled and why, what is left out, what ``bodies`` and a design will cost."""
-        f = self.reaching
+        f, space = self.reaching, self.dimension == 3
         height = window_height(self.stream, f.height)
-        shape = round((f.upstream + f.downstream) * f.cells), round(height * f.cells / 2)
+        rows = round(height * f.cells / 2)
+        shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (self.dimension - 1)
         seconds = application_seconds(shape)
+        across = f"{height:g} x {height:g}" if space else f"{height:g}"
 
         def cost(applications):
             return f"{applications:,.0f} applications of G, {applications * seconds:.2g} s"
@@ -167,15 +185,21 @@ class Scene:
             [
                 f"Steady laminar flow in {describe_stream(self.stream)}, "
                 f"Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
-                f"Bodies: symmetric family, area pi/4, {bounds}.",
+                f"Bodies: symmetric family, {'volume pi/6' if space else 'area pi/4'}, {bounds}.",
                 f"Grid ({f.name}): {f.cells} cells per D on a window {f.upstream + f.downstream:g} "
-                f"x {height:g} D ({shape[0] * shape[1]} cells in its upper half), where the flow "
+                f"x {across} D ({math.prod(shape)} cells in its "
+                f"{'quarter' if space else 'upper half'}), where the flow "
                 "is non-linear; outside it the Oseen Green's function G and the far field's "
                 f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
-                "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window.",
-                f"Traction: {2 * f.harmonics + 1} modes.",
-                "Left out: the third dimension, unsteadiness (bluff bodies shed vortices beyond "
-                f"Re {ONSET_OF_SHEDDING:g}), compressibility, roughness.",
+                + (
+                    "Re 0.1 to 100 and aspect 0.5 to 4."
+                    if space
+                    else "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window."
+                ),
+                "Left out: "
+                + ("" if space else "the third dimension, ")
+                + "unsteadiness (bluff bodies shed vortices beyond "
+                f"Re {ONSET_OF_SHEDDING[self.dimension]:g}), compressibility, roughness.",
                 f"On this machine one application of G takes {1e3 * seconds:.2g} ms, so {bodies} "
                 f"bodies of a training cost {cost(bodies * APPLICATIONS.flow)}, their shape "
                 f"gradients {cost(bodies * APPLICATIONS.adjoint)}; a design by the flow's adjoint "
@@ -185,7 +209,7 @@ class Scene:
         )
 
 
-def check_reynolds(reynolds: Any, allow_unsteady: bool = False) -> float:
+def check_reynolds(reynolds: Any, allow_unsteady: bool = False, dimension: int = 2) -> float:
     """A Reynolds number at which a steady laminar flow is a fair answer.
 
     Raises:
@@ -195,30 +219,32 @@ def check_reynolds(reynolds: Any, allow_unsteady: bool = False) -> float:
     value = finite_number("Reynolds number", reynolds)
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
-    if value < REYNOLDS[0]:
-        raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from 0.001")
-    if value > REYNOLDS[1]:
-        raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to 300")
-    if value > ONSET_OF_SHEDDING and not allow_unsteady:
+    (low, high), onset = REYNOLDS[dimension], ONSET_OF_SHEDDING[dimension]
+    if value < low:
+        raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
+    if value > high:
+        raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
+    if value > onset and not allow_unsteady:
         raise InvalidInput(
             f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
-            f"{ONSET_OF_SHEDDING:g}, so the steady drag is not what nature does; "
+            f"{onset:g}, so the steady drag is not what nature does; "
             "allow_unsteady asks for it all the same"
         )
     return value
 
 
 def check_stream(
-    stream: Stream, fidelity: Fidelity, reach: np.ndarray, room: tuple[float, float] = (1.5, 1.25)
+    stream: Stream, fidelity: Fidelity, reach: np.ndarray, room: tuple[float, float]
 ) -> None:
-    """Raise InvalidInput unless a body of this reach (length, height) fits window and stream.
+    """Raise InvalidInput unless a body of this reach, (length, ..., height), fits the stream.
 
     ``room`` is what must lie between it and the window's edges, in D; accuracy asks for a lot.
     """
-    along, across = reach / 2 + np.array(room)
+    along, across = reach[0] / 2 + room[0], np.max(reach[1:]) / 2 + room[1]
     if along > fidelity.upstream or across > fidelity.height / 2:
+        sides = " x ".join(f"{side:g}" for side in reach)
         raise InvalidInput(
-            f"body: {reach[0]:g} x {reach[1]:g} D is too large for the {fidelity.name} window; "
+            f"body: {sides} D is too large for the {fidelity.name} window; "
             "fine reaches further, and bodies are best scaled to area pi/4"
         )
     if isinstance(stream, Tunnel) and stream.height < reach[1] + 1:

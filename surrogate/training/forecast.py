@@ -68,8 +68,7 @@ def _inverse_seconds(plan, batch):
 
 
 def _network(plan):
-    inputs, modes = len(plan.scene.family.names) + 1, 2 * plan.scene.fidelity.harmonics + 1
-    return blank_network((inputs, WIDTH, WIDTH, modes), jax.random.key(0))
+    return blank_network(plan.scene, (WIDTH, WIDTH), jax.random.key(0))
 
 
 def _median(call, repeats=5):

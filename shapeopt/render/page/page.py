@@ -66,7 +66,7 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
         "low": np.asarray(network.inputs.low).tolist(),
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
-        "modes": list(family.modes),
+        "modes": list(family.form.modes),
         "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),
         "reference": reference_body(family).tolist(),

@@ -7,6 +7,8 @@ from typing import Literal, NamedTuple
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.scene.fidelity import Fidelity
 
+SHRUNK = {2: 2 / 3, 3: 5 / 6}  # of the window; in space it is as small as bodies allow
+FALL = 2.7  # power of the window's size with which its error falls
 TALLEST = 1.5  # D across the stream: beyond, no promise was measured
 
 
@@ -29,21 +31,23 @@ def judge(
     fidelity: Fidelity,
     reynolds: float,
     height: float,
+    shrunk: float,
 ) -> Trust:
     """Estimate the error of the drag of a body of this height, at two thirds of its cost.
 
     ``solve`` gives drag and applications of G of the same body at another fidelity. The scheme is
-    of second order, so with two thirds of the cells the error of the grid is 9/4 of it; in two
-    thirds of the window that of the window is about three times as large. The two are added up,
-    lest they cancel.
+    of second order, so with two thirds of the cells the error of the grid is 9/4 of it; in
+    ``shrunk`` of the window, two thirds, that of the window is about three times as large. The two
+    are added up, lest they cancel.
     """
     fitted = fidelity.reaching(reynolds, height)
     coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
     try:
-        (rough, some), (cramped, more) = solve(coarser), solve(coarser.smaller())
+        (rough, some), (cramped, more) = solve(coarser), solve(coarser.smaller(shrunk))
     except (InvalidInput, NotConverged):
         return Trust(None, "degraded", 0)
     of_grid = abs(rough - drag) / ((fitted.cells / coarser.cells) ** 2 - 1)
-    error = (of_grid + abs(cramped - rough) / 2) / drag
+    of_window = abs(cramped - rough) / (shrunk**-FALL - 1)
+    error = (of_grid + of_window) / drag
     within = error <= fidelity.promise and height <= TALLEST
     return Trust(error, "accurate" if within else "degraded", some + more)

@@ -6,18 +6,23 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.arrays import AnyArray
+from surrogate.body.family import Family
 from surrogate.body.measures import mean_thickness
+from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
-from surrogate.flow.grid.immersed import Modes
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes import Modes, SpaceModes
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import Scene, check_stream
 from surrogate.scene.stream import Stream, Tunnel, window_height
 
 FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
+SPACE_FAR = ((2.0, 24), (0.5, 96), (0.125, 384))  # the same in space: cells per D, extents
+FLATTENED = (5, 5)  # degrees of the traction modes that vary around a flattened body
 THINNEST = 2.5  # cells across the mean thickness
+NODES_TO_FIT = 400
+ROOM = {2: (1.5, 1.25), 3: (1.0, 0.5)}  # D that a fitted body leaves along and across
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,9 +31,9 @@ class Domain:
 
     lattice: Lattice
     far: tuple[Lattice, ...]
-    modes: Modes
-    box: tuple[int, int]
-    nodes: int
+    modes: Modes | SpaceModes
+    box: tuple[int, ...]
+    nodes: int | tuple[int, int]
     height: float | None
     slip_compliance: float = 1e-5
 
@@ -37,9 +42,35 @@ class Domain:
         return self.height is not None and not self.modes.symmetric
 
     @property
-    def reach(self) -> Float[np.ndarray, " 2"]:
-        """Largest |x| and |y| in D of a contour that its box holds."""
+    def reach(self) -> Float[np.ndarray, " axes"]:
+        """Largest |x|, |y|, ... in D of a body that its box holds."""
         return (np.array(self.box) / 2 - 2) * self.lattice.step
+
+
+def traction_modes(family: Family, fidelity: Fidelity) -> Modes | SpaceModes:
+    """The modes of the symmetric bodies of a family: only as many as they need."""
+    if family.dimension == 2:
+        return Modes(fidelity.harmonics, symmetric=True)
+    return SpaceModes(fidelity.harmonics, FLATTENED if "flatness" in family.names else ())
+
+
+def space_domain(
+    fidelity: Fidelity, extent: tuple[float, float, float], modes: SpaceModes
+) -> Domain:
+    """Discretise an unbounded stream around bodies that fit a box of ``extent`` in D."""
+
+    def window(before, after, across, cells):
+        rows = round(across * cells / 2)
+        shape = (round((before + after) * cells), rows, rows)
+        return Lattice(shape, (1 / cells,) * 3, round(before * cells), symmetric=True)
+
+    n = fidelity.cells
+    lattice = window(fidelity.upstream, fidelity.downstream, fidelity.height, n)
+    far = tuple(window(size // 3, size - size // 3, size, cells) for cells, size in SPACE_FAR)
+    box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
+    around, across = max(extent) * math.pi * n / 0.8, max(extent[1:]) * math.pi * n / 0.8
+    nodes = math.ceil(around / 2), math.ceil(across / 4)
+    return Domain(lattice, far, modes, box, nodes, None, slip_compliance=1e-8)
 
 
 def make_domain(
@@ -84,16 +115,12 @@ def scene_domain(scene: Scene) -> Domain:
     """
     extent, fidelity = scene.extent, scene.reaching
     check_stream(scene.stream, fidelity, np.array(extent), room=(1.0, 0.5))
+    if scene.dimension == 3:
+        return space_domain(fidelity, extent, traction_modes(scene.family, fidelity))
     return make_domain(scene.stream, fidelity, extent, symmetric=True)
 
 
-def fitted_domain(
-    stream: Stream,
-    fidelity: Fidelity,
-    outline: Float[AnyArray, "nodes 2"],
-    symmetric: bool,
-    reynolds: float,
-) -> Domain:
+def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
     """Domain for one body, its box rounded up so that similar bodies share compiled code.
 
     The window is as long as the wake at this Re asks for.
@@ -101,7 +128,7 @@ def fitted_domain(
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
-    thickness = mean_thickness(outline) * fidelity.cells
+    thickness = mean_thickness(shape.draw(NODES_TO_FIT)) * fidelity.cells
     if thickness < THINNEST:
         needed = math.ceil(fidelity.cells * THINNEST / thickness)
         raise InvalidInput(
@@ -109,8 +136,14 @@ def fitted_domain(
             f"{THINNEST:g} are "
             f"needed; {needed} cells per D would resolve it"
         )
-    reach = np.abs(outline).max(axis=0) * 2
-    fidelity = fidelity.reaching(reynolds, float(reach[1]))
+    reach = shape.reach
+    fidelity = fidelity.reaching(reynolds, float(reach[-1]))
     reach = np.ceil(reach * 4) / 4
-    check_stream(stream, fidelity, reach)
-    return make_domain(stream, fidelity, (float(reach[0]), float(reach[1])), symmetric)
+    room = ROOM[shape.dimension]
+    check_stream(stream, fidelity, reach, room)
+    if shape.dimension == 3:
+        flattened = FLATTENED if shape.parameters.get("flatness", 1.0) != 1 else ()
+        return space_domain(
+            fidelity, tuple(reach.tolist()), SpaceModes(fidelity.harmonics, flattened)
+        )
+    return make_domain(stream, fidelity, tuple(reach.tolist()), shape.symmetric)

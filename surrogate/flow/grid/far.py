@@ -2,9 +2,11 @@
 
 Far from the body u' is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the momentum
 flux outside the window is quadratic in the force and its response inside the window is
-``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, made on a coarse grid.
+``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, made on a coarse grid. Forces count in
+the unit of the traction modes. In space there is no lift.
 """
 
+import functools
 from collections.abc import Callable
 
 import jax.numpy as jnp
@@ -15,7 +17,9 @@ from scipy.interpolate import CubicSpline
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes import SPACE_UNIT
 from surrogate.flow.grid.oseen import oseen_kernel
+from surrogate.flow.grid.oseen_space import space_kernel
 
 
 def far_response(
@@ -24,14 +28,14 @@ def far_response(
     reynolds: Float[AnyArray, ""],
     height: float | None,
     lift: bool,
-) -> Float[AnyArray, "terms 2 nx ny"]:
+) -> Float[AnyArray, "terms axes ..."]:
     """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces.
 
     Each of the ``nested`` lattices, ever coarser and larger, adds what lies outside the one before.
     """
     inside, band, total = lattice, 1.0, 0.0
     for coarse in nested:
-        window = _resampled_cutoff(inside, coarse, band)
+        window = inside.profile(coarse.faces(), band)
         total += _ring(lattice, coarse, window, reynolds, height, lift)
         inside, band = coarse, _band(coarse)
     return total
@@ -39,7 +43,10 @@ def far_response(
 
 def _ring(lattice, coarse, inner, reynolds, height, lift):
     """What convects between the window ``inner`` and the cut-off of ``coarse``."""
-    kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
+    if lattice.dimension == 3:
+        kernel = space_kernel(coarse, reynolds)
+    else:
+        kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 
     def outside(u):
@@ -56,18 +63,20 @@ def _ring(lattice, coarse, inner, reynolds, height, lift):
 
 
 def far_velocity(
-    response: Float[AnyArray, "terms 2 nx ny"], force: Float[AnyArray, " 2"]
-) -> Float[AnyArray, "2 nx ny"]:
+    response: Float[AnyArray, "terms axes ..."], force: Float[AnyArray, " 2"]
+) -> Float[AnyArray, "axes ..."]:
     """Velocity in the window due to the momentum flux outside it, for a total force."""
     products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])
     return jnp.tensordot(products[: response.shape[0]], response, axes=1)
 
 
-def _unit_force(coarse, axis):
-    x, y = coarse.faces()[axis]
-    wx, wy = bspline(x / coarse.step[0]), bspline(y / coarse.step[1])
-    density = jnp.outer(wx, wy) / np.prod(coarse.step)
-    return jnp.zeros((2, *coarse.shape)).at[axis].set(density)
+def _unit_force(coarse, own):
+    """The unit of force in one direction, at the origin."""
+    faces = zip(coarse.faces()[own], coarse.step, strict=True)
+    density = functools.reduce(jnp.multiply.outer, [bspline(x / step) for x, step in faces])
+    unit = SPACE_UNIT if coarse.dimension == 3 else 1.0
+    density = density * (unit / np.prod(coarse.step))
+    return jnp.zeros((coarse.dimension, *coarse.shape)).at[own].set(density)
 
 
 def _band(coarse):
@@ -75,26 +84,32 @@ def _band(coarse):
     return 6 * coarse.step[0]
 
 
-def _resampled_cutoff(lattice, coarse, band):
-    """A window on the coarse faces: the same function of position, zero outside."""
-    window = np.zeros((2, *coarse.shape))
-    for c, (x, y) in enumerate(coarse.faces()):
-        window[c] = np.outer(lattice.edge(x, 0, band), lattice.edge(y, 1, band))
-    return window
-
-
 def refinement(lattice: Lattice, coarse: Lattice) -> Callable:
     """Interpolation of a field from the faces of ``coarse`` to those of ``lattice``.
 
     By cubic splines, as small dense matrices; the other way round it samples.
     """
+
+    def parity(axis, own):
+        return (-1 if axis == own else 1) if coarse.symmetric and axis > 0 else 0
+
     matrices = [
-        (_spline(xf, xc), _spline(yf, yc, parity if coarse.symmetric else 0))
-        for (xf, yf), (xc, yc), parity in zip(lattice.faces(), coarse.faces(), (1, -1), strict=True)
+        [
+            _spline(xf, xc, parity(axis, own))
+            for axis, (xf, xc) in enumerate(zip(*faces, strict=True))
+        ]
+        for own, faces in enumerate(zip(lattice.faces(), coarse.faces(), strict=True))
     ]
-    return lambda field: jnp.stack(
-        [mx @ component @ my.T for (mx, my), component in zip(matrices, field, strict=True)]
-    )
+
+    def refine(field):
+        for axis in range(lattice.dimension):
+            field = [
+                jnp.moveaxis(jnp.tensordot(of[axis], part, axes=[[1], [axis]]), 0, axis)
+                for of, part in zip(matrices, field, strict=True)
+            ]
+        return jnp.stack(field)
+
+    return refine
 
 
 def _spline(fine, rough, parity=0):

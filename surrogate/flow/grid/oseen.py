@@ -161,32 +161,40 @@ def _half_spectrum(lattice, reynolds, theta, weight):
 
 
 def _columns(lattice, reynolds, theta):
-    """Kernel at wave numbers theta across, on displacements n in [-nx, nx) along the stream.
-
-    g_s (viscous) is sigma^-1 and Q (potential) is Lap^-1 sigma^-1. With P = h U / nu and beta
-    the lateral eigenvalue, sigma has the decaying roots r (downstream) and s (upstream), Lap the
-    root rho; Q is the convolution of the two sequences, summed in closed form.
-    """
+    """Kernel at wave numbers theta across, on displacements n in [-nx, nx) along the stream."""
     hx, hy = lattice.step
-    m = np.arange(lattice.shape[0] + 2)[:, None]  # distance along the stream
     beta = (2 * hx / hy * np.sin(theta / 2)) ** 2
-    P = hx * reynolds
+    viscous, potential = sequences(lattice, reynolds, beta)
+    slope = jnp.diff(potential, axis=0) / hx * (2 * np.sin(theta / 2) / hy)  # D+x D-y Q
+    xx = (-beta / hx**2 * potential)[1:-1]
+    return xx, slope[1:], slope[:-1], viscous[1:-1] - xx
+
+
+def sequences(
+    lattice: Lattice, reynolds: Float[AnyArray, ""], beta: Float[AnyArray, " waves"]
+) -> tuple[Float[Array, "displacements waves"], Float[Array, "displacements waves"]]:
+    """sigma^-1 and Q = Lap^-1 sigma^-1 on displacements n in [-nx - 1, nx + 1) along the stream.
+
+    beta is the eigenvalue across, times h^2. With P = h U / nu, sigma has the decaying roots r
+    (downstream) and s (upstream), Lap the root rho; Q is the convolution of the two sequences,
+    summed in closed form.
+    """
+    h = lattice.step[0]
+    m = np.arange(lattice.shape[0] + 2)[:, None]  # distance along the stream
+    P = h * reynolds
     root = np.sqrt(beta + beta**2 / 4)
     rho = 1 / (1 + beta / 2 + root)
-    laplace = -(hx**2) / (2 * root)
+    laplace = -(h**2) / (2 * root)
     discriminant = jnp.sqrt(4 * beta + beta**2 + P**2)
     total = 2 + beta + discriminant
     r, s = (2 + P) / total, (2 - P) / total
-    c = hx**2 * reynolds / discriminant
+    c = h**2 * reynolds / discriminant
     rho_m, r_m, s_m = np.power(rho, m), _powers(r, m), _powers(s, m)
     viscous = c * _both_ways(s_m, r_m)
     overlap_r, overlap_s = rho * r / (1 - rho * r), rho * s / (1 - rho * s)
     ahead = (r * r_m - rho * rho_m) / (r - rho) + r_m * overlap_r + rho_m * overlap_s
     behind = rho_m / (1 - rho * r) + s * (rho_m - s_m) / (rho - s) + s_m * overlap_s
-    potential = laplace * c * _both_ways(behind, ahead)
-    slope = jnp.diff(potential, axis=0) / hx * (2 * np.sin(theta / 2) / hy)  # D+x D-y Q
-    xx = (-beta / hx**2 * potential)[1:-1]
-    return xx, slope[1:], slope[:-1], viscous[1:-1] - xx
+    return viscous, laplace * c * _both_ways(behind, ahead)
 
 
 def _powers(base, exponent):

@@ -15,7 +15,7 @@ PROBES = (2.5, 3.5, 4.5)  # cells off the wall, clear of the smeared traction
 
 
 class Coefficients(NamedTuple):
-    """Force of the fluid on the body over (1/2) rho U^2 D, per unit span.
+    """Force of the fluid on the body over (1/2) rho U^2 D, per unit span; in space pi D^2 / 4.
 
     ``moment`` is about the origin (the centroid), nose up, over (1/2) rho U^2 D^2.
     """
@@ -96,12 +96,13 @@ def _interpolate(lattice, box, corner_field, points):
     i0, j0 = lattice.inlet - box[0] // 2, lattice.shape[1] // 2 - box[1] // 2
     i = slice(max(i0 - margin, 0), i0 + box[0] + margin)
     j = slice(max(j0 - margin, 0), j0 + box[1] + margin)
-    wx = _keys((points[:, :1] - x[i]) / lattice.step[0])
-    wy = _keys((points[:, 1:] - y[j]) / lattice.step[1])
+    wx = keys_weights((points[:, :1] - x[i]) / lattice.step[0])
+    wy = keys_weights((points[:, 1:] - y[j]) / lattice.step[1])
     return jnp.einsum("ki,ij,kj->k", wx, corner_field[i, j], wy, optimize="optimal")
 
 
-def _keys(r):
+def keys_weights(r: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:
+    """Of a field's values at distances r, in cells, in a cubic convolution (Keys 1981)."""
     a = jnp.abs(r)
     near = 1 + a**2 * (1.5 * a - 2.5)
     far = 2 + a * (-4 + a * (2.5 - 0.5 * a))

@@ -4,23 +4,25 @@ The traction modes carry the drag but split it badly on slender bodies, so the s
 taken from the flow outside the smeared layer.
 """
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import map_coordinates
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.grid.immersed import outward, spread_modes
+from surrogate.flow.grid.immersed import Markers, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.solver.steady import FlowState
 
-NEAR = (1.5, 2.5, 3.5)  # cells off the wall: pressure is smooth there, so closer than vorticity
+NEAR = {
+    2: (1.5, 2.5, 3.5),
+    3: (1.0, 2.0, 3.0),
+}  # cells off the wall: pressure is smooth there, so closer than vorticity
 
 
 def pressure(
-    domain: Domain, markers: Float[AnyArray, "nodes 2"], state: FlowState, reynolds: float
-) -> Float[np.ndarray, "nx ny"]:
+    domain: Domain, markers: Markers, state: FlowState, reynolds: float
+) -> Float[np.ndarray, "..."]:
     """p / rho U^2 in the cells of the whole window, zero far away.
 
     grad p is what the momentum equation leaves: body force minus everything that is velocity. It
@@ -29,59 +31,62 @@ def pressure(
     viscosity took upstream of it falls off as exp(-Re r), 1 % of Cp at Re 1.
     """
     lattice = domain.lattice.unfolded
-    body = spread_modes(domain.lattice, domain.modes, domain.box, jnp.asarray(markers))
+    body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
     force = np.asarray(domain.lattice.unfold(body.spread(state.amplitude)))
     velocity = np.asarray(domain.lattice.unfold(state.velocity))
     gradient = force - momentum_defect(lattice, velocity, reynolds)
-    (dx, dy), (_, rows) = lattice.step, lattice.shape
-    margin = round(1.5 / dx)  # of the window, where convection is cut off
-    column = np.concatenate([[0.0], np.cumsum(gradient[1, margin, :-1]) * dy])
-    along = np.cumsum(gradient[0], axis=0) * dx
-    field = column + np.concatenate([np.zeros((1, rows)), along[:-1]]) - along[margin - 1]
-    entry = (slice(margin - 1, margin + 1), slice(rows // 2 - 1, rows // 2 + 1))
-    u, v = velocity[0][entry].mean(), velocity[1][entry].mean()
-    head = 0.5 - ((1 + u) ** 2 + v**2) / 2
+    margin = round(1.5 / lattice.step[0])  # of the window, where convection is cut off
+    middle = (margin, *(count // 2 for count in lattice.shape[1:]))
+    field = np.zeros(lattice.shape)
+    for axis, step in enumerate(lattice.step):  # of the axes before this one the middles
+        along = np.cumsum(gradient[axis][middle[:axis]], axis=0) * step
+        along = np.concatenate([np.zeros_like(along[:1]), along[:-1]])
+        field += along - along[middle[axis]]
+    entry = tuple(slice(index - 1, index + 1) for index in middle)
+    stream = [component[entry].mean() for component in velocity]
+    stream[0] += 1
+    head = 0.5 - np.square(stream).sum() / 2
     return field - field[entry].mean() + head
 
 
 def surface_pressure(
     domain: Domain,
-    markers: Float[AnyArray, "nodes 2"],
-    field: Float[np.ndarray, "nx ny"],
+    points: Float[AnyArray, "nodes axes"],
+    normal: Float[AnyArray, "nodes axes"],
+    field: Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, " nodes"]:
-    """Cp along a contour: the pressure some cells off the wall, extrapolated to it."""
+    """Cp at points of a surface: the pressure some cells off the wall, extrapolated to it."""
     lattice, h = domain.lattice.unfolded, domain.lattice.step[0]
-    normal = np.asarray(outward(jnp.asarray(markers)))
+    points, normal = np.asarray(points), np.asarray(normal)
     unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
-    origin = np.array([lattice.inlet, lattice.shape[1] / 2]) - 0.5
+    origin = np.array([lattice.inlet, *(count / 2 for count in lattice.shape[1:])]) - 0.5
+    near = NEAR[lattice.dimension]
     probed = [
         map_coordinates(
-            field,
-            ((np.asarray(markers) + k * h * unit) / lattice.step + origin).T,
-            order=3,
-            mode="nearest",
+            field, ((points + k * h * unit) / lattice.step + origin).T, order=3, mode="nearest"
         )
-        for k in NEAR
+        for k in near
     ]
-    weights = np.linalg.solve(np.vander(NEAR, increasing=True).T, np.eye(len(NEAR))[0])
+    weights = np.linalg.solve(np.vander(near, increasing=True).T, np.eye(len(near))[0])
     return 2 * weights @ np.array(probed)
 
 
 def momentum_defect(
-    lattice: Lattice, velocity: Float[AnyArray, "2 nx ny"], reynolds: float
-) -> Float[np.ndarray, "2 nx ny"]:
+    lattice: Lattice, velocity: Float[AnyArray, "axes ..."], reynolds: float
+) -> Float[np.ndarray, "axes ..."]:
     """f - grad p of the perturbation u': all of the momentum equation that is velocity.
 
     Uses the discrete operators on the whole window: D0x u' - nu Lap u' + div(w^2 u' u').
     """
     u = np.asarray(velocity)
-    dx, dy = lattice.step
 
-    def shift(a, columns, rows):
-        return np.roll(a, (-columns, -rows), axis=(1, 2))
+    def shift(axis, cells):
+        return np.roll(u, -cells, axis=axis + 1)
 
-    stream = (shift(u, 1, 0) - shift(u, -1, 0)) / (2 * dx)
-    friction = (shift(u, 1, 0) - 2 * u + shift(u, -1, 0)) / dx**2
-    friction += (shift(u, 0, 1) - 2 * u + shift(u, 0, -1)) / dy**2
+    stream = (shift(0, 1) - shift(0, -1)) / (2 * lattice.step[0])
+    friction = sum(
+        (shift(axis, 1) - 2 * u + shift(axis, -1)) / step**2
+        for axis, step in enumerate(lattice.step)
+    )
     convection = np.asarray(lattice.convect(lattice.cutoff() * u))
     return stream - friction / reynolds - convection

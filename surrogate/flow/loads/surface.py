@@ -47,8 +47,9 @@ def surface_of(
     reynolds: float,
 ) -> Surface:
     """Loads on ``contour`` in a solved flow around the same body, given by ``markers``."""
-    field = pressure(domain, markers, state, reynolds)
+    field = pressure(domain, jnp.asarray(markers), state, reynolds)
+    normal = outward(jnp.asarray(contour))
     friction = friction_coefficient(domain, contour, state.velocity, jnp.asarray(reynolds, float))
     return Surface(
-        np.asarray(contour), surface_pressure(domain, contour, field), np.asarray(friction)
+        np.asarray(contour), surface_pressure(domain, contour, normal, field), np.asarray(friction)
     )

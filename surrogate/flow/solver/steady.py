@@ -15,8 +15,9 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.far import far_response, far_velocity
-from surrogate.flow.grid.immersed import Spreading, spread_modes
+from surrogate.flow.grid.immersed import Markers, Spreading, spread_modes
 from surrogate.flow.grid.oseen import Kernel, SymmetricKernel, oseen_kernel
+from surrogate.flow.grid.oseen_space import SpaceKernel, space_kernel
 from surrogate.flow.solver.newton import (
     Identity,
     NewtonInfo,
@@ -28,6 +29,7 @@ from surrogate.flow.solver.newton import (
 
 DEFAULT = NewtonSettings()
 PIN = 0.1  # velocity per unit of uniform pressure
+AnyKernel = Kernel | SymmetricKernel | SpaceKernel
 
 
 class Case(eqx.Module):
@@ -37,39 +39,41 @@ class Case(eqx.Module):
     preconditions and starts, and its cost is one application of G per mode.
     """
 
-    kernel: Kernel | SymmetricKernel
-    far: Float[AnyArray, "terms 2 nx ny"]
+    kernel: AnyKernel
+    far: Float[AnyArray, "terms axes ..."]
     body: Spreading
-    response: Float[AnyArray, "modes 2 nx ny"]
+    response: Float[AnyArray, "modes axes ..."]
 
 
 class FlowState(NamedTuple):
     """Perturbation velocity on the window's faces and traction modes (force on the fluid)."""
 
-    velocity: Float[AnyArray, "2 nx ny"]
+    velocity: Float[AnyArray, "axes ..."]
     amplitude: Float[AnyArray, " modes"]
 
 
-def prepare(
-    domain: Domain, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""]
-) -> Case:
+def prepare(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Case:
     """Build kernel, far field and body; costs one application of G per mode, and some coarse."""
     kernel, far = stream(domain, reynolds)
-    body = spread_modes(domain.lattice, domain.modes, domain.box, markers)
+    body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
     respond, rough = single(jax.lax.stop_gradient((kernel, body)))
-    densities = jax.vmap(rough.spread)(jnp.eye(domain.modes.count, dtype=jnp.float32))
-    return Case(kernel, far, body, jax.vmap(respond)(densities))
+    amplitudes = jnp.eye(domain.modes.count, dtype=jnp.float32)
+    if domain.lattice.dimension == 3:  # all modes at once would take too much memory
+        response = jax.lax.map(lambda amplitude: respond(rough.spread(amplitude)), amplitudes)
+    else:
+        response = jax.vmap(respond)(jax.vmap(rough.spread)(amplitudes))
+    return Case(kernel, far, body, response)
 
 
 def stream(
     domain: Domain, reynolds: Float[AnyArray, ""]
-) -> tuple[Kernel | SymmetricKernel, Float[AnyArray, "terms 2 nx ny"]]:
+) -> tuple[AnyKernel, Float[AnyArray, "terms axes ..."]]:
     """What of a case the body does not change: kernel and far field."""
     lift = not domain.modes.symmetric
-    return (
-        oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored),
-        far_response(domain.lattice, domain.far, reynolds, domain.height, lift),
-    )
+    far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
+    if domain.lattice.dimension == 3:
+        return space_kernel(domain.lattice, reynolds), far
+    return oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored), far
 
 
 def preparation_cost(domain: Domain) -> int:
@@ -77,7 +81,7 @@ def preparation_cost(domain: Domain) -> int:
     return domain.modes.count + len(domain.far) * (2 if domain.modes.symmetric else 5)
 
 
-def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "2 nx ny"]:
+def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "axes ..."]:
     """u' - G (B a + convect(w u')) - far(a)."""
     velocity, amplitude = state
     window = domain.lattice.cutoff().astype(velocity.dtype)
@@ -138,9 +142,9 @@ def forced_flow(
     domain: Domain,
     case: Case,
     amplitude: Float[AnyArray, " modes"],
-    guess: Float[AnyArray, "2 nx ny"] | None = None,
+    guess: Float[AnyArray, "axes ..."] | None = None,
     settings: NewtonSettings = DEFAULT,
-) -> tuple[Float[AnyArray, "2 nx ny"], NewtonInfo]:
+) -> tuple[Float[AnyArray, "axes ..."], NewtonInfo]:
     """Flow driven by a given traction (P)."""
 
     def residual(data, velocity):
@@ -148,7 +152,7 @@ def forced_flow(
 
     if guess is None:
         guess = jnp.tensordot(amplitude, case.response, axes=1)
-    size = math.sqrt(domain.lattice.cell_area)
+    size = math.sqrt(domain.lattice.cell_volume)
     system = System(residual, (case, amplitude), Identity())
     return root(system, guess, lambda v: size * jnp.linalg.norm(v), settings)
 
@@ -157,7 +161,7 @@ class Elimination(eqx.Module):
     """Exact inverse of the linear (Oseen) part of the coupled system, by the response G B."""
 
     inverse: Float[AnyArray, "modes modes"]
-    response: Float[AnyArray, "modes 2 nx ny"]
+    response: Float[AnyArray, "modes axes ..."]
     body: Spreading
 
     def __call__(self, y: FlowState) -> FlowState:
@@ -174,7 +178,7 @@ def eliminate(domain: Domain, case: Case) -> Elimination:
 
 def _norm(domain):
     def norm(state):
-        return jnp.sqrt(domain.lattice.cell_area * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
+        return jnp.sqrt(domain.lattice.cell_volume * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
             state.amplitude
         )
 

@@ -81,17 +81,19 @@ def drag_slopes(
     adjoint, work = drag_adjoint(domain, case, state, effort)
     adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
 
-    def around(parameters):
-        body = spread_modes(domain.lattice, domain.modes, domain.box, query.contour(parameters))
+    def around(parameters, reynolds):
+        markers = query.contour(parameters)
+        body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
         return _residual(domain, eqx.tree_at(lambda c: c.body, case, body), state)
 
     def at(reynolds):
         moved = stream(domain, reynolds)
         return _residual(domain, eqx.tree_at(lambda c: (c.kernel, c.far), case, moved), state)
 
-    in_shape = jax.vjp(around, query.parameters)[1](adjoint)[0]
+    in_shape, in_re = jax.vjp(around, query.parameters, query.reynolds)[1](adjoint)
     change = jax.jvp(at, (query.reynolds,), (jnp.ones_like(query.reynolds),))[1]
-    return in_shape, optax.tree.vdot(adjoint, change), work._replace(products=work.products + 2)
+    in_re = in_re + optax.tree.vdot(adjoint, change)
+    return in_shape, in_re, work._replace(products=work.products + 2)
 
 
 def drag_adjoint(
