@@ -145,7 +145,7 @@ RECORDS = {
     "format": ({"format": 99}, "format 99, this version reads 3"),
     "scene": ({"scene": {"reynolds": [40, 1]}}, "low must not be above high"),
     "scene text": ({"scene": "tunnel"}, "must be a table"),
-    "dimension": ({"scene": {"dimension": 3}}, "do not end in the 33 modes"),
+    "dimension": ({"scene": {"dimension": 3}}, "do not end in the 27 modes"),
     "digest": ({"weights_sha256": None}, "is not what was saved"),
     "error": ({"drag_error_mean": "small"}, "drag_error_mean is no number"),
     "negative error": ({"drag_error_mean": -0.1}, "drag_error_mean is no number"),

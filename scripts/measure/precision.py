@@ -33,7 +33,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
 
 def _row(fidelity: Fidelity, aspect: float, reynolds: float) -> dict[str, Any]:
     shape = family_shape({"aspect": aspect})
-    domain = fitted_domain(Unbounded(), fidelity, shape.draw(400), True, reynolds)
+    domain = fitted_domain(Unbounded(), fidelity, shape, reynolds)
     markers, re = jnp.asarray(shape.draw(domain.nodes)), jnp.asarray(reynolds)
     double = jax.jit(lambda markers, re: steady.prepare(domain, markers, re))(markers, re)
     solve = jax.jit(lambda case: steady.body_flow(domain, case))

@@ -68,7 +68,8 @@ class Flow:
     ) -> Float[Array, ""]:
         """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
 
-        For jit, vmap and jax.grad in both arguments. Under a transformation, what cannot be answered is NaN.
+        For jit, vmap and jax.grad in both arguments. Under a transformation, what cannot be
+        answered is NaN.
 
         Raises:
           InvalidInput: no such body or Reynolds number, or beyond what the scene's grid is for.

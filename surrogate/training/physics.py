@@ -11,7 +11,7 @@ from surrogate.devices import Deal, Devices, Owned, deal_bodies
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.steady import Case
+from surrogate.flow.solver.steady import Case, preparation_cost
 from surrogate.flow.steps import hardness
 from surrogate.training.samples import Samples
 
@@ -20,7 +20,8 @@ class Physics(eqx.Module):
     """Everything the physics operator of every sample needs.
 
     Cases and the velocities of the Oseen flows stay with the bodies' owners; the Oseen flows'
-    tractions are everybody's.
+    tractions are everybody's. In space, where a case takes tens of megabytes, only bodies and
+    Reynolds numbers are kept and a case is prepared anew at every visit.
     """
 
     samples: Samples
@@ -40,7 +41,16 @@ class Physics(eqx.Module):
 
     def case(self, row: Array) -> Case:
         """Of a row of this device."""
-        return jax.tree.map(lambda leaf: leaf[row], self.cases.rows)
+        return self.unpacked(jax.tree.map(lambda leaf: leaf[row], self.cases.rows))
+
+    def unpacked(self, kept: Case | tuple[Array, Array]) -> Case:
+        """The case of what is kept of a sample."""
+        return kept if isinstance(kept, Case) else _prepared(self.flow, *kept)
+
+    @property
+    def renewal(self) -> int:
+        """Applications of G that a visit takes to prepare its case anew."""
+        return 0 if isinstance(self.cases.rows, Case) else preparation_cost(self.domain)
 
 
 def deal_samples(samples: Samples, devices: Devices) -> Deal:
@@ -53,9 +63,14 @@ def prepare_physics(flow: Flow, samples: Samples, deal: Deal) -> Physics:
     """Prepare all samples; costs ``preparation_cost`` applications of G each."""
 
     def one(sample):
-        case = steady.prepare(flow.domain, flow.markers(sample[0]), sample[1])
-        return case, steady.oseen_flow(flow.domain, case)
+        case = _prepared(flow, *sample)
+        kept = sample if flow.scene.dimension == 3 else case
+        return kept, steady.oseen_flow(flow.domain, case)
 
     cases, oseen = deal.each(one, deal.dealt(tuple(samples))).rows
     tractions = deal.gathered(Owned(oseen.amplitude))
     return Physics(samples, Owned(cases), Owned(oseen.velocity), tractions, deal, flow)
+
+
+def _prepared(flow, parameters, reynolds):
+    return steady.prepare(flow.domain, flow.markers(parameters), reynolds)

@@ -19,7 +19,7 @@ from surrogate.scene.stream import Stream, Tunnel, window_height
 FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
 SPACE_FAR = ((2.0, 24), (0.5, 96), (0.125, 384))  # the same in space: cells per D, extents
-FLATTENED = (5, 5)  # degrees of the traction modes that vary around a flattened body
+FLATTENED = (5,)  # degrees of the traction modes that vary around a flattened body
 THINNEST = 2.5  # cells across the mean thickness
 NODES_TO_FIT = 400
 ROOM = {2: (1.5, 1.25), 3: (1.0, 0.5)}  # D that a fitted body leaves along and across

@@ -110,7 +110,7 @@ def published_differentiable_physics(
         pulled = slip + scale * miss * weights
         gradient, spent_too = slip_adjoint(domain, case, state, pulled, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
-        products = info.products + spent.products + spent_too.products
+        products = info.products + spent.products + spent_too.products + physics.renewal
         told = Driven(gradient, (slip @ slip + miss**2) / 2, valid, products)
         return told, jnp.where(valid, velocity, physics.velocities.rows[row])
 

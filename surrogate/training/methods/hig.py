@@ -115,7 +115,7 @@ def published_half_inverse_gradients(
         slip = steady.slip_residual(domain, case, state)
         matrix, spent = compliance(domain, case, state, TANGENT)
         valid = info.converged & spent.converged
-        told = Driven(slip, matrix, valid, info.products + spent.products)
+        told = Driven(slip, matrix, valid, info.products + spent.products + physics.renewal)
         return told, jnp.where(valid, velocity, physics.velocities.rows[row])
 
     def update(network, state, physics, batch, done):

@@ -71,8 +71,8 @@ def one_step(
         valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
         unmoved = jnp.abs(traction[0] / stored.amplitude[0] - 1) <= settle
         final = valid & known & unmoved
-        answer = Answer(state, None, valid, final, spent.products)
-        return _with_slope(physics, row, index, answer, slopes)
+        answer = Answer(state, None, valid, final, spent.products + physics.renewal)
+        return _with_slope(physics, case, index, answer, slopes)
 
     return invert
 
@@ -83,19 +83,21 @@ def whole_flow(
     """Invert by solving the body flow, once."""
 
     def invert(physics, row, index, predicted, stored, known):
-        state, info = steady.body_flow(physics.domain, physics.case(row), settings=settings)
-        answer = Answer(state, None, info.converged, info.converged, info.products)
-        return _with_slope(physics, row, index, answer, slopes)
+        case = physics.case(row)
+        state, info = steady.body_flow(physics.domain, case, settings=settings)
+        spent = info.products + physics.renewal
+        answer = Answer(state, None, info.converged, info.converged, spent)
+        return _with_slope(physics, case, index, answer, slopes)
 
     return invert
 
 
-def _with_slope(physics, row, index, answer, wanted):
+def _with_slope(physics, case, index, answer, wanted):
     """The answer with the slope of log Cd where it is final and one is wanted."""
     parameters, reynolds = physics.samples.parameters[index], physics.samples.reynolds[index]
 
     def adjoint():
-        domain, case, state = physics.domain, physics.case(row), answer.state
+        domain, state = physics.domain, answer.state
         query = Query(physics.flow.markers, parameters, reynolds)
         in_shape, in_re, spent = drag_slopes(domain, case, state, query, SLOPE)
         slope = jnp.append(in_shape, reynolds * in_re) / drag_coefficient(state.amplitude)
@@ -175,7 +177,8 @@ def drag_misses(
 def oseen_compliances(physics: Physics) -> Float[Array, "samples modes modes"]:
     """S G B of every sample: exact as Re -> 0, and free once the sample is prepared."""
 
-    def one(case):
+    def one(kept):
+        case = physics.unpacked(kept)
         return jax.vmap(case.body.slip)(case.response).T + steady.pinning(physics.domain, case)
 
     return physics.deal.gathered(physics.deal.each(one, physics.cases))
