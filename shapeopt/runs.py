@@ -10,6 +10,7 @@ from shapeopt.problem.objective import Robust, predicted, predicted_drags
 from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import Design
 from shapeopt.search.verify import Verified
+from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, whole_files
 from surrogate.flow.flow import Flow
@@ -32,6 +33,8 @@ def save_run(
 ) -> dict[str, Any]:
     """Write run.json, contour.csv, contour.vtp with the flow's loads, and body.stl.
 
+    In space contour.csv is the outline seen from the side, contour.vtp the skin.
+
     Args:
       folder: new, empty, or an older run's; other files in it stay.
       problem: what was asked.
@@ -44,7 +47,12 @@ def save_run(
       The record. cd_* are values of the problem's objective, a Cd for one Reynolds number.
     """
     # pyvista takes a second to import, which only files and pictures need
-    from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
+    from shapeopt.export.files import (
+        write_contour_csv,
+        write_contour_vtp,
+        write_skin,
+        write_solid_stl,
+    )
 
     folder = Path(folder)
     check_run_folder(folder)
@@ -58,13 +66,18 @@ def save_run(
         "command": command_line(),
     }
     record["cd_surrogate"] = _predicted(problem, design, surrogate)
-    contour = np.asarray(problem.scene.family.markers(design.parameters, SURFACE_POINTS))
-    surface = verified and verified.solutions[0].surface() if _single(problem) else None
-    surface = surface or _loads(problem, design)
+    contour = np.asarray(problem.scene.family.outline(design.parameters, SURFACE_POINTS))
+    solution = verified.solutions[0] if verified and _single(problem) else None
+    solution = solution or _solved(problem, design)
     with whole_files(folder, RECORD) as part:
         write_contour_csv(contour, part / "contour.csv")
-        write_contour_vtp(contour, part / "contour.vtp", surface)
-        write_solid_stl(contour, part / "body.stl")
+        vtp, stl = part / "contour.vtp", part / "body.stl"
+        if problem.scene.dimension == 3:
+            named = problem.scene.family.named(design.parameters)
+            write_skin(family_shape(named, dimension=3), vtp, stl, solution)
+        else:
+            write_contour_vtp(contour, vtp, solution and solution.surface())
+            write_solid_stl(contour, stl)
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
     return record
 
@@ -188,10 +201,10 @@ def _said_by_the_flow(problem, design, verified, surrogate) -> dict[str, Any]:
     }
 
 
-def _loads(problem: Problem, design: Design):
-    """The body's surface loads at the nominal Re; None where its flow is not to be had."""
+def _solved(problem: Problem, design: Design):
+    """The body's flow at the nominal Re; None where it is not to be had."""
     try:
         flow = Flow(problem.scene)
-        return flow.solve(design.parameters, problem.objective.nominal, estimate=False).surface()
+        return flow.solve(design.parameters, problem.objective.nominal, estimate=False)
     except NotConverged:
         return None

@@ -83,6 +83,9 @@ def add_problem_arguments(parser: Parser) -> None:
     parser.add_argument("--seed", type=int, help="of the samples (0)")
     parser.add_argument("--max-length", type=float, help="longest chord, in D")
     parser.add_argument("--min-thickness", type=float, help="least greatest thickness, in D")
+    parser.add_argument(
+        "--max-thickness", type=float, help="greatest thickness allowed, in space height, in D"
+    )
     parser.add_argument("--thickness-at", help="x/c:least thickness in D, as 0.25:0.5,0.75:0.3")
     parser.add_argument("--min-radius", type=float, help="least radius of curvature, in D")
     parser.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
@@ -107,6 +110,7 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
         _objective(arguments),
         max_length=arguments.max_length,
         min_thickness=arguments.min_thickness,
+        max_thickness=arguments.max_thickness,
         stations=_stations(arguments.thickness_at),
         min_radius=arguments.min_radius,
         within=_ranges(arguments.range),

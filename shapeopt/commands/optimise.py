@@ -4,6 +4,8 @@ python scripts/optimize_shape.py --surrogate pretrained --reynolds 40 --out out/
 python scripts/optimize_shape.py --surrogate none --scene tunnel.toml --reynolds 40 --out out/flow
 python scripts/optimize_shape.py --reynolds 40 --until flow --memory flows.json --out out/exact
 python scripts/optimize_shape.py --reynolds 1,10,40 --weights 1,2,1 --until flow --out out/several
+python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --reynolds 40 \
+    --max-thickness 0.5 --out out/flat
 python scripts/optimize_shape.py --reynolds 20 --spread 0.3 --cvar 0.9 --out out/robust
 
 Several Reynolds numbers: the weighted mean of Cd over the cylinder's Cd at that Re. With --spread
@@ -66,21 +68,21 @@ def _text(r: dict[str, Any], problem: Problem, out: str) -> str:
     gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
     side = "below" if gain >= 0 else "above"
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
-    relative = bool(problem.scenarios.relative)
-    name = "Cd over the cylinder's" if relative else "Cd"
+    relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
+    name = f"Cd over the {round_body}'s" if relative else "Cd"
     error = r["estimated_error"]
     error = "no estimate of the error" if error is None else f"error about {100 * error:.2f} %"
     lines = [
         f"Re {r['reynolds']:g}: {shape}",
         f"{name} {r['cd_verified']:.4f} verified ({r['status']}, {error}), "
-        f"{abs(gain):.1f} % {side} the cylinder's {r['cd_start']:.4f}; "
+        f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
         f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "
-            f"the cylinder's {case['cd_start']:.4f}"
+            f"the {round_body}'s {case['cd_start']:.4f}"
             for case in r["cases"]
         ]
     return "\n".join(lines)

@@ -1,11 +1,14 @@
 """Pictures of optimised shapes: before and after, side by side (.png), or the evolution (.gif).
 
+Of a run in space the .gif is a turntable of the optimum in its flow.
+
 python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
 python scripts/render_shapes.py --runs out/re40 --out out/re40.gif
 python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/loads.png
 python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
 """
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +20,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.render.pictures import render_evolution, render_flows
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, solve_run
+from shapeopt.render.space import render_bodies, render_turntable
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import check_file
@@ -31,16 +35,25 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     if out.suffix == ".gif" and (arguments.surface or arguments.family):
         raise InvalidInput(f"{out}: --surface and --family make a .png")
     records = [load_run(folder) for folder in arguments.runs]
+    dimensions = {run_scene(record).dimension for record in records}
+    if len(dimensions) > 1:
+        raise InvalidInput("--runs: some are of the plane, some of space; render them apart")
+    dimension = dimensions.pop()
+    if dimension == 3 and arguments.surface:
+        raise InvalidInput("--surface: of the plane alone; in space contour.vtp has the loads")
     with progress_bar("rendering") as progress:
-        if out.suffix == ".gif":
-            _evolution(records, out)
+        if out.suffix == ".gif" and dimension == 3:
+            render_turntable(_only(records, out, before_and_after)[1], out)
+        elif out.suffix == ".gif":
+            _only(records, out, functools.partial(_evolution, out=out))
         elif arguments.family:
             plot_family(_verified(records), out)
         elif arguments.surface:
             loads = _each(_surfaces, records, progress)
             plot_surfaces(list(zip(records, loads, strict=True)), out)
         else:
-            render_flows(_each(before_and_after, records, progress), out)
+            panels = _each(before_and_after, records, progress)
+            (render_bodies if dimension == 3 else render_flows)(panels, out)
         progress(1.0, str(out))
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
 
@@ -69,10 +82,13 @@ def _verified(records):
     return records
 
 
-def _evolution(records, out):
+def _only(records, out, draw):
     if len(records) != 1:
-        raise InvalidInput(f"{out}: a .gif shows the evolution of one run; give one --runs folder")
-    record = records[0]
+        raise InvalidInput(f"{out}: a .gif shows one run; give one --runs folder")
+    return draw(records[0])
+
+
+def _evolution(record, out):
     path = np.array(record["path"])
     captions = [f"Re {record['reynolds']:g}, step {k}" for k in range(len(path))]
     if record["surrogate"] != "none":

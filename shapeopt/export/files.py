@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.export.solid import outline, solid
+from shapeopt.export.solid import outline, skin_mesh, solid
 from surrogate.arrays import AnyArray
+from surrogate.body.shape import Shape
 from surrogate.files import whole_file
 from surrogate.flow.loads.surface import Surface
+from surrogate.flow.solution import Solution
 
 
 def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> Path:
@@ -37,3 +39,19 @@ def write_solid_stl(
     with whole_file(path) as part:
         solid(markers, span).save(part)
     return Path(path)
+
+
+def write_skin(
+    shape: Shape, vtp: str | Path, stl: str | Path, solution: Solution | None = None
+) -> None:
+    """The closed skin of a body in space as .vtp and binary STL.
+
+    With its ``solution`` Cp and the friction vector Cf are point data of the .vtp.
+    """
+    mesh, areas = skin_mesh(shape)
+    with whole_file(stl) as part:
+        mesh.save(part)
+    if solution is not None:
+        mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
+    with whole_file(vtp) as part:
+        mesh.save(part)

@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.shape import Shape
+from surrogate.body.solid import skin_at
 
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no display needed
 
@@ -24,6 +26,28 @@ def outline(markers: Markers, height: float = 0.0) -> pv.PolyData:
     """A body's contour as a closed line."""
     points = np.column_stack([markers, np.full(len(markers), height)])
     return pv.lines_from_points(points, close=True)
+
+
+def skin_mesh(shape: Shape, rings: int = 96, azimuths: int = 96) -> tuple[pv.PolyData, np.ndarray]:
+    """The skin of a body in space as a closed mesh of triangles, normals outward.
+
+    Also the area vectors at its points, which loads are asked with.
+    """
+    t = np.pi * np.arange(1, rings) / rings
+    around = 2 * np.pi * np.arange(azimuths) / azimuths
+    mu, phi = (grid.ravel() for grid in np.meshgrid(np.cos(t), around, indexing="ij"))
+    mu, phi = np.concatenate([[1.0], mu, [-1.0]]), np.concatenate([[0.0], phi, [0.0]])
+    points, areas = map(np.asarray, skin_at(shape.values, shape.form, mu, phi))
+    ring = 1 + np.arange((rings - 1) * azimuths).reshape(rings - 1, azimuths)
+    here, there = ring, np.roll(ring, -1, axis=1)
+    nose, tail = np.zeros(azimuths, int), np.full(azimuths, len(points) - 1)
+    triangles = [
+        np.stack([nose, there[0], here[0]], axis=1),
+        np.stack([here[:-1], there[:-1], there[1:]], axis=2).reshape(-1, 3),
+        np.stack([here[:-1], there[1:], here[1:]], axis=2).reshape(-1, 3),
+        np.stack([tail, here[-1], there[-1]], axis=1),
+    ]
+    return pv.PolyData.from_regular_faces(points, np.concatenate(triangles)), areas
 
 
 def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:

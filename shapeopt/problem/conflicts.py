@@ -63,10 +63,12 @@ class _Asked(NamedTuple):
 
 def _asked(problem):
     form = problem.scene.family.form
-    thin, long = "every body of the family is thinner", "every body of the family is longer than"
+    every = "every body of the family is"
+    thin, long, thick = f"{every} thinner", f"{every} longer than", f"{every} thicker than"
     bounds = (
         ("max_length", "max length", lambda p: chord(p, form), long),
         ("min_thickness", "min thickness", lambda p: thickness(p, form), f"{thin} than"),
+        ("max_thickness", "max thickness", lambda p: thickness(p, form), thick),
         (
             "min_radius",
             "min radius",

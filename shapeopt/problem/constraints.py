@@ -28,6 +28,7 @@ class Limits(eqx.Module):
     shift: Float[AnyArray, "cases parameters"]
     max_length: Float[AnyArray, ""]
     min_thickness: Float[AnyArray, ""]
+    max_thickness: Float[AnyArray, ""]
     stations: Float[AnyArray, "stations 2"]
     min_radius: Float[AnyArray, ""]
     form: Form = eqx.field(static=True)
@@ -45,12 +46,13 @@ def margins(
     """Every constraint as a number that must not be negative; the ranges are not among them."""
     form = limits.form
     openings = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
+    thickest = thickness(parameters, form)
     stations = jax.vmap(lambda s: thickness_at(parameters, form, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
             least(openings)[None] - ROOMY,
             jnp.stack([limits.max_length - chord(parameters, form)]),
-            jnp.stack([thickness(parameters, form) - limits.min_thickness]),
+            jnp.stack([thickest - limits.min_thickness, limits.max_thickness - thickest]),
             stations,
             jnp.stack(radii(parameters, form)) - limits.min_radius,
         ]

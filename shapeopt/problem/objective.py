@@ -26,8 +26,8 @@ LEAST_KEPT = 0.5 - 1e-6  # of the spread's probability that must lie in the trai
 class Scenarios(NamedTuple):
     """Cases to be weighed; ``weight`` sums to 1.
 
-    ``relative``: drags count over the cylinder's at that Re. ``level``: the mean is taken over
-    the worst 1 - level of the cases.
+    ``relative``: drags count over those of the ``round_body``, cylinder or sphere, at that Re.
+    ``level``: the mean is taken over the worst 1 - level of the cases.
     """
 
     shift: Float[AnyArray, "cases parameters"]
@@ -35,6 +35,7 @@ class Scenarios(NamedTuple):
     weight: Float[AnyArray, " cases"]
     relative: Bool[AnyArray, ""]
     level: Float[AnyArray, ""]
+    round_body: Float[AnyArray, " parameters"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,8 +181,7 @@ def predicted_drags(
 ) -> tuple[Float[Array, " cases"], Float[Array, " cases"]]:
     """Cd of a body and of the cylinder in every scenario."""
     drags = jax.vmap(model.drag)(parameters + scenarios.shift, scenarios.reynolds)
-    round_body = jnp.zeros_like(parameters, float).at[0].set(1.0)
-    cylinder = jax.vmap(model.drag, in_axes=(None, 0))(round_body, scenarios.reynolds)
+    cylinder = jax.vmap(model.drag, in_axes=(None, 0))(scenarios.round_body, scenarios.reynolds)
     return drags, cylinder
 
 
@@ -190,5 +190,8 @@ def _scenarios(scene, reynolds, weight, shift=None, relative=False, level=0.0):
         shift = np.zeros((len(reynolds), len(scene.family.names)))
     values = (shift, reynolds, weight)
     return Scenarios(
-        *(np.asarray(value, float) for value in values), np.asarray(relative), np.asarray(level)
+        *(np.asarray(value, float) for value in values),
+        np.asarray(relative),
+        np.asarray(level),
+        scene.family.ellipse(1.0),
     )

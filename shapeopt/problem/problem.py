@@ -19,11 +19,12 @@ UNBOUNDED_LENGTH = 100.0  # D: longer than any body of a family
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """Minimise an objective over the scene's family; the area is pi/4 by construction.
+    """Minimise an objective over the scene's family; the area pi/4, or the volume pi/6, is given.
 
     ``reynolds`` is a number (least Cd there) or an objective. ``max_length`` bounds the chord,
-    ``min_thickness`` the greatest thickness, ``stations`` the thickness at places along the
-    chord, ``min_radius`` the radius of curvature all around, all in D. ``within`` narrows ranges
+    ``min_thickness`` and ``max_thickness`` the greatest thickness (in space the height),
+    ``stations`` the thickness at places along the chord, ``min_radius`` the radius of curvature
+    all around (in space of the outline seen from the side), all in D. ``within`` narrows ranges
     of the family, by name. ``trust`` keeps every shape parameter away from both edges of its
     trained range by this share of the range's width, since a surrogate is least sure at the edges.
 
@@ -39,6 +40,7 @@ class Problem:
     min_radius: Number | None = None
     within: Mapping[str, Any] | None = None
     trust: Number = 0.0
+    max_thickness: Number | None = None
 
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
@@ -50,7 +52,8 @@ class Problem:
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
         lengths: dict[str, Any] = {
-            name: getattr(self, name) for name in ("max_length", "min_thickness", "min_radius")
+            name: getattr(self, name)
+            for name in ("max_length", "min_thickness", "max_thickness", "min_radius")
         }
         lengths |= {f"thickness at {s.x:g} c": s.thickness for s in self.stations}
         for name, bound in lengths.items():
@@ -78,13 +81,17 @@ class Problem:
     def limits(self) -> Limits:
         """All constraints as numbers."""
         low, high = self._ranges()
-        longest = UNBOUNDED_LENGTH if self.max_length is None else self.max_length
+        longest, thickest = (
+            UNBOUNDED_LENGTH if bound is None else float(bound)
+            for bound in (self.max_length, self.max_thickness)
+        )
         return Limits(
             low,
             high,
             self.scenarios.shift,
-            np.asarray(float(longest)),
+            np.asarray(longest),
             np.asarray(float(self.min_thickness or 0.0)),
+            np.asarray(thickest),
             np.array(self.stations, float).reshape(-1, 2),
             np.asarray(float(self.min_radius or 0.0)),
             self.scene.family.form,

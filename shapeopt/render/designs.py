@@ -19,7 +19,7 @@ def plot_designs(family: Family, rows: list[dict[str, Any]], path: str | Path) -
     """
     columns = sorted({row["reynolds"] for row in rows})
     lengths = list(dict.fromkeys(row["max_length"] for row in rows))
-    bodies = [np.asarray(family.markers(family.parameters(r["parameters"]), 300)) for r in rows]
+    bodies = [np.asarray(family.outline(family.parameters(r["parameters"]), 300)) for r in rows]
     size = np.max([np.ptp(body, axis=0) for body in bodies], axis=0) + np.array([GAP, 2 * GAP])
     most = max(0.01, *(row["excess"] for row in rows))
     shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(0, 100 * most), "viridis")

@@ -73,8 +73,8 @@ def render_evolution(
     path: str | Path,
 ) -> Path:
     """A GIF of the body along the optimiser's path, the cylinder's outline behind it."""
-    bodies = [np.asarray(family.markers(parameters, 240)) for parameters in path_of_bodies]
-    cylinder = np.asarray(family.markers(family.ellipse(1.0), 240))
+    bodies = [np.asarray(family.outline(parameters, 240)) for parameters in path_of_bodies]
+    cylinder = np.asarray(family.outline(family.ellipse(1.0), 240))
     reach = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
     view = (-reach[0], reach[0], -reach[1], reach[1] + 0.18)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 720))
@@ -85,7 +85,7 @@ def render_evolution(
             plotter.clear()
             plotter.add_mesh(polygon(markers), color="#31688e", lighting=False)
             plotter.add_mesh(outline(cylinder, 0.02), color=GHOST, line_width=2, lighting=False)
-            _write(plotter, caption, (0.02, 0.91), 12)
+            write_caption(plotter, caption, (0.02, 0.91), 12)
             _look_at(plotter, view)
             for _ in range(6 if k in (0, last) else 1):
                 plotter.write_frame()
@@ -112,7 +112,7 @@ def render_march(
             mesh = flow_mesh(lattice, np.asarray(velocity))
             _colour(plotter, mesh, mesh["vorticity"], 3)
             plotter.add_mesh(polygon(markers, 0.02), color=INK, lighting=False)
-            _write(plotter, caption, (0.01, 0.915), 12)
+            write_caption(plotter, caption, (0.01, 0.915), 12)
             _look_at(plotter, view)
             plotter.write_frame()
         plotter.close()
@@ -126,8 +126,8 @@ def _draw_flow(plotter, panel, mesh, limit):
         plotter.add_mesh(lines, color=INK, line_width=1.2, opacity=0.5, lighting=False)
     plotter.add_mesh(polygon(panel.solution.markers, 0.02), color=BODY, lighting=False)
     plotter.add_mesh(outline(panel.solution.markers, 0.03), color=INK, line_width=3, lighting=False)
-    _write(plotter, panel.title, (0.012, 0.925), 15)
-    _write(plotter, panel.note, (0.012, 0.868), 11, QUIET)
+    write_caption(plotter, panel.title, (0.012, 0.925), 15)
+    write_caption(plotter, panel.note, (0.012, 0.868), 11, QUIET)
     left, right, low, high = VIEW
     _look_at(plotter, (left - GAP, right + GAP, low - GAP, high + GAP + STRIP))
 
@@ -144,8 +144,10 @@ def _draw_bar(plotter, limit, width):
     _look_at(plotter, (-width / 2, width / 2, -0.3, BAR - 0.3))
     for share in (-1, -0.5, 0, 0.5, 1):
         value = np.sign(share) * share**2 * limit
-        _write(plotter, f"{value:g}", (0.5 + share * reach / width, 0.1), 11, place="center")
-    _write(plotter, "vorticity, U / D", (0.49 - reach / width, 0.6), 11, QUIET, place="right")
+        write_caption(plotter, f"{value:g}", (0.5 + share * reach / width, 0.1), 11, place="center")
+    write_caption(
+        plotter, "vorticity, U / D", (0.49 - reach / width, 0.6), 11, QUIET, place="right"
+    )
 
 
 def _solved_mesh(panel):
@@ -182,7 +184,15 @@ def _colour(plotter, mesh, values, limit):
     )
 
 
-def _write(plotter, text, at, size, colour=INK, place="left"):
+def write_caption(
+    plotter: pv.Plotter,
+    text: str,
+    at: tuple[float, float],
+    size: int,
+    colour: str = INK,
+    place: str = "left",
+) -> None:
+    """A line of text at a place of the window, from 0 to 1, with proper minus signs."""
     text = text.replace("-", "\N{MINUS SIGN}")
     actor = plotter.add_text(text, position=at, viewport=True, font_size=size, color=colour)
     actor.prop.justification_horizontal = place

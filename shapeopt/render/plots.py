@@ -50,7 +50,7 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
     Returns the path of the PNG, which is written whole or not at all.
     """
     records = sorted(records, key=lambda record: record["reynolds"])
-    bodies = [np.asarray(run_scene(r).family.markers(run_body(r), 400)) for r in records]
+    bodies = [np.asarray(run_scene(r).family.outline(run_body(r), 400)) for r in records]
     reach = np.max([np.abs(body).max(axis=0) for body in bodies], axis=0) * 1.06
     reach[1] = max(reach[1], 0.53)  # the cylinder is drawn too
     colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.72, len(records)))
@@ -59,7 +59,7 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
         figure = plt.figure(figsize=(width, 5.2), layout="constrained")
         grid = figure.add_gridspec(2, len(records), height_ratios=(1, 1.5))
         family = run_scene(records[0]).family
-        circle = np.asarray(family.markers(family.ellipse(1.0), 200))
+        circle = np.asarray(family.outline(family.ellipse(1.0), 200))
         for k, (record, body) in enumerate(zip(records, bodies, strict=True)):
             axis = figure.add_subplot(grid[0, k])
             axis.fill(*body.T, color=colours[k], lw=0)
@@ -86,7 +86,7 @@ def _draw_fall(axis, records, colours):
         xlim=(min(reynolds) / max(span, 2) ** 0.12, max(reynolds) * max(span, 2) ** 0.12),
         ylim=(min(change) - 0.3 * max(5.0, -min(change)), 0),
         xlabel="Reynolds number",
-        ylabel="drag against the cylinder, %",
+        ylabel=f"drag against the {run_scene(records[0]).family.round_body}, %",
     )
     axis.set_xticks(reynolds, [f"{value:g}" for value in reynolds])
     axis.minorticks_off()

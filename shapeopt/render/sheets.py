@@ -1,4 +1,4 @@
-"""What goes on a sheet of pictures: a run's cylinder and its optimum, both solved."""
+"""What goes on a sheet of pictures: a run's cylinder or sphere and its optimum, both solved."""
 
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ def before_and_after(record: dict[str, Any]) -> list[Panel]:
     """
     start, optimum = solve_run(record)
     reynolds, gain = f"Re {record['reynolds']:g}", 100 * (optimum.drag / start.drag - 1)
-    before = f"{reynolds}    cylinder    Cd {start.drag:.4f}"
+    before = f"{reynolds}    {run_scene(record).family.round_body}    Cd {start.drag:.4f}"
     after = f"{reynolds}    optimum    Cd {optimum.drag:.4f}    {gain:+.1f} %"
     return [
         Panel(start, before, "drag by the flow solver"),

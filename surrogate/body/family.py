@@ -159,6 +159,11 @@ class Family:
         """Parameters of a plain ellipse; of a cylinder, in space a sphere, at aspect 1."""
         return np.array([aspect] + [1.0] * (self.form.ratios - 1) + [0.0] * len(self.form.modes))
 
+    @property
+    def round_body(self) -> str:
+        """What its ellipse of aspect 1 is called."""
+        return "cylinder" if self.dimension == 2 else "sphere"
+
     def named(self, parameters: AnyArray) -> dict[str, float]:
         """Parameters by name, for people and files."""
         return dict(zip(self.names, np.asarray(parameters, float).tolist(), strict=True))

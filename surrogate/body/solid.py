@@ -9,7 +9,7 @@ is w / h (1: a body of revolution), aspect c / (2 sqrt(w h)), and the volume pi/
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 from scipy.special import chebyu
 
@@ -60,6 +60,16 @@ def skin(parameters: Float[AnyArray, " parameters"], form: Form, nodes: tuple[in
     """A body's skin at ``nodes`` rings and azimuths."""
     mu, phi = legendre.leggauss(nodes[0])[0][::-1], _azimuths(nodes[1])
     mu, phi = (grid.ravel() for grid in np.meshgrid(mu, phi, indexing="ij"))
+    return Skin(*skin_at(parameters, form, mu, phi), nodes)
+
+
+def skin_at(
+    parameters: Float[AnyArray, " parameters"],
+    form: Form,
+    mu: Float[np.ndarray, " points"],
+    phi: Float[np.ndarray, " points"],
+) -> tuple[Float[Array, "points 3"], Float[Array, "points 3"]]:
+    """Points of a body's skin, and their area vectors per unit mu and phi."""
     length, width, height = half_axes(parameters, form)
     q, slope = _fullness(parameters, form, mu)
     s, y, z = np.sqrt(1 - mu**2), np.cos(phi), np.sin(phi)
@@ -67,7 +77,7 @@ def skin(parameters: Float[AnyArray, " parameters"], form: Form, nodes: tuple[in
     points = jnp.stack([x, width * s * q * y, height * s * q * z], axis=1)
     along = width * height * ((1 - mu**2) * q * slope - mu * q**2)
     areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
-    return Skin(points, areas, nodes)
+    return points, areas
 
 
 def _azimuths(count):

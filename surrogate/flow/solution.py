@@ -8,8 +8,10 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
+from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.loads.space import SkinLoads, skin_loads
 from surrogate.flow.loads.surface import SURFACE_POINTS, Surface, surface_of
 from surrogate.flow.solver.steady import FlowState
 
@@ -54,7 +56,19 @@ class Solution:
         whole[0] += 1.0
         return whole
 
+    def skin_loads(
+        self, points: Float[AnyArray, "points 3"], areas: Float[AnyArray, "points 3"]
+    ) -> SkinLoads:
+        """Cp and friction at points of the skin of a body in space, and their area vectors."""
+        return skin_loads(self.domain, self.markers, self.state, self.reynolds, points, areas)
+
     def surface(self, points: int = SURFACE_POINTS) -> Surface:
-        """Cp and Cf along the contour."""
+        """Cp and Cf along the contour of a body in the plane.
+
+        Raises:
+          InvalidInput: the body is in space, where ``skin_loads`` are to be had.
+        """
+        if self.shape.dimension == 3:
+            raise InvalidInput("surface: is of bodies in the plane; skin_loads of those in space")
         contour: AnyArray = self.shape.draw(points)
         return surface_of(self.domain, self.markers, self.state, contour, self.reynolds)

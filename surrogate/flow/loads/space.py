@@ -1,5 +1,7 @@
 """Forces on a body in space, and the pressure and friction on its skin."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -25,17 +27,39 @@ def space_coefficients(
     return Coefficients(drag, by_pressure, drag - by_pressure, 0.0, 0.0)
 
 
-def friction(
+class SkinLoads(NamedTuple):
+    """Over (1/2) rho U^2: Cp, zero far upstream, and the friction, a vector along the skin."""
+
+    cp: Float[np.ndarray, " points"]
+    friction: Float[np.ndarray, "points 3"]
+
+
+def skin_loads(
     domain: Domain,
     skin: Skin,
+    state: FlowState,
+    reynolds: float,
+    points: Float[AnyArray, "points 3"],
+    areas: Float[AnyArray, "points 3"],
+) -> SkinLoads:
+    """Loads at any points of a solved body's skin, given with their area vectors."""
+    field = pressure(domain, skin, state, reynolds)
+    stress = friction(domain, points, areas, state.velocity, reynolds)
+    return SkinLoads(surface_pressure(domain, points, areas, field), np.asarray(stress))
+
+
+def friction(
+    domain: Domain,
+    points: Float[AnyArray, "points 3"],
+    areas: Float[AnyArray, "points 3"],
     velocity: Float[AnyArray, "3 nx ny nz"],
-    reynolds: Float[AnyArray, ""],
-) -> Float[AnyArray, "nodes 3"]:
+    reynolds: float,
+) -> Float[AnyArray, "points 3"]:
     """Friction on the skin over (1/2) rho U^2: 2 nu omega x n, extrapolated to the wall."""
-    unit = skin.areas / jnp.linalg.norm(skin.areas, axis=1, keepdims=True)
+    unit = areas / jnp.linalg.norm(areas, axis=1, keepdims=True)
     h = domain.lattice.step[0]
     near = _around(domain, velocity)
-    probed = [near(skin.points + k * h * unit) for k in PROBES]
+    probed = [near(points + k * h * unit) for k in PROBES]
     weights = np.linalg.solve(np.vander(PROBES, increasing=True).T, np.eye(len(PROBES))[0])
     vorticity = sum(w * values for w, values in zip(weights, probed, strict=True))
     return 2 / reynolds * jnp.cross(vorticity, unit)

@@ -1,0 +1,176 @@
+"""Pictures of bodies in space: lit and coloured by pressure, tubes of flow, a cut of vorticity."""
+
+from pathlib import Path
+
+import numpy as np
+
+from shapeopt.export.solid import pv, skin_mesh
+from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
+from surrogate.files import whole_file
+from surrogate.flow.loads.space import curl
+from surrogate.flow.solution import Solution
+
+VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # of the flow shown, in D
+SIZE = 820, 560  # pixels of a panel
+TURNS = 72  # frames of a turntable
+SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines enter, in D
+AROUND = 9  # of them at each distance, behind the body
+COLOURS = "coolwarm"
+
+
+def render_bodies(rows: list[list[Panel]], path: str | Path) -> Path:
+    """A sheet of bodies and their flows, one colour scale of Cp a row.
+
+    Returns the path of the PNG, which is written whole or not at all.
+    """
+    columns = max(map(len, rows))
+    size = SIZE[0] * columns, SIZE[1] * len(rows)
+    plotter = pv.Plotter(
+        off_screen=True, shape=(len(rows), columns), window_size=size, border=False
+    )
+    plotter.set_background("white", all_renderers=True)
+    for i, row in enumerate(rows):
+        skins = [loaded_skin(panel.solution) for panel in row]
+        ends = np.percentile(np.concatenate([skin["Cp"] for skin in skins]), (2, 99.5))
+        for j, (panel, skin) in enumerate(zip(row, skins, strict=True)):
+            plotter.subplot(i, j)
+            _draw(plotter, panel.solution, skin, ends)
+            write_caption(plotter, panel.title, (0.03, 0.93), 13)
+            write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
+            plotter.camera_position = _seen_from(-25.0)
+    with whole_file(path) as part:
+        plotter.screenshot(str(part))
+    plotter.close()
+    return Path(path)
+
+
+def render_turntable(panel: Panel, path: str | Path) -> Path:
+    """A GIF of a body and its flow, seen from all around."""
+    skin = loaded_skin(panel.solution)
+    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter.set_background("white")
+    with whole_file(path) as part:
+        plotter.open_gif(str(part), fps=18, loop=0)
+        _draw(plotter, panel.solution, skin, np.percentile(skin["Cp"], (2, 99.5)))
+        write_caption(plotter, panel.title, (0.03, 0.93), 13)
+        for azimuth in 360 * np.arange(TURNS) / TURNS:
+            plotter.camera_position = _seen_from(azimuth - 25.0)
+            plotter.write_frame()
+        plotter.close()
+    return Path(path)
+
+
+def loaded_skin(solution: Solution) -> pv.PolyData:
+    """The closed skin of a solved body with Cp and the friction vector Cf at its points."""
+    mesh, areas = skin_mesh(solution.shape)
+    mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
+    return mesh
+
+
+def space_mesh(solution: Solution) -> pv.ImageData:
+    """Velocity over U and vorticity's size over U / D in the cells' middles, of what is shown."""
+    lattice = solution.domain.lattice.unfolded
+    velocity = solution.velocity
+    spin = np.asarray(curl(velocity, lattice.step[0]))
+    middles = [
+        (component + np.roll(component, 1, own)) / 2 for own, component in enumerate(velocity)
+    ]
+    edges = []
+    for own, part in enumerate(spin):
+        for axis in {0, 1, 2} - {own}:
+            part = (part + np.roll(part, 1, axis)) / 2
+        edges.append(part)
+    centres = [
+        low + (np.arange(cells) + 0.5) * step
+        for (low, _), cells, step in zip(
+            lattice.grid.domain, lattice.shape, lattice.step, strict=True
+        )
+    ]
+    ends = np.reshape(VIEW, (3, 2))
+    keep = [np.flatnonzero((x > a) & (x < b)) for x, (a, b) in zip(centres, ends, strict=True)]
+    box = tuple(slice(k[0], k[-1] + 1) for k in keep)
+    mesh = pv.ImageData(
+        dimensions=tuple(map(len, keep)),
+        spacing=lattice.step,
+        origin=[x[k[0]] for x, k in zip(centres, keep, strict=True)],
+    )
+    mesh["velocity"] = np.stack([m[box].ravel(order="F") for m in middles], axis=1)
+    mesh["vorticity"] = np.linalg.norm([e[box].ravel(order="F") for e in edges], axis=0)
+    return mesh
+
+
+def _draw(plotter, solution, skin, ends):
+    """Body, tubes and a cut behind them."""
+    flow = space_mesh(solution)
+    cut = flow.slice("y", origin=(0, VIEW[3] - 0.1, 0))
+    middle = flow.slice("y", origin=(0, 1e-3, 0))
+    cut["vorticity"] = middle["vorticity"]  # of the plane of symmetry, drawn behind the body
+    plotter.add_mesh(
+        cut,
+        scalars=np.sqrt(cut["vorticity"]),
+        cmap="Greys",
+        clim=(0, np.sqrt(np.percentile(middle["vorticity"], 99.5))),
+        opacity=0.55,
+        lighting=False,
+        show_scalar_bar=False,
+    )
+    lines = _streamlines(flow)
+    plotter.add_mesh(
+        lines.tube(radius=0.011),
+        scalars="speed",
+        cmap="viridis",
+        clim=(0, 1.15),
+        smooth_shading=True,
+        specular=0.3,
+        show_scalar_bar=False,
+    )
+    plotter.add_mesh(
+        skin,
+        scalars="Cp",
+        cmap=COLOURS,
+        clim=tuple(ends),
+        smooth_shading=True,
+        specular=0.35,
+        specular_power=25,
+        scalar_bar_args={
+            "title": "pressure coefficient",
+            "vertical": False,
+            "position_x": 0.55,
+            "position_y": 0.04,
+            "width": 0.4,
+            "height": 0.07,
+            "color": INK,
+            "n_labels": 2,
+            "fmt": "%.1f",
+            "title_font_size": 15,
+            "label_font_size": 13,
+        },
+    )
+
+
+def _streamlines(flow):
+    """Lines that start in circles upstream, with the speed along them."""
+    angles = np.pi * (np.arange(AROUND) + 0.5) / AROUND
+    starts = [
+        (VIEW[0] + 0.1, radius * np.sin(angle), radius * np.cos(angle))
+        for radius in SEEDS
+        for angle in angles
+    ]
+    lines = flow.streamlines_from_source(
+        pv.PolyData(np.array(starts)),
+        vectors="velocity",
+        integration_direction="forward",
+        max_length=12.0,
+        initial_step_length=0.2,
+        terminal_speed=5e-3,
+    )
+    lines["speed"] = np.linalg.norm(lines["velocity"], axis=1)
+    return lines
+
+
+def _seen_from(azimuth):
+    """A camera that looks slightly down on the body, turned about the vertical by degrees."""
+    angle = np.deg2rad(azimuth)
+    away = 6.3 * np.array([np.sin(angle), -np.cos(angle), 0.25])
+    focus = np.array([0.7, 0.0, -0.12])
+    return [tuple(focus + away), tuple(focus), (0, 0, 1)]
