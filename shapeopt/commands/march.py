@@ -52,10 +52,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
     markers = shape.draw(NODES)
     length, height = np.ptp(markers, axis=0)
-    if max(length, 2 * height) > LONGEST or mean_thickness(markers) * box.cells < THINNEST:
+    if max(length, 2 * height) > LONGEST or mean_thickness(markers) * box.cells < THINNEST[2]:
         raise InvalidInput(
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D, and "
-            f"{THINNEST:g} cells thick, can be marched"
+            f"{THINNEST[2]:g} cells thick, can be marched"
         )
     make_folder(out)
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)

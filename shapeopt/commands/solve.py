@@ -2,6 +2,7 @@
 
 python scripts/solve_drag.py --aspect 1 --reynolds 1,10,40
 python scripts/solve_drag.py --dimension 3 --aspect 2 --flatness 1.5 --reynolds 40
+python scripts/solve_drag.py --dimension 3 --aspect 0.5 --settling 2.65,1e-6,2e-4
 python scripts/solve_drag.py --naca 0012 --incidence 10 --reynolds 20 --stream tunnel:8 --json
 """
 
@@ -10,10 +11,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
-from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.cli import Parser, emit, numbers
 from surrogate.body.family import Family
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
+from surrogate.flow.settling import RANGE, Particle, settle
 from surrogate.flow.solution import Solution
 from surrogate.progress import progress_bar
 from surrogate.scene.fidelity import read_fidelity
@@ -25,6 +27,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, solve every Reynolds number, report."""
     arguments = _parser().parse_args(argv)
     dimension = arguments.dimension
+    if (arguments.reynolds is None) == (arguments.settling is None):
+        raise InvalidInput("--reynolds: give it, or --settling in its place")
+    if arguments.settling is not None:
+        return _settling(arguments)
     reynolds = reynolds_numbers(arguments.reynolds, True, dimension)
     scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
@@ -42,6 +48,22 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {found.drag:.4f}")
     result = {"results": results, "scene": scene.record}
     return emit(result, arguments.json, "\n".join(map(_line, results)))
+
+
+def _settling(arguments):
+    """The terminal velocity of a particle, and its flow there."""
+    values = numbers(arguments.settling, "--settling")
+    if len(values) != 3:
+        raise InvalidInput(f"--settling {arguments.settling}: density ratio,viscosity,size")
+    particle = Particle(*values)
+    scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
+    settled = settle(Flow(scene), shape, particle)
+    row = _plain(settled.solution)
+    told = {"velocity": settled.velocity, "flows": settled.flows}
+    result = {"results": [row | told], "scene": scene.record}
+    verb = "falls" if particle.density_ratio > 1 else "rises"
+    text = f"{verb} at {settled.velocity:.4g} m/s ({settled.flows} flows)\n{_line(row)}"
+    return emit(result, arguments.json, text)
 
 
 def _scene(arguments, reynolds) -> Scene:
@@ -90,7 +112,12 @@ def _line(r: dict[str, Any]) -> str:
 def _parser():
     parser = Parser(__doc__)
     add_body_arguments(parser)
-    parser.add_argument("--reynolds", required=True, help="U D / nu, one or several: 1,10,40")
+    parser.add_argument("--reynolds", help="U D / nu, one or several: 1,10,40")
+    parser.add_argument(
+        "--settling",
+        help="in space: RATIO,NU,D for the terminal velocity along the axis; density over the "
+        "fluid's, kinematic viscosity in m^2/s, diameter of the sphere of equal volume in m",
+    )
     parser.add_argument("--dimension", type=int, choices=(2, 3), default=2, help="3: in space (2)")
     parser.add_argument("--stream", default="unbounded", help="unbounded (default) or tunnel:H")
     parser.add_argument("--fidelity", default="standard", help="draft, standard (default) or fine")

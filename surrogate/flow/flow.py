@@ -15,7 +15,7 @@ from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
 from surrogate.devices import Devices, choose_devices, deal_bodies
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.check.trust import SHRUNK, Trust, judge
+from surrogate.flow.check.trust import CRAMPED, Trust, judge
 from surrogate.flow.grid.domain import Domain, fitted_domain, scene_domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solution import Solution
@@ -171,7 +171,7 @@ class Flow:
             return found.drag, work
 
         height = float(shape.reach[1])
-        return judge(drag, solve, self.scene.fidelity, reynolds, height, SHRUNK[shape.dimension])
+        return judge(drag, solve, self.scene.fidelity, reynolds, height, CRAMPED[shape.dimension])
 
     def _reach(self, parameters):
         """Largest |x|, |y|, ... of a body."""

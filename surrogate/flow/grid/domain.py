@@ -20,7 +20,7 @@ FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
 SPACE_FAR = ((2.0, 24), (0.5, 96), (0.125, 384))  # the same in space: cells per D, extents
 FLATTENED = (5,)  # degrees of the traction modes that vary around a flattened body
-THINNEST = 2.5  # cells across the mean thickness
+THINNEST = {2: 2.5, 3: 2.0}  # cells across the mean thickness, in the plane and in space
 NODES_TO_FIT = 400
 ROOM = {2: (1.5, 1.25), 3: (1.0, 0.5)}  # D that a fitted body leaves along and across
 
@@ -129,11 +129,12 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
     thickness = mean_thickness(shape.draw(NODES_TO_FIT)) * fidelity.cells
-    if thickness < THINNEST:
-        needed = math.ceil(fidelity.cells * THINNEST / thickness)
+    thinnest = THINNEST[shape.dimension]
+    if thickness < thinnest:
+        needed = math.ceil(fidelity.cells * thinnest / thickness)
         raise InvalidInput(
             f"body: its mean thickness is {math.floor(100 * thickness) / 100:g} cells and at least "
-            f"{THINNEST:g} are "
+            f"{thinnest:g} are "
             f"needed; {needed} cells per D would resolve it"
         )
     reach = shape.reach

@@ -1,0 +1,108 @@
+"""How fast a particle falls or rises: the Reynolds number at which drag balances its weight."""
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+from surrogate.body.shape import Shape
+from surrogate.checks import finite_number
+from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow.flow import Flow
+from surrogate.flow.solution import Solution
+from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS
+
+BALANCED = 1e-4  # relative, of drag and weight
+STEPS = 12
+RANGE = REYNOLDS[3][0], ONSET_OF_SHEDDING[3]
+
+
+@dataclasses.dataclass(frozen=True)
+class Particle:
+    """A body in a fluid at rest: density over the fluid's, and sizes in metres and seconds.
+
+    ``viscosity`` is the fluid's kinematic one, m^2/s, ``size`` the diameter of the sphere of the
+    body's volume, m, ``gravity`` in m/s^2.
+
+    Raises:
+      InvalidInput: a number is none, is not positive, or the body neither falls nor rises.
+    """
+
+    density_ratio: float
+    viscosity: float
+    size: float
+    gravity: float = 9.81
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            value = finite_number(field.name.replace("_", " "), getattr(self, field.name))
+            if value <= 0:
+                raise InvalidInput(f"{field.name.replace('_', ' ')} {value:g}: must be above 0")
+            object.__setattr__(self, field.name, value)
+        if self.density_ratio == 1:
+            raise InvalidInput("density ratio 1: such a body neither falls nor rises")
+
+    @property
+    def archimedes(self) -> float:
+        """|density ratio - 1| g D^3 / nu^2."""
+        weight = abs(self.density_ratio - 1) * self.gravity
+        return weight * self.size**3 / self.viscosity**2
+
+    def velocity(self, reynolds: float) -> float:
+        """In m/s."""
+        return reynolds * self.viscosity / self.size
+
+
+class Settled(NamedTuple):
+    """A particle at its terminal velocity, in m/s; ``flows`` were solved to find it."""
+
+    velocity: float
+    solution: Solution
+    flows: int
+
+
+def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) -> Settled:
+    """The steady fall or rise of a body along its axis: Cd Re^2 = 4/3 Archimedes number.
+
+    By secants in logarithms from the sphere's correlation (Schiller and Naumann 1933).
+
+    Raises:
+      InvalidInput: the body is of the plane, or moves too slowly or fast for a steady flow.
+      NotConverged: a flow was not found, or no balance.
+    """
+    if shape.dimension != 3:
+        raise InvalidInput("settling: is of bodies in space, dimension 3")
+    goal = math.log(4 / 3 * particle.archimedes)
+    re, flows = _sphere_reynolds(goal), 0
+    slope = (_sphere_thrust(1.01 * re) - _sphere_thrust(re)) / math.log(1.01)
+    before = None
+    for _ in range(STEPS):
+        if not RANGE[0] <= re <= RANGE[1]:
+            raise InvalidInput(
+                f"settling: at about Re {re:.3g}, where a steady flow from Re {RANGE[0]:g} to "
+                f"{RANGE[1]:g} is modelled; another size would do"
+            )
+        found = flow.solve(shape, re, estimate=False)
+        miss, flows = math.log(found.drag * re**2) - goal, flows + 1
+        if abs(miss) <= BALANCED:
+            if estimate:
+                found = flow.solve(shape, re)
+            return Settled(particle.velocity(re), found, flows)
+        if before is not None:
+            slope = (miss - before[1]) / math.log(re / before[0])
+        before = re, miss
+        re *= math.exp(-miss / slope)
+    raise NotConverged(f"settling: drag and weight differ by {abs(miss):.1e} after {flows} flows")
+
+
+def _sphere_thrust(reynolds):
+    """log Cd Re^2 of a sphere."""
+    return math.log(24 * reynolds * (1 + 0.15 * reynolds**0.687))
+
+
+def _sphere_reynolds(thrust):
+    """The sphere's Re at a thrust, by bisection."""
+    low, high = -20.0, 20.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if _sphere_thrust(math.exp(middle)) < thrust else (low, middle)
+    return math.exp(low)
