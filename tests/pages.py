@@ -1,4 +1,4 @@
-"""Pages of three surrogates: one that ships, one of eight modes, one that knows no cylinder."""
+"""Pages of surrogates: one that ships, of eight modes, without a cylinder, in space."""
 
 import functools
 import json
@@ -11,10 +11,11 @@ import pytest
 
 from shapeopt.render.page.page import page
 from surrogate import Family, Scene, Surrogate, Tunnel, load
+from surrogate.flow.grid.domain import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import held_out_samples
 
-NAMES = ("pretrained", "eight modes", "no cylinder")
+NAMES = ("pretrained", "eight modes", "no cylinder", "in space")
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
 REYNOLDS = 20.0  # where the least drag is asked for
 
@@ -26,6 +27,8 @@ def surrogate_of(name):
     betas = {f"beta{k}": (-0.15, 0.15) for k in (2, 3, 4, 5, 6, 7, 9, 12)}
     if name == "eight modes":
         return untrained(Scene(family=Family(aspect=(1, 4), **betas)))
+    if name == "in space":
+        return untrained(Scene(dimension=3, reynolds=(0.1, 100)))
     family = Family(aspect=(2, 4), beta2=(-0.3, 0.3), beta5=(-0.1, 0.1))
     return untrained(Scene(Tunnel(12), (0.01, 200), family))
 
@@ -37,7 +40,8 @@ def untrained(scene):
     low, high = scene.family.bounds.T
     places = (np.asarray(bodies.parameters) - low) / (high - low) - 0.6
     bowl = np.exp(np.sum(places**2, axis=1)) / np.asarray(bodies.reynolds) ** 0.6
-    modes = 1 + 0.01 * generator.standard_normal((512, 2 * scene.fidelity.harmonics + 1))
+    count = traction_modes(scene.family, scene.fidelity).count
+    modes = 1 + 0.01 * generator.standard_normal((512, count))
     network = make_network(scene, jax.random.key(1), *bodies, -modes * bowl[:, None])
     return Surrogate(network, scene, RECORD)
 
@@ -77,8 +81,9 @@ def cases(name):
 
 def crossing(family):
     """The body of the ranges that is thinnest at its tail, where sin kt / sin t is k or -k."""
-    betas = zip(family.form.modes, family.ranges[1:], strict=True)
-    return [family.ranges[0][1][0], *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
+    ratios, betas = family.ranges[: family.form.ratios], family.ranges[family.form.ratios :]
+    betas = zip(family.form.modes, betas, strict=True)
+    return [*(ends[0] for _, ends in ratios), *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
 
 
 def expression(name):

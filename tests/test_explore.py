@@ -97,17 +97,17 @@ def test_every_element_the_script_asks_for_exists(name):
 
 @every
 def test_numbers_of_the_page_agree_with_python(name):
-    """Drag, gradient, opening and contour to 1e-9."""
+    """Drag, gradient and opening to 1e-9, the contour to 1e-8."""
     network, family = surrogate_of(name).network, surrogate_of(name).scene.family
     drag = jax.jit(jax.value_and_grad(network.drag))
-    markers = jax.jit(functools.partial(family.markers, nodes=64))
+    markers = jax.jit(functools.partial(family.outline, nodes=64))
     for body, re_, row in zip(*cases(name), computed(name), strict=True):
         cd, gradient = drag(jnp.asarray(body), jnp.asarray(re_))
         assert row["cd"] == pytest.approx(float(cd), rel=1e-9)
         np.testing.assert_allclose(row["gradient"], gradient, rtol=1e-9, atol=1e-9)
         assert row["opening"] == pytest.approx(float(opening(body, family.form)), abs=1e-9)
         assert row["valid"] == (row["opening"] >= 0.02)
-        np.testing.assert_allclose(row["contour"], markers(body), rtol=0, atol=1e-9)
+        np.testing.assert_allclose(row["contour"], markers(body), rtol=0, atol=1e-8)
 
 
 def test_page_is_written_whole(tmp_path):

@@ -58,7 +58,7 @@ def test_contour_is_saved(name):
     head, *rows = visited(name)["saved"].split()
     saved = np.array([[float(x) for x in row.split(",")] for row in rows])
     body = body_of(name, visited(name)["states"]["least"])
-    contour = surrogate_of(name).scene.family.markers(jnp.asarray(body), 400)
+    contour = surrogate_of(name).scene.family.outline(jnp.asarray(body), 400)
     assert head == "x,y"
     np.testing.assert_allclose(saved, contour, rtol=0, atol=1e-8)
 

@@ -1,6 +1,6 @@
 // The surrogate, its shape gradient and the family of bodies, in plain numbers: no document here.
 function makeModel(data) {
-  const { layers, trend, reach, low, high, bounds, modes, reynolds } = data;
+  const { layers, trend, reach, low, high, bounds, modes, reynolds, ratios, dimension } = data;
   const width = bounds.map(([a, b]) => b - a);
   const span = high.map((b, k) => b - low[k] || 1); // a scene of one Reynolds number has none
 
@@ -22,7 +22,7 @@ function makeModel(data) {
 
   // Cd and its gradient in the shape parameters: one pass forward, one back.
   function drag(parameters, re) {
-    const inputs = [Math.log(parameters[0]), ...parameters.slice(1), Math.log(re)];
+    const inputs = [...parameters.map((x, k) => (k < ratios ? Math.log(x) : x)), Math.log(re)];
     const trace = [inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1)];
     for (let k = 0; k < layers.length - 1; k++) {
       trace.push(affine(layers[k], trace[k]).map(Math.tanh));
@@ -36,7 +36,7 @@ function makeModel(data) {
     }
     const { value, slopes } = quadratic(trace[0]);
     const cd = Math.exp(value + reach * output);
-    const bent = (x, k) => (k ? 1 : 1 / x); // the aspect counts by its logarithm
+    const bent = (x, k) => (k < ratios ? 1 / x : 1); // ratios count by their logarithms
     return {
       cd,
       gradient: parameters.map((x, k) => {
@@ -57,7 +57,8 @@ function makeModel(data) {
   });
 
   // Least y / (b sin t), and the modes where it is.
-  function thinnest([, ...betas]) {
+  function thinnest(parameters) {
+    const betas = parameters.slice(ratios);
     let [opening, place] = [Infinity, waves[0]];
     for (const wave of waves) {
       const here = 1 + dot(wave, betas);
@@ -69,13 +70,54 @@ function makeModel(data) {
   const opening = (parameters) => thinnest(parameters).opening;
   const valid = (parameters) => opening(parameters) >= data.leastOpening;
 
-  // Contour, clockwise from the nose, area centroid at the origin.
-  function contour([aspect, ...betas], nodes) {
-    const points = Array.from({ length: nodes }, (_, n) => {
-      const t = (2 * Math.PI * n) / nodes;
-      const y = betas.reduce((sum, beta, k) => sum + beta * Math.sin(modes[k] * t), Math.sin(t));
-      return [(-Math.sqrt(aspect) / 2) * Math.cos(t), y / (2 * Math.sqrt(aspect))];
+  // sin t + beta2 sin 2t + ...
+  const radius = (betas, t) =>
+    betas.reduce((sum, beta, k) => sum + beta * Math.sin(modes[k] * t), Math.sin(t));
+
+  // Half the length, width and height of a body in space of volume pi/6, and its centroid's cos t.
+  function solid(parameters) {
+    const betas = parameters.slice(ratios);
+    let [bulk, moment] = [0, 0];
+    waves.forEach((wave, n) => {
+      const t = (Math.PI * n) / 180;
+      const slice = Math.sin(t) ** 3 * (1 + dot(wave, betas)) ** 2;
+      bulk += slice;
+      moment += slice * Math.cos(t);
     });
+    const thickness = (parameters[0] * 0.75 * bulk * (Math.PI / 180)) ** (-1 / 3);
+    const root = Math.sqrt(ratios > 1 ? parameters[1] : 1);
+    return {
+      length: (parameters[0] * thickness) / 2,
+      width: (thickness * root) / 2,
+      height: thickness / root / 2,
+      centre: moment / bulk,
+    };
+  }
+
+  // Points of the skin and its outward normals, at t from nose to tail and azimuth phi.
+  function skin(parameters) {
+    const [betas, { length, width, height, centre }] = [parameters.slice(ratios), solid(parameters)];
+    return (t, phi) => {
+      const [r, sine, cosine] = [radius(betas, t), Math.sin(phi), Math.cos(phi)];
+      const slope = betas.reduce((s, b, k) => s + b * modes[k] * Math.cos(modes[k] * t), Math.cos(t));
+      const point = [-length * (Math.cos(t) - centre), width * r * cosine, height * r * sine];
+      const across = [length * height * Math.sin(t) * cosine, length * width * Math.sin(t) * sine];
+      return { point, normal: [-width * height * slope, ...across] };
+    };
+  }
+
+  // Contour, clockwise from the nose, centroid at the origin; in space as seen from the side.
+  function contour(parameters, nodes) {
+    const [[aspect], betas] = [parameters, parameters.slice(ratios)];
+    const angles = Array.from({ length: nodes }, (_, n) => (2 * Math.PI * n) / nodes);
+    if (dimension === 3) {
+      const { length, height, centre } = solid(parameters);
+      return angles.map((t) => [-length * (Math.cos(t) - centre), height * radius(betas, t)]);
+    }
+    const points = angles.map((t) => [
+      (-Math.sqrt(aspect) / 2) * Math.cos(t),
+      radius(betas, t) / (2 * Math.sqrt(aspect)),
+    ]);
     let [area, moment] = [0, 0];
     points.forEach(([x, y], n) => {
       const [x1, y1] = points[(n + 1) % nodes];
@@ -95,9 +137,10 @@ function makeModel(data) {
     for (let n = 0; n < 40; n++) {
       const { opening, place } = thinnest(body);
       if (opening >= data.roomy) break;
-      const slope = place.map((wave, k) => wave * width[k + 1]);
+      const slope = place.map((wave, k) => wave * width[k + ratios]);
       const stride = (data.roomy + 1e-4 - opening) / dot(slope, slope);
-      body = within(body.map((x, k) => (k ? x + stride * slope[k - 1] * width[k] : x)));
+      const moved = (x, k) => (k < ratios ? x : x + stride * slope[k - ratios] * width[k]);
+      body = within(body.map(moved));
     }
     return body;
   }
@@ -128,7 +171,7 @@ function makeModel(data) {
     for (let n = 0; n < 40; n++) golden = (1 + golden) ** (1 / (bounds.length + 1));
     return [
       ...Array.from({ length: ellipses }, (_, n) =>
-        bounds.map((_, k) => (k ? 0 : least + ((most - least) * n) / (ellipses - 1))),
+        bounds.map((_, k) => (k ? data.reference[k] : least + ((most - least) * n) / (ellipses - 1))),
       ),
       ...Array.from({ length: spreadOut }, (_, n) =>
         bounds.map(([a], k) => a + width[k] * ((0.5 + (n + 1) / golden ** (k + 1)) % 1)),
@@ -149,5 +192,8 @@ function makeModel(data) {
   }
 
   const { reference } = data;
-  return { drag, opening, valid, contour, within, leastDrag, reference, bounds, width, reynolds };
+  return {
+    ...{ drag, opening, valid, contour, skin, within, leastDrag },
+    ...{ reference, bounds, width, reynolds, dimension },
+  };
 }

@@ -45,6 +45,7 @@ def page(surrogate: Surrogate) -> str:
         parts,
         **_frame(surrogate.scene.family),
         reference=name,
+        measure="area" if surrogate.scene.dimension == 2 else "volume",
         reference_button=name[0].upper() + name[1:],
         sliders="\n".join(_sliders(surrogate)),
         lead=html.escape(_lead(surrogate)),
@@ -67,6 +68,8 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
         "modes": list(family.form.modes),
+        "ratios": family.form.ratios,
+        "dimension": family.dimension,
         "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),
         "reference": reference_body(family).tolist(),
@@ -76,21 +79,22 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
 
 
 def reference_body(family: Family) -> Float[AnyArray, " parameters"]:
-    """The body that all are compared with: the cylinder, or the family's nearest to it."""
+    """The body that all are compared with: cylinder or sphere, or the family's nearest to it."""
     return np.clip(family.ellipse(1.0), *family.bounds.T)
 
 
 def reference_name(family: Family) -> str:
     """What the reference is, for a person."""
-    aspect, *betas = reference_body(family)
-    if any(betas):
+    body = reference_body(family)
+    ellipse = family.ellipse(float(body[0]))
+    if np.any(body != ellipse):
         return "roundest body"
-    return "cylinder" if aspect == 1 else f"{aspect:g}:1 ellipse"
+    return family.round_body if body[0] == 1 else f"{body[0]:g}:1 ellipse"
 
 
 def _frame(family):
     """The part of the plane that is drawn, and three arrows of the stream at its left."""
-    length, height = family.extent
+    length, height = family.extent[0], max(family.extent[1:])
     height = min(height, TALLEST / math.sqrt(family.bounds[0, 0]))  # most taller ones cross
     left, top = -length / 2 - 0.55, -height / 2 - 0.12
     dart = "h.3m-.08 -.05l.08 .05l-.08 .05"
@@ -109,8 +113,8 @@ def _lead(surrogate):
         f"{100 * recorded('drag_error_max'):.2f} % at worst, on {recorded('held_out')} unseen "
         "bodies."
     )
-    if name != "cylinder":
-        text += f" It knows no cylinder: its bodies are compared with the {name}."
+    if name != (usual := surrogate.scene.family.round_body):
+        text += f" It knows no {usual}: its bodies are compared with the {name}."
     return text
 
 
@@ -121,10 +125,14 @@ def _provenance(surrogate):
         f"{name} {_number(low)} to {_number(high)}"
         for name, (low, high) in (("Re", scene.reynolds), *scene.family.ranges)
     )
+    rho = "\N{GREEK SMALL LETTER RHO}U\N{SUPERSCRIPT TWO}"
+    over = f"drag per unit span over {rho}D / 2, D the diameter of the cylinder of the same area"
+    if scene.dimension == 3:
+        area = "\N{GREEK SMALL LETTER PI}D\N{SUPERSCRIPT TWO} / 8"
+        over = f"drag over {rho}{area}, D the diameter of the sphere of the same volume"
     return (
-        f"Steady laminar flow in {describe_stream(scene.stream)}; drag per unit span over "
-        "\N{GREEK SMALL LETTER RHO}U\N{SUPERSCRIPT TWO}D / 2, D the diameter of the cylinder of "
-        f"the same area, Re = U D / \N{GREEK SMALL LETTER NU}. Trained by the method "
+        f"Steady laminar flow in {describe_stream(scene.stream)}; {over}, "
+        "Re = U D / \N{GREEK SMALL LETTER NU}. Trained by the method "
         f"{surrogate.recorded('method')} on {ranges}; the sliders end there. Errors are against "
         "the flow solver."
     )

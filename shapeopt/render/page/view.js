@@ -52,10 +52,64 @@ function drawBody(body, { cd, gradient }, valid) {
   const steepness = Math.hypot(...gradient.map((g, k) => (g * model.width[k]) / cd));
   const stride = Math.min(0.12, 0.8 * steepness) / (steepness || 1);
   const downhill = model.within(body.map((x, k) => x - (stride * gradient[k] * model.width[k] ** 2) / cd));
-  element("reference").setAttribute("d", path(model.contour(model.reference, 120)));
-  element("shape").setAttribute("d", path(model.contour(body, 240)));
+  const drawn = (parameters) => path(silhouette(parameters));
+  element("reference").setAttribute("d", drawn(model.reference));
+  element("shape").setAttribute("d", drawn(body));
+  element("rings").setAttribute("d", model.dimension === 3 ? rings(body) : "");
   const shown = valid && model.valid(downhill);
-  element("downhill").setAttribute("d", shown ? path(model.contour(downhill, 240)) : "");
+  element("downhill").setAttribute("d", shown ? drawn(downhill) : "");
+}
+
+// In space bodies are seen from the side, a little from ahead and above.
+const [YAW, PITCH] = [0.45, 0.35];
+const [RIGHT, UP, AWAY] = [
+  [Math.cos(YAW), -Math.sin(YAW), 0],
+  [Math.sin(YAW) * Math.sin(PITCH), Math.cos(YAW) * Math.sin(PITCH), Math.cos(PITCH)],
+  [-Math.sin(YAW) * Math.cos(PITCH), -Math.cos(YAW) * Math.cos(PITCH), Math.sin(PITCH)],
+];
+const along = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const seen = (point) => [along(point, RIGHT), along(point, UP)];
+const steps = (count, range) => Array.from({ length: count + 1 }, (_, n) => (range * n) / count);
+
+// The outline of a body as it is drawn: in space the hull of its skin on the screen.
+function silhouette(parameters) {
+  if (model.dimension === 2) return model.contour(parameters, 240);
+  const at = model.skin(parameters);
+  const points = steps(48, Math.PI).flatMap((t) =>
+    steps(64, 2 * Math.PI).map((phi) => seen(at(t, phi).point)),
+  );
+  points.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+  const half = (list) => {
+    const hull = [];
+    for (const p of list) {
+      while (hull.length > 1 && turn(hull[hull.length - 2], hull[hull.length - 1], p) <= 0) hull.pop();
+      hull.push(p);
+    }
+    return hull.slice(0, -1);
+  };
+  return [...half(points), ...half([...points].reverse())];
+}
+
+const turn = (a, b, c) => (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+
+// Rings and meridians on the side of a body that is seen.
+function rings(parameters) {
+  const at = model.skin(parameters);
+  const across = steps(14, Math.PI).map((t) => steps(96, 2 * Math.PI).map((phi) => [t, phi]));
+  const lengthways = steps(12, 2 * Math.PI).map((phi) => steps(64, Math.PI).map((t) => [t, phi]));
+  return [...across, ...lengthways].map((line) => visible(line, at)).join("");
+}
+
+function visible(line, at) {
+  let [text, pen] = ["", "M"];
+  for (const [t, phi] of line) {
+    const { point, normal } = at(t, phi);
+    const [x, y] = seen(point);
+    const front = along(normal, AWAY) > 0;
+    if (front) text += `${pen}${x.toFixed(3)} ${(-y).toFixed(3)}`;
+    pen = front ? "L" : "M";
+  }
+  return text;
 }
 
 // Round numbers of a logarithmic axis, as many as have room; in even steps where it is short.
