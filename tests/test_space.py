@@ -168,16 +168,16 @@ def test_what_is_no_body_or_scene_of_space_is_refused():
     with pytest.raises(InvalidInput, match="5 parameters are needed"):
         FLOW.drag([1.0, 1.0], 10.0)
     with pytest.raises(InvalidInput, match="reaches beyond"):
-        FLOW.drag([6.0, 1.0, 0, 0, 0], 10.0)
+        FLOW.drag([12.0, 1.0, 0, 0, 0], 10.0)
     with pytest.raises(InvalidInput, match="of dimension 2, in a scene of 3"):
         FLOW.solve(family_shape({"aspect": 1.0}), 10.0)
     with pytest.raises(InvalidInput, match="too large"):
-        FLOW.solve(family_shape({"aspect": 9.0}, dimension=3), 10.0)
+        DRAFT.solve(family_shape({"aspect": 9.0}, dimension=3), 10.0)
     with pytest.raises(InvalidInput, match="shed vortices beyond 210"):
         FLOW.solve(SPHERE, 250.0)
     with pytest.raises(InvalidInput, match=r"tested from 0\.01"):
         Scene(dimension=3, reynolds=(0.001, 1))
-    assert np.isnan(jax.jit(FLOW.drag)(jnp.array([6.0, 1.0, 0, 0, 0]), 10.0))
+    assert np.isnan(jax.jit(FLOW.drag)(jnp.array([12.0, 1.0, 0, 0, 0]), 10.0))
 
 
 def test_a_solution_knows_its_error_and_loads():

@@ -102,12 +102,10 @@ def space_mesh(solution: Solution) -> pv.ImageData:
 def _draw(plotter, solution, skin, ends):
     """Body, tubes and a cut behind them."""
     flow = space_mesh(solution)
-    cut = flow.slice("y", origin=(0, VIEW[3] - 0.1, 0))
-    middle = flow.slice("y", origin=(0, 1e-3, 0))
-    cut["vorticity"] = middle["vorticity"]  # of the plane of symmetry, drawn behind the body
+    middle = flow.slice("y", origin=(0, 1e-3, 0))  # drawn behind the body
     plotter.add_mesh(
-        cut,
-        scalars=np.sqrt(cut["vorticity"]),
+        middle.translate((0, VIEW[3], 0)),
+        scalars=np.sqrt(middle["vorticity"]),
         cmap="Greys",
         clim=(0, np.sqrt(np.percentile(middle["vorticity"], 99.5))),
         opacity=0.55,
@@ -152,7 +150,7 @@ def _streamlines(flow):
     """Lines that start in circles upstream, with the speed along them."""
     angles = np.pi * (np.arange(AROUND) + 0.5) / AROUND
     starts = [
-        (VIEW[0] + 0.1, radius * np.sin(angle), radius * np.cos(angle))
+        (flow.bounds[0] + 0.05, radius * np.sin(angle), radius * np.cos(angle))
         for radius in SEEDS
         for angle in angles
     ]

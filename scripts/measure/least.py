@@ -1,0 +1,136 @@
+"""The bodies of least drag in space beside theory, and what a bound on their height makes of them.
+
+python scripts/measure/least.py
+
+At Re 0.01 Pironneau's body (1973; Bourot 1974: 0.95425 of the sphere's drag, tips of 120 degrees),
+at Re 1 and 40 optima by axisymmetric elements. Every ratio is of flows on one grid.
+"""
+
+import dataclasses
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from study import Result, Study, run_study, words
+
+from shapeopt import Problem, optimise
+from shapeopt.render.pictures import Panel
+from shapeopt.render.space import render_bodies
+from shapeopt.render.tables import markdown
+from surrogate import Family, Fidelity, Flow, Scene, family_shape
+from surrogate.scene.fidelity import SPACE_FIDELITIES
+
+THEORY = {0.01: 0.95425, 1.0: 0.94745, 40.0: 0.79645}
+REVOLVED = Family(
+    dimension=3,
+    aspect=(1.0, 4.0),
+    beta2=(-0.1, 0.1),
+    beta3=(-0.15, 0.1),
+    beta4=(-0.05, 0.05),
+    beta5=(-0.05, 0.05),
+)
+FLATTENED = Family(dimension=3, aspect=(1.0, 4.0), flatness=(1.0, 2.5), beta3=(-0.1, 0.1))
+HEIGHT = 0.5  # D, the bound
+CELLS = 10, 16, 24  # per D
+TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
+
+
+def measure(tiny: bool, progress: Callable) -> Result:
+    """Optima over Re and cells, extrapolated by the second order of the two finest; one bounded."""
+    standard = TINY if tiny else SPACE_FIDELITIES["standard"]
+    numbers, cells = ((40.0,), (5,)) if tiny else (tuple(THEORY), CELLS)
+    family = Family(dimension=3, aspect=(1.5, 3)) if tiny else REVOLVED
+    rows = []
+    for reynolds in numbers:
+        for n in cells:
+            progress(len(rows) / (len(numbers) * len(cells) + 1), f"Re {reynolds:g}, {n} cells")
+            level = dataclasses.replace(standard, cells=n)
+            rows.append(
+                {
+                    "cells": n,
+                    **_least(
+                        Scene(reynolds=(reynolds,) * 2, family=family, fidelity=level), reynolds
+                    ),
+                }
+            )
+    flat = Family(dimension=3, aspect=(1.5, 3), flatness=(1, 2.5)) if tiny else FLATTENED
+    scene = Scene(reynolds=(40.0, 40.0), family=flat, fidelity=standard)
+    return {
+        "rows": rows,
+        "theory": {f"{re:g}": THEORY[re] for re in numbers},
+        "extrapolated": {f"{re:g}": _extrapolated(rows, re) for re in numbers},
+        "height": HEIGHT,
+        "bounded": _least(scene, 40.0, max_thickness=HEIGHT),
+    }
+
+
+def _least(scene, reynolds, **bounds):
+    """The flow's own optimum, and its drag over the sphere's."""
+    flow = Flow(scene)
+    design = optimise(Problem(scene, reynolds, **bounds), flow)
+    sphere = float(flow.drag(scene.family.ellipse(1.0), reynolds))
+    return {
+        "reynolds": reynolds,
+        "ratio": design.objective / sphere,
+        "parameters": scene.family.named(design.parameters),
+        "kkt": design.kkt_residual,
+        "flows": design.flows,
+    }
+
+
+def _extrapolated(rows, reynolds):
+    """The ratio at no cell size, from the two finest grids; None where there is one."""
+    found = [(row["cells"], row["ratio"]) for row in rows if row["reynolds"] == reynolds]
+    if len(found) < 2:
+        return None
+    (coarse, rough), (fine, good) = found[-2:]
+    return good + (good - rough) / ((fine / coarse) ** 2 - 1)
+
+
+def tables(result: Result) -> str:
+    """Ratios over cells, and the bounded optimum."""
+    rows = []
+    for re, theory in result["theory"].items():
+        own = [row for row in result["rows"] if f"{row['reynolds']:g}" == re]
+        body = ", ".join(f"{name} {value:.2f}" for name, value in own[-1]["parameters"].items())
+        last = result["extrapolated"][re]
+        grids = ", ".join(f"{row['ratio']:.4f} ({row['cells']})" for row in own)
+        rows.append([re, grids, "-" if last is None else f"{last:.4f}", f"{theory:.5f}", body])
+    head = (
+        "Re",
+        "drag over the sphere's (cells per D)",
+        "extrapolated",
+        "theory, elements",
+        "body",
+    )
+    form = (
+        "At Re 40 and at most {height:g} D high the optimum has flatness {flatness:.2f}, aspect "
+        "{aspect:.2f} and {ratio:.4f} of the sphere's drag."
+    )
+    bounded = result["bounded"]
+    named = {name: bounded["parameters"][name] for name in ("flatness", "aspect")}
+    told = words(form, height=result["height"], ratio=bounded["ratio"], **named)
+    return f"{markdown(head, rows)}\n\n{told}"
+
+
+def draw(result: Result, path: Path) -> None:
+    """Sphere, the free optimum at Re 40 and the bounded one, in their flows."""
+    flow, free = Flow(Scene(dimension=3, reynolds=(40.0, 40.0))), result["rows"][-1]
+    bodies = {
+        "sphere": {"aspect": 1.0},
+        "least drag": free["parameters"],
+        f"least drag, {result['height']:g} D high": result["bounded"]["parameters"],
+    }
+    panels, first = [], None
+    for name, body in bodies.items():
+        found = flow.solve(family_shape(body, dimension=3), 40.0, estimate=False)
+        first = first or found.drag
+        change = "" if found.drag == first else f"    {100 * (found.drag / first - 1):+.1f} %"
+        panels.append(Panel(found, f"Re 40    {name}    Cd {found.drag:.3f}{change}"))
+    render_bodies([panels], path)
+
+
+STUDY = Study("least", measure, tables, draw)
+
+if __name__ == "__main__":
+    sys.exit(run_study(STUDY))
