@@ -24,8 +24,7 @@ from shapeopt.payoff.ways import compile_all, remembering, rivals, trained
 from shapeopt.problem.objective import Robust
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal
-from shapeopt.render.pictures import render_flows
-from shapeopt.render.sheets import before_and_after
+from shapeopt.render.sheets import before_and_after, render_panels
 from shapeopt.runs import load_run, save_run
 from shapeopt.search.optimise import optimise
 from shapeopt.search.verify import verify
@@ -146,7 +145,7 @@ def _pictures(ways, surrogate, queries, best, out: Path) -> dict[str, str]:
             save_run(folder, problem, design, found, surrogate, str(out / best))
             rows.append(before_and_after(load_run(folder)))
         plot = plot_payoff(ways, out / "payoff.png")
-        shapes = render_flows(rows, out / "shapes.png")
+        shapes = render_panels(rows, out / "shapes.png")
         progress(1.0, str(shapes))
     return {"shapes": str(shapes), "plot": str(plot)}
 
@@ -156,6 +155,7 @@ def _query(problem: Problem) -> dict[str, float | None]:
         "reynolds": problem.objective.nominal,
         "max_length": problem.max_length,
         "min_thickness": problem.min_thickness,
+        "max_thickness": problem.max_thickness,
     }
 
 

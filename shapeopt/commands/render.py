@@ -17,10 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.render.pictures import render_evolution, render_flows
+from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
-from shapeopt.render.sheets import before_and_after, solve_run
-from shapeopt.render.space import render_bodies, render_turntable
+from shapeopt.render.sheets import before_and_after, render_panels, solve_run
+from shapeopt.render.space import render_turntable
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import check_file
@@ -52,8 +52,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             loads = _each(_surfaces, records, progress)
             plot_surfaces(list(zip(records, loads, strict=True)), out)
         else:
-            panels = _each(before_and_after, records, progress)
-            (render_bodies if dimension == 3 else render_flows)(panels, out)
+            render_panels(_each(before_and_after, records, progress), out)
         progress(1.0, str(out))
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
 

@@ -69,7 +69,12 @@ def nearest_answer(
     def away(pair):
         other = pair[0]
         lengths = [
-            (a.max_length or 3.0, a.min_thickness or 0.3, np.log(a.objective.nominal))
+            (
+                a.max_length or 3.0,
+                a.min_thickness or 0.3,
+                a.max_thickness or 1.0,
+                np.log(a.objective.nominal),
+            )
             for a in (problem, other)
         ]
         return float(np.linalg.norm(np.subtract(*lengths)))

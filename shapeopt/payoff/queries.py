@@ -9,6 +9,7 @@ from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
 LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that bind for most optima, in D
+HEIGHTS = (0.45, 0.65)  # the same in space, where a height may be too much
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
@@ -25,12 +26,12 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
             return queries
         key, drawing = jax.random.split(key)
         place, length, thickness, long, thick = np.asarray(jax.random.uniform(drawing, (5,), float))
-        problem = Problem(
-            scene,
-            float(np.exp(low + place * (high - low))),
-            _between(LENGTHS, length) if long < 0.5 else None,
-            _between(THICKNESSES, thickness) if thick < 0.5 else None,
-        )
+        bounds = {"max_length": _between(LENGTHS, length)} if long < 0.5 else {}
+        if thick < 0.5 and scene.dimension == 3:
+            bounds["max_thickness"] = _between(HEIGHTS, thickness)
+        elif thick < 0.5:
+            bounds["min_thickness"] = _between(THICKNESSES, thickness)
+        problem = Problem(scene, float(np.exp(low + place * (high - low))), **bounds)
         try:
             candidates(problem)
         except InvalidInput:

@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from shapeopt.render.pictures import Panel
+from shapeopt.render.pictures import Panel, render_flows
+from shapeopt.render.space import render_bodies
 from shapeopt.runs import run_body, run_scene
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
@@ -38,6 +39,12 @@ def before_and_after(record: dict[str, Any]) -> list[Panel]:
         Panel(start, before, "drag by the flow solver"),
         Panel(optimum, after, f"{origin(record)}, {standing(record)}"),
     ]
+
+
+def render_panels(rows: list[list[Panel]], path: str | Path) -> Path:
+    """A sheet of solved flows, of the plane or of space; whole or not at all."""
+    dimension = rows[0][0].solution.shape.dimension
+    return (render_bodies if dimension == 3 else render_flows)(rows, path)
 
 
 def origin(record: dict[str, Any]) -> str:
