@@ -66,17 +66,20 @@ def filled(text: str, block: Callable[[str, Result], str], folder: Path = RESULT
 
 
 def keep_payoff(path: Path, out: Path = RESULTS, pictures: Path = PICTURES) -> None:
-    """The payoff's result and pictures beside those of the studies."""
+    """The payoff's result and pictures beside those of the studies, in space by another name."""
     result = json.loads(path.read_text())
+    space = "_space" if result.get("scene", {}).get("dimension") == 3 else ""
     command = result.pop("command", f"python scripts/payoff.py --out {path.parent}")
-    keep("payoff", result, command, result.pop("seconds", None), out)
+    keep(f"payoff{space}", result, command, result.pop("seconds", None), out)
     for name in ("payoff", "shapes"):
-        shutil.copyfile(path.with_name(f"{name}.png"), pictures / f"{name}.png")
+        shutil.copyfile(path.with_name(f"{name}.png"), pictures / f"{name}{space}.png")
 
 
 def whole_block(name: str, record: Result) -> str:
     """All of a study: tables, picture; by which command, when, on what, for how long."""
-    tell = payoff_tables if name == "payoff" else importlib.import_module(name).STUDY.tables
+    tell = (
+        payoff_tables if name.startswith("payoff") else importlib.import_module(name).STUDY.tables
+    )
     picture, machine = PICTURES / f"{name}.png", record["machine"]
     shown = [f"![{name}](../../.pictures/{name}.png)"] if picture.is_file() else []
     form = "`{command}` on {day}{time}; {on}{cores} cores of {processor}, jax {jax}"

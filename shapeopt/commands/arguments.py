@@ -8,14 +8,15 @@ from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.contour import naca4, read_contour
-from surrogate.body.family import DEFAULT
+from surrogate.body.family import ASPECTS, DEFAULT, FLATNESSES
 from surrogate.body.form import PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
-from surrogate.scene.scene import Scene, check_reynolds
+from surrogate.scene.scene import REYNOLDS, Scene, check_reynolds
 
+REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in space {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
@@ -26,10 +27,12 @@ def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2
 
 def add_family_arguments(parser: Parser) -> None:
     """--aspect, --flatness, --beta2, ..., --beta12."""
-    parser.add_argument("--aspect", type=float, help="length over thickness of the plain ellipse")
-    parser.add_argument("--flatness", type=float, help="width over height of a body in space (1)")
+    ranges = (f"{low:g} to {high:g}" for low, high in (ASPECTS, FLATNESSES))
+    aspect, flatness = (f"of the plain ellipse, {range_}" for range_ in ranges)
+    parser.add_argument("--aspect", type=float, help=f"length over thickness {aspect}")
+    parser.add_argument("--flatness", type=float, help=f"width over height in space {flatness} (1)")
     for name in PARAMETERS[2:]:
-        parser.add_argument(f"--{name}", type=float, help="shape coefficient (0)")
+        parser.add_argument(f"--{name}", type=float, help="shape coefficient, -1 to 1 (0)")
 
 
 def family_named(arguments: argparse.Namespace) -> dict[str, float]:
@@ -41,9 +44,11 @@ def family_named(arguments: argparse.Namespace) -> dict[str, float]:
 def add_body_arguments(parser: Parser) -> None:
     """A family body, a contour or a NACA section, at incidence."""
     add_family_arguments(parser)
-    parser.add_argument("--contour", help="CSV of x,y or Selig .dat, scaled to area pi/4")
+    parser.add_argument("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
     parser.add_argument("--naca", help="NACA 4-digit section, as 0012")
-    parser.add_argument("--incidence", type=float, default=0.0, help="nose up, in degrees (0)")
+    parser.add_argument(
+        "--incidence", type=float, default=0.0, help="nose up in degrees, -180 to 180 (0)"
+    )
     parser.add_argument("--keep-size", action="store_true", help="do not scale a contour")
 
 
@@ -66,31 +71,52 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
 
 def add_problem_arguments(parser: Parser) -> None:
     """Surrogate or scene, objective and constraints."""
-    parser.add_argument("--surrogate", default="pretrained", help="a folder, pretrained, or none")
+    parser.add_argument(
+        "--surrogate",
+        default="pretrained",
+        help="a folder, pretrained[:METHOD], or none (pretrained)",
+    )
     parser.add_argument("--scene", help="TOML file, with --surrogate none")
-    parser.add_argument("--fidelity", help="draft, standard or fine, with --surrogate none")
-    parser.add_argument("--reynolds", required=True, help="U D / nu; several as 1,10,40")
-    parser.add_argument("--weights", help="of several Reynolds numbers, as 1,2,1")
-    parser.add_argument("--spread", type=float, help="of Re: deviation of log Re, or half width")
+    parser.add_argument(
+        "--fidelity", help="draft, standard or fine, with --surrogate none (standard)"
+    )
+    parser.add_argument(
+        "--reynolds", required=True, help=f"one, or several as 1,10,40: {REYNOLDS_HELP}"
+    )
+    parser.add_argument("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
+    parser.add_argument(
+        "--spread", type=float, help="of Re: deviation of log Re, or half width over Re (0)"
+    )
     parser.add_argument(
         "--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)"
     )
     parser.add_argument(
-        "--tolerance", type=float, help="deviation of the shape parameters, over their ranges"
+        "--tolerance",
+        type=float,
+        help="deviation of the shape parameters, in shares of their ranges (0)",
     )
-    parser.add_argument("--cvar", type=float, help="0.9: the mean of the worst tenth of the cases")
-    parser.add_argument("--cases", type=int, help="samples of the uncertainty (32)")
-    parser.add_argument("--seed", type=int, help="of the samples (0)")
-    parser.add_argument("--max-length", type=float, help="longest chord, in D")
-    parser.add_argument("--min-thickness", type=float, help="least greatest thickness, in D")
     parser.add_argument(
-        "--max-thickness", type=float, help="greatest thickness allowed, in space height, in D"
+        "--cvar", type=float, help="0.9: mean of the worst tenth of the cases (0: of all)"
+    )
+    parser.add_argument("--cases", type=int, help="samples of the uncertainty, 2 or more (32)")
+    parser.add_argument("--seed", type=int, help="of the samples, from 0 (0)")
+    parser.add_argument("--max-length", type=float, help="longest chord in D (no bound)")
+    parser.add_argument(
+        "--min-thickness", type=float, help="least greatest thickness in D (no bound)"
+    )
+    parser.add_argument(
+        "--max-thickness", type=float, help="most of it, in space of the height, in D (no bound)"
     )
     parser.add_argument("--thickness-at", help="x/c:least thickness in D, as 0.25:0.5,0.75:0.3")
-    parser.add_argument("--min-radius", type=float, help="least radius of curvature, in D")
+    parser.add_argument(
+        "--min-radius", type=float, help="least radius of curvature in D (no bound)"
+    )
     parser.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
     parser.add_argument(
-        "--trust", type=float, default=0.0, help="share of each range to keep off its edges (0)"
+        "--trust",
+        type=float,
+        default=0.0,
+        help="share of each range to keep off its edges, below 0.5 (0)",
     )
 
 

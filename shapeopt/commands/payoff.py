@@ -35,7 +35,7 @@ from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
-from surrogate.training.plan import PRESETS, Plan, compared_plans
+from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
 from surrogate.training.record import command_line
 from surrogate.training.train import train_all
 
@@ -79,6 +79,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "command": command_line(),
         "seconds": time.perf_counter() - start,
         "compile_s": compile_s,
+        "scene": scene.record,
         "payoff": rows,
         "direct": {key: rows[0][key] for key in keys},
         "queries": [_query(problem) for problem in queries],
@@ -161,12 +162,21 @@ def _query(problem: Problem) -> dict[str, float | None]:
 
 def _parser():
     parser = Parser(__doc__)
+    queries = ", ".join(f"{preset}: {count}" for preset, count in QUERIES.items())
     parser.add_argument("--preset", default="quick", choices=list(PRESETS), help="(quick)")
     parser.add_argument("--scene", help="TOML file; the preset's own scene without")
-    parser.add_argument("--samples", type=int, help="bodies to learn from, instead of the preset's")
-    parser.add_argument("--budget-seconds", type=float, help="train each for this long instead")
-    parser.add_argument("--queries", type=int, help="designs asked for, instead of the preset's")
-    parser.add_argument("--seed", type=int, default=0, help="the first seed (0)")
-    parser.add_argument("--seeds", type=int, default=1, help="trainings of every method (1)")
+    parser.add_argument(
+        "--samples", type=int, help=f"bodies to learn from, from 4 ({SAMPLES_HELP})"
+    )
+    parser.add_argument(
+        "--budget-seconds", type=float, help="train each for this long instead, from 1 s"
+    )
+    parser.add_argument(
+        "--queries", type=int, help=f"designs asked for, from {PLAIN['quick']} ({queries})"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="the first seed, from 0 (0)")
+    parser.add_argument(
+        "--seeds", type=int, default=1, help="trainings of every method, 1 to 20 (1)"
+    )
     parser.add_argument("--out", required=True, help="folder for surrogates, runs and pictures")
     return parser

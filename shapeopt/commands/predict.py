@@ -11,7 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.commands.arguments import add_family_arguments, family_named, reynolds_numbers
+from shapeopt.commands.arguments import (
+    REYNOLDS_HELP,
+    add_family_arguments,
+    family_named,
+    reynolds_numbers,
+)
 from shapeopt.commands.cli import Parser, emit
 from surrogate.body.family import check_body
 from surrogate.body.shape import family_shape
@@ -89,8 +94,12 @@ def _line(r: dict[str, Any]) -> str:
 
 def _parser():
     parser = Parser(__doc__)
-    parser.add_argument("--surrogate", default="pretrained", help="a folder, or pretrained")
+    parser.add_argument(
+        "--surrogate", default="pretrained", help="a folder, or pretrained[:METHOD] (pretrained)"
+    )
     add_family_arguments(parser)
-    parser.add_argument("--reynolds", required=True, help="one or several: 1,10,40")
+    parser.add_argument(
+        "--reynolds", required=True, help=f"one or several, as 1,10,40: {REYNOLDS_HELP}"
+    )
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
     return parser

@@ -33,9 +33,11 @@ def _line(row):
 
 def _parser():
     parser = Parser(__doc__)
-    parser.add_argument("--surrogate", default="pretrained", help="a folder, or pretrained")
+    parser.add_argument(
+        "--surrogate", default="pretrained", help="a folder, or pretrained[:METHOD] (pretrained)"
+    )
     parser.add_argument("--reynolds", required=True, help="one or several: 1,3,10,40")
     parser.add_argument("--max-length", required=True, help="bounds on the chord in D: 1.2,1.5,2")
-    parser.add_argument("--min-thickness", type=float, help="of every body, in D")
+    parser.add_argument("--min-thickness", type=float, help="of every body in D (no bound)")
     parser.add_argument("--out", required=True, help="the sheet, .png")
     return parser

@@ -10,7 +10,12 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
-from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
+from shapeopt.commands.arguments import (
+    REYNOLDS_HELP,
+    add_body_arguments,
+    reynolds_numbers,
+    shape_of,
+)
 from shapeopt.commands.cli import Parser, emit, numbers
 from surrogate.body.family import Family
 from surrogate.errors import InvalidInput
@@ -112,16 +117,18 @@ def _line(r: dict[str, Any]) -> str:
 def _parser():
     parser = Parser(__doc__)
     add_body_arguments(parser)
-    parser.add_argument("--reynolds", help="U D / nu, one or several: 1,10,40")
+    parser.add_argument("--reynolds", help=f"one or several, as 1,10,40: {REYNOLDS_HELP}")
     parser.add_argument(
         "--settling",
         help="in space: RATIO,NU,D for the terminal velocity along the axis; density over the "
         "fluid's, kinematic viscosity in m^2/s, diameter of the sphere of equal volume in m",
     )
     parser.add_argument("--dimension", type=int, choices=(2, 3), default=2, help="3: in space (2)")
-    parser.add_argument("--stream", default="unbounded", help="unbounded (default) or tunnel:H")
+    parser.add_argument(
+        "--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D"
+    )
     parser.add_argument("--fidelity", default="standard", help="draft, standard (default) or fine")
-    parser.add_argument("--cells", type=int, help="cells per D, instead of the fidelity's")
+    parser.add_argument("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
     parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
     parser.add_argument("--allow-unsteady", action="store_true", help="past Re 46.7; in space 210")
     return parser

@@ -40,10 +40,12 @@ FATAL = re.compile(
 def add_arguments(parser: Parser) -> None:
     """--devices, --lanes, --coordinator, --processes, --process."""
     parser.add_argument("--devices", type=int, help="of this process: CPU cores, or GPUs (1)")
-    parser.add_argument("--lanes", type=int, help="bodies solved at once on a device")
+    parser.add_argument(
+        "--lanes", type=int, help="bodies solved at once on a device, from 1 (as many as pay)"
+    )
     parser.add_argument("--coordinator", help="HOST:PORT of the first process, for all of them")
-    parser.add_argument("--processes", type=int, help="how many there are")
-    parser.add_argument("--process", type=int, help="which this is, from 0")
+    parser.add_argument("--processes", type=int, help="how many there are, from 1 (1)")
+    parser.add_argument("--process", type=int, help="which this is, from 0 (0)")
 
 
 def is_parent(arguments: argparse.Namespace) -> bool:

@@ -20,7 +20,7 @@ from surrogate.model.store import check_surrogate_folder
 from surrogate.processes import first
 from surrogate.scene.scene import Scene
 from surrogate.training.forecast import forecast
-from surrogate.training.plan import METHODS, PRESETS, make_plan
+from surrogate.training.plan import METHODS, PRESETS, SAMPLES_HELP, make_plan
 from surrogate.training.train import carry_out
 
 
@@ -65,13 +65,17 @@ def _parser():
     parser = Parser(__doc__)
     parser.add_argument("--method", required=True, help=", ".join(METHODS))
     parser.add_argument("--scene", help="TOML file; the preset's own scene without")
-    parser.add_argument("--samples", type=int, help="bodies to learn from, instead of the preset's")
+    parser.add_argument(
+        "--samples", type=int, help=f"bodies to learn from, from 4 ({SAMPLES_HELP})"
+    )
     parser.add_argument("--preset", default="quick", choices=list(PRESETS), help="(quick)")
-    parser.add_argument("--budget-seconds", type=float, help="train for this long instead")
+    parser.add_argument(
+        "--budget-seconds", type=float, help="train for this long instead, from 1 s"
+    )
     parser.add_argument(
         "--published", action="store_true", help="the method as published, not at its best"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of samples and weights (0)")
+    parser.add_argument("--seed", type=int, default=0, help="of samples and weights, from 0 (0)")
     parser.add_argument("--out", required=True, help="folder of the surrogate")
     add_arguments(parser)
     return parser

@@ -69,6 +69,7 @@ PRESETS = {
         Scene(),
     ),
 }
+SAMPLES_HELP = ", ".join(f"{name}: {preset.samples}" for name, preset in PRESETS.items())
 
 
 @dataclasses.dataclass(frozen=True)
