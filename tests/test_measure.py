@@ -50,7 +50,7 @@ def test_study_runs_and_keeps_its_record(name, tmp_path, capsys, monkeypatch):
 
 def test_every_study_is_told_and_none_else():
     told = re.findall(r"<!-- (\w+) -->", report.BOOK.read_text())
-    assert sorted(told) == sorted([*NAMES, "payoff"])
+    assert sorted(told) == sorted([*NAMES, "payoff", "payoff_space"])
 
 
 def test_texts_are_what_the_results_say():

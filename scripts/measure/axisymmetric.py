@@ -24,10 +24,13 @@ class Elements(NamedTuple):
     """Degree, reach of the box, and widths of elements: on the body, near it, in its wake; in D."""
 
     order: int = 3
-    box: float = 50.0
-    wall: float = 0.06
-    near: float = 0.25
+    box: float = 100.0
+    wall: float = 0.05
+    near: float = 0.2
     wake: float = 1.0
+
+
+ELEMENTS = Elements()
 
 
 class Revolved(NamedTuple):
@@ -39,7 +42,7 @@ class Revolved(NamedTuple):
 
 
 def solve_by_axisymmetric_elements(
-    body: Mapping[str, float], reynolds: float, elements: Elements = Elements()
+    body: Mapping[str, float], reynolds: float, elements: Elements = ELEMENTS
 ) -> Revolved:
     """Steady Navier-Stokes round a family body of revolution in an unbounded stream.
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 from surrogate.arrays import AnyArray
 from surrogate.body.family import ROOMY, opening
 from surrogate.body.form import Form
-from surrogate.body.measures import chord, least, radii, thickness, thickness_at
+from surrogate.body.measures import chord, least, radii, thickness, thickness_at, thicknesses
 
 
 class Station(NamedTuple):
@@ -21,14 +21,18 @@ class Station(NamedTuple):
 
 
 class Limits(eqx.Module):
-    """All constraints as numbers; what is not bounded cannot be reached."""
+    """All constraints as numbers; what is not bounded cannot be reached.
+
+    Of bounds on the thickness there is one or none: it holds all along the body, as a body of
+    least drag under it meets it at several places.
+    """
 
     low: Float[AnyArray, " parameters"]
     high: Float[AnyArray, " parameters"]
     shift: Float[AnyArray, "cases parameters"]
     max_length: Float[AnyArray, ""]
     min_thickness: Float[AnyArray, ""]
-    max_thickness: Float[AnyArray, ""]
+    max_thickness: Float[AnyArray, " bounds"]
     stations: Float[AnyArray, "stations 2"]
     min_radius: Float[AnyArray, ""]
     form: Form = eqx.field(static=True)
@@ -46,14 +50,14 @@ def margins(
     """Every constraint as a number that must not be negative; the ranges are not among them."""
     form = limits.form
     openings = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
-    thickest = thickness(parameters, form)
     stations = jax.vmap(lambda s: thickness_at(parameters, form, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
             least(openings)[None] - ROOMY,
             jnp.stack([limits.max_length - chord(parameters, form)]),
-            jnp.stack([thickest - limits.min_thickness, limits.max_thickness - thickest]),
+            jnp.stack([thickness(parameters, form) - limits.min_thickness]),
             stations,
+            (limits.max_thickness[:, None] - thicknesses(parameters, form)).ravel(),
             jnp.stack(radii(parameters, form)) - limits.min_radius,
         ]
     )

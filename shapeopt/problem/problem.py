@@ -81,17 +81,15 @@ class Problem:
     def limits(self) -> Limits:
         """All constraints as numbers."""
         low, high = self._ranges()
-        longest, thickest = (
-            UNBOUNDED_LENGTH if bound is None else float(bound)
-            for bound in (self.max_length, self.max_thickness)
-        )
+        longest = UNBOUNDED_LENGTH if self.max_length is None else self.max_length
+        bounds = [] if self.max_thickness is None else [self.max_thickness]
         return Limits(
             low,
             high,
             self.scenarios.shift,
-            np.asarray(longest),
+            np.asarray(float(longest)),
             np.asarray(float(self.min_thickness or 0.0)),
-            np.asarray(thickest),
+            np.asarray(bounds, float),
             np.array(self.stations, float).reshape(-1, 2),
             np.asarray(float(self.min_radius or 0.0)),
             self.scene.family.form,

@@ -19,6 +19,7 @@ from surrogate.arrays import AnyArray
 
 STEPS = 60
 INTERIOR = 8  # steps of a quadratic program
+MANY, MORE = 20, 20  # constraints, from which it takes so many
 PRICE = 30.0  # of a violation of 1 D, in objectives
 ENDED = 1e-11  # of the objective: a step that promises less is the last
 SHORTEST = 1e-6  # part of a step that is still tried
@@ -171,7 +172,8 @@ def _best_step(point, curvature):
 
     slack = jnp.maximum(room, 1e-2)
     begin = jnp.zeros(size + 1), slack, 0.1 / slack
-    x, _, dual = jax.lax.fori_loop(0, INTERIOR, interior, begin)
+    steps = INTERIOR if many < MANY else MORE
+    x, _, dual = jax.lax.fori_loop(0, steps, interior, begin)
     change = jnp.clip(x[:-1], -point.z, 1 - point.z)
     relief = _violation(point.room) - _violation(point.room + point.jacobian @ change)
     return _Step(change, dual[:many], PRICE * relief - point.gradient @ change)

@@ -1,0 +1,109 @@
+"""Drag correlations of engineering practice for ellipsoids, by what each knows of their shape.
+
+Cd is over the cross-section of the sphere of equal volume, whose diameter D makes the Reynolds
+number too; half axes are in D, the first along the stream.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ellipe, elliprd, elliprf, elliprg
+
+
+class Ellipsoid(NamedTuple):
+    """Half axes in D: along the stream and across it."""
+
+    length: float
+    width: float
+    height: float
+
+    @property
+    def surface(self) -> float:
+        """Its area over that of the sphere of equal volume; one over the sphericity."""
+        a, b, c = (axis**2 for axis in self)
+        return 4 * float(elliprg(a * b, a * c, b * c))
+
+    @property
+    def front(self) -> float:
+        """Area as the stream sees it, over the sphere's."""
+        return 4 * self.width * self.height
+
+    @property
+    def side(self) -> float:
+        """Area as seen from across the stream, on average round it, over the sphere's."""
+        low, high = sorted([self.width, self.height])
+        return 8 / np.pi * self.length * high * float(ellipe(1 - (low / high) ** 2))
+
+
+def ellipsoid(aspect: float, flatness: float = 1.0) -> Ellipsoid:
+    """Of volume pi/6 by length / thickness and width / height."""
+    half = aspect ** (-1 / 3) / 2
+    return Ellipsoid(aspect * half, half * flatness**0.5, half / flatness**0.5)
+
+
+def oberbeck(body: Ellipsoid, reynolds: float) -> float:
+    """Exact in Stokes flow (Oberbeck, J. reine angew. Math. 81, 1876), then Oseen's correction.
+
+    The force F over mu U D is that of the ellipsoid's own potentials; at small Re it grows by
+    F Re / (16 pi) (Brenner, J. Fluid Mech. 11, 1961).
+    """
+    a, b, c = (axis**2 for axis in body)
+    potential = 2 * elliprf(a, b, c) + a * 2 / 3 * elliprd(b, c, a)
+    force = 16 * np.pi / float(potential)
+    return 8 * force / (np.pi * reynolds) * (1 + force * reynolds / (16 * np.pi))
+
+
+def hoelzer_sommerfeld(body: Ellipsoid, reynolds: float) -> float:
+    """Hoelzer, Sommerfeld (Powder Technology 184, 2008): a body held at its angle to the stream.
+
+    By sphericity; crosswise sphericity, the sphere's cross-section over the area that the stream
+    sees; and lengthwise sphericity, the same over half the surface less the area seen from the
+    side.
+    """
+    sphericity, crosswise = 1 / body.surface, 1 / body.front
+    lengthwise = 1 / (2 * body.surface - body.side)
+    return (
+        8 / (reynolds * np.sqrt(lengthwise))
+        + 16 / (reynolds * np.sqrt(sphericity))
+        + 3 / (np.sqrt(reynolds) * sphericity**0.75)
+        + 0.42 * 10 ** (0.4 * _below_one(sphericity) ** 0.2) / crosswise
+    )
+
+
+def haider_levenspiel(body: Ellipsoid, reynolds: float) -> float:
+    """Haider, Levenspiel (Powder Technology 58, 1989): bodies that fall freely, by sphericity."""
+    phi = 1 / body.surface
+    a = np.exp(2.3288 - 6.4581 * phi + 2.4486 * phi**2)
+    b = 0.0964 + 0.5565 * phi
+    c = np.exp(4.905 - 13.8944 * phi + 18.4222 * phi**2 - 10.2599 * phi**3)
+    d = np.exp(1.4681 + 12.2584 * phi - 20.7322 * phi**2 + 15.8855 * phi**3)
+    return 24 / reynolds * (1 + a * reynolds**b) + c / (1 + d / reynolds)
+
+
+def bagheri_bonadonna(body: Ellipsoid, reynolds: float) -> float:
+    """Bagheri, Bonadonna (Powder Technology 301, 2016): the mean over random orientations.
+
+    By flatness (shortest over intermediate axis) and elongation (intermediate over longest), for
+    bodies much denser than the fluid, as the orientation of others is not random.
+    """
+    short, middle, long = sorted(body)
+    flatness, elongation = short / middle, middle / long
+    bulk = 1 / (8 * short * middle * long)
+    stokes = flatness * elongation**1.3 * bulk
+    newton = flatness**2 * elongation * bulk
+    slow = (stokes ** (1 / 3) + stokes ** (-1 / 3)) / 2
+    fast = 10 ** (0.45 * _below_one(newton))
+    share = reynolds * fast / slow
+    return 24 * slow / reynolds * (1 + 0.125 * share ** (2 / 3)) + 0.46 * fast / (1 + 5330 / share)
+
+
+def _below_one(share: float) -> float:
+    """-log10 of what is at most one but for rounding."""
+    return max(-np.log10(share), 0.0)
+
+
+CORRELATIONS = {
+    "Hoelzer-Sommerfeld": hoelzer_sommerfeld,
+    "Haider-Levenspiel": haider_levenspiel,
+    "Bagheri-Bonadonna": bagheri_bonadonna,
+}
