@@ -75,7 +75,7 @@ FIDELITIES = {
 SPACE_FIDELITIES = {
     level.name: level
     for level in (
-        Fidelity("draft", 8, 3, 6, 4, wake=0.0, promise=0.02),
+        Fidelity("draft", 10, 3, 6, 4, wake=0.0, promise=0.02),
         Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005),
         Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001),
     )
