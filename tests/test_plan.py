@@ -29,10 +29,12 @@ def test_plans_name_what_is_wrong(options, words, unchecked):
         train(**options)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_forecast_of_the_work_comes_true(method):
-    """Within a factor of 1.5 of what the shipped surrogate of the method took."""
-    foreseen = forecast(make_plan(None, method))
-    took = load(f"pretrained:{method}").recorded("green_applications")
+@pytest.mark.parametrize("name", [*METHODS, "space"])
+def test_forecast_of_the_work_comes_true(name):
+    """Within a factor of 1.5 of what the shipped surrogate took."""
+    shipped = load(f"pretrained:{name}")
+    method, samples = shipped.recorded("method"), shipped.recorded("samples")
+    foreseen = forecast(make_plan(shipped.scene, method, samples=samples))
+    took = shipped.recorded("green_applications")
     assert took / 1.5 < foreseen.green_applications < 1.5 * took
     assert foreseen.seconds > 0

@@ -237,6 +237,24 @@ def test_a_surrogate_in_space_is_trained_saved_and_believed(slender, network):
     assert found == pytest.approx(float(Flow(slender).drag([2.0, 1.5], 20.0)), rel=0.02)
 
 
+@pytest.mark.parametrize(("reynolds", "drag"), [(0.1, 244.176), (10, 4.3079), (100, 1.0881)])
+def test_golden_shipped_surrogate_knows_the_sphere(reynolds, drag):
+    """It has not seen it; its own flow is within 0.5 %."""
+    net = load("pretrained:space")
+    assert float(net.drag(FAMILY.ellipse(1.0), reynolds)) == pytest.approx(drag, rel=0.01)
+
+
+def test_least_drags_of_the_shipped_surrogate_are_those_of_theory():
+    """Pironneau 1973 in Stokes flow; axisymmetric elements at Re 40."""
+    net = load("pretrained:space")
+    for reynolds, ratio, aspect in ((0.1, 0.95425, 2.0), (40.0, 0.79645, 3.69)):
+        design = optimise(Problem(net.scene, reynolds), net)
+        sphere = float(net.drag(FAMILY.ellipse(1.0), reynolds))
+        assert design.drag / sphere == pytest.approx(ratio, abs=0.006)
+        assert design.parameters[0] == pytest.approx(aspect, rel=0.1)
+        assert design.parameters[1] < 1.05  # nothing is gained by flattening
+
+
 def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
     """Free, it is a body of revolution; a run in space is written, read and watertight."""
     surrogate = load(network)

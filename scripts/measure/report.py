@@ -91,9 +91,14 @@ def whole_block(name: str, record: Result) -> str:
 
 def short_block(name: str, record: Result) -> str:
     """What the README says of a study."""
-    return {"training": _training, "accuracy": _accuracy, "payoff": _payoff, "duration": _duration}[
-        name
-    ](record["result"])
+    tell = {
+        "training": _training,
+        "accuracy": _accuracy,
+        "space": _space,
+        "payoff": _payoff,
+        "duration": _duration,
+    }
+    return tell[name](record["result"])
 
 
 def _training(result: Result) -> str:
@@ -110,6 +115,27 @@ def _accuracy(result: Result) -> str:
         "is {mean:.2%} off body-fitted finite elements on average, {most:.2%} at most."
     )
     return words(form, mean=errors.mean(), most=errors.max())
+
+
+def _space(result: Result) -> str:
+    def errors(column, panel):
+        chosen = [r for r in result["rows"] if (r["row"], r["column"])[panel != "sphere"] == column]
+        return np.abs([r["error"] for r in chosen if r["panel"].startswith(panel)])
+
+    held_out, exact = errors("standard", "aspect"), errors("standard", "ellipsoids")
+    form = (
+        "In space, standard: the sphere's Cd at Re 0.1 to 100 is {sphere:.2%} off at most, those "
+        "of ellipsoids of two and three axes {exact:.2%} off Oberbeck's, those of {count} other "
+        "bodies of revolution {mean:.2%} off axisymmetric elements on average, {most:.2%} at most."
+    )
+    return words(
+        form,
+        sphere=errors("standard", "sphere").max(),
+        exact=exact.max(),
+        count=len(held_out),
+        mean=held_out.mean(),
+        most=held_out.max(),
+    )
 
 
 def _payoff(result: Result) -> str:

@@ -30,9 +30,9 @@ class Surrogate:
         reynolds: Number,
         extrapolate: bool = False,
     ) -> Float[Array, ""]:
-        """Cd = 2 Fx per unit span of a family body; jit, vmap, jax.grad in both arguments.
+        """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
 
-        Under a transformation, what lies outside the trained ranges is NaN unless
+        For jit, vmap and jax.grad in both arguments. Under a transformation, what lies outside the trained ranges is NaN unless
         ``extrapolate``.
 
         Raises:

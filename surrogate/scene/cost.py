@@ -12,19 +12,25 @@ REPEATS = 7
 
 
 class Applications(NamedTuple):
-    """Applications of G that a body takes on average, over the default scene.
+    """Applications of G that a body takes on average, over the default scenes.
 
-    Of a body's flow, preparation included, of the adjoint that its shape gradient takes, and how
-    many such pairs a design by them alone takes.
+    Of a body's flow, preparation included, of the adjoint that its shape gradient takes, of
+    preparing a training's body anew, and how many flows with their adjoints a design by them alone
+    takes. ``overhead`` is of a whole flow's seconds over
+    its convolutions alone: convection, Krylov vectors, in space double precision.
     """
 
-    flow: float = 35.0
-    adjoint: float = 8.0
-    design_flows: float = 10.7
+    flow: float
+    adjoint: float
+    renewal: float
+    design_flows: float
+    overhead: float
 
 
-APPLICATIONS = Applications()
-OVERHEAD = 1.6  # of a whole flow over its convolutions alone: convection, Krylov vectors
+APPLICATIONS = {
+    2: Applications(35.0, 8.0, 0.0, 10.7, 1.6),
+    3: Applications(47.0, 9.0, 31.0, 7.0, 4.5),
+}
 
 
 @functools.cache
@@ -50,7 +56,7 @@ def application_seconds(shape: tuple[int, ...]) -> float:
         start = time.perf_counter()
         jax.block_until_ready(convolve(field))
         seconds.append(time.perf_counter() - start)
-    return OVERHEAD * float(np.median(seconds[1:]))
+    return APPLICATIONS[len(shape)].overhead * float(np.median(seconds[1:]))
 
 
 def _along_next_axis(field, matrix):

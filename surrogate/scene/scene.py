@@ -180,7 +180,8 @@ class Scene:
             return f"{applications:,.0f} applications of G, {applications * seconds:.2g} s"
 
         bounds = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in self.family.ranges)
-        design = APPLICATIONS.design_flows * (APPLICATIONS.flow + APPLICATIONS.adjoint)
+        takes = APPLICATIONS[self.dimension]
+        design = takes.design_flows * (takes.flow + takes.adjoint)
         return "\n".join(
             [
                 f"Steady laminar flow in {describe_stream(self.stream)}, "
@@ -201,10 +202,10 @@ class Scene:
                 + "unsteadiness (bluff bodies shed vortices beyond "
                 f"Re {ONSET_OF_SHEDDING[self.dimension]:g}), compressibility, roughness.",
                 f"On this machine one application of G takes {1e3 * seconds:.2g} ms, so {bodies} "
-                f"bodies of a training cost {cost(bodies * APPLICATIONS.flow)}, their shape "
-                f"gradients {cost(bodies * APPLICATIONS.adjoint)}; a design by the flow's adjoint "
+                f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "
+                f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
                 f"alone {cost(design)}; one flow to verify a surrogate's design "
-                f"{cost(APPLICATIONS.flow)}. Compilation and the network's own steps come on top.",
+                f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",
             ]
         )
 

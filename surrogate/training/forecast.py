@@ -30,10 +30,12 @@ class Forecast(NamedTuple):
 
 def forecast(plan: Plan) -> Forecast:
     """What the samples of a training will cost, and its network; timed in a blink."""
-    work = plan.samples * (APPLICATIONS.flow + (0.0 if plan.published else APPLICATIONS.adjoint))
+    takes = APPLICATIONS[plan.scene.dimension]
+    each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
+    work = plan.samples * each
     batch = min(plan.make_method().batch, plan.samples)
     if plan.published and plan.method in VISITS:
-        work = plan.samples * APPLICATIONS.flow / 2 + plan.iterations * batch * VISITS[plan.method]
+        work = plan.samples * takes.flow / 2 + plan.iterations * batch * VISITS[plan.method]
     shape = Flow(plan.scene).domain.lattice.shape
     steps = ROUNDS.get(plan.method, 0)
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
