@@ -21,11 +21,12 @@ class Solution:
     """The steady flow around a body at one Reynolds number; one that was not found has none.
 
     Coefficients are over U = D = rho = 1, per unit span: ``drag`` = 2 Fx and its parts, ``lift``,
-    ``moment`` about the centroid, nose up; in space ``drag`` = 8 Fx / pi, the others are nought. ``gradient`` is of the drag in the family's parameters
-    and in ``reynolds``, where it was asked for. ``estimated_error`` of the drag is relative, None
-    where there is none; ``status`` says whether it is within the fidelity's promise, and
-    "unknown" where no estimate was asked for. ``green_applications`` are those of this flow,
-    ``seconds`` its wall time, both without gradient and estimate.
+    ``moment`` about the centroid, nose up; in space ``drag`` = 8 Fx / pi, the others are nought.
+    ``gradient`` is of the drag in the family's parameters and in ``reynolds``, where it was asked
+    for. ``estimated_error`` of the drag is relative, None where there is none; ``status`` says
+    whether it is within the fidelity's promise, and "unknown" where no estimate was asked for.
+    ``green_applications`` are those of this flow, ``seconds`` its wall time, both without gradient
+    and estimate.
     """
 
     reynolds: float

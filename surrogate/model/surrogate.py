@@ -32,15 +32,15 @@ class Surrogate:
     ) -> Float[Array, ""]:
         """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
 
-        For jit, vmap and jax.grad in both arguments. Under a transformation, what lies outside the trained ranges is NaN unless
-        ``extrapolate``.
+        For jit, vmap and jax.grad in both arguments. Under a transformation, what lies outside
+        the trained ranges is NaN unless ``extrapolate``.
 
         Raises:
           InvalidInput: no such body or Reynolds number, or outside the trained ranges.
         """
         if not traced(parameters, reynolds):
             parameters = self.scene.family.check(parameters)
-            reynolds = check_reynolds(reynolds, allow_unsteady=True)
+            reynolds = check_reynolds(reynolds, True, self.scene.dimension)
             if (beyond := self.beyond(parameters, reynolds)) and not extrapolate:
                 raise InvalidInput(f"{_words(beyond)}; extrapolate=True asks for it all the same")
         re = jnp.asarray(reynolds, float)
