@@ -175,6 +175,9 @@ def test_what_is_no_body_or_scene_of_space_is_refused():
         DRAFT.solve(family_shape({"aspect": 9.0}, dimension=3), 10.0)
     with pytest.raises(InvalidInput, match="shed vortices beyond 210"):
         FLOW.solve(SPHERE, 250.0)
+    huge = dataclasses.replace(ROUGH, cells=100)
+    with pytest.raises(InvalidInput, match="million cells"):
+        Flow(Scene(dimension=3, fidelity=huge)).drag(BODY, 10.0)
     with pytest.raises(InvalidInput, match=r"tested from 0\.01"):
         Scene(dimension=3, reynolds=(0.001, 1))
     assert np.isnan(jax.jit(FLOW.drag)(jnp.array([12.0, 1.0, 0, 0, 0]), 10.0))

@@ -19,6 +19,7 @@ from surrogate.scene.stream import Stream, Tunnel, window_height
 FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
 SPACE_FAR = ((2.0, 24), (0.5, 96), (0.125, 384))  # the same in space: cells per D, extents
+MOST_IN_SPACE = 4_000_000  # cells of a quarter window: about ten gigabytes
 FLATTENED = (5,)  # degrees of the traction modes that vary around a flattened body
 THINNEST = {2: 2.5, 3: 2.0}  # cells across the mean thickness, in the plane and in space
 NODES_TO_FIT = 400
@@ -57,7 +58,11 @@ def traction_modes(family: Family, fidelity: Fidelity) -> Modes | SpaceModes:
 def space_domain(
     fidelity: Fidelity, extent: tuple[float, float, float], modes: SpaceModes
 ) -> Domain:
-    """Discretise an unbounded stream around bodies that fit a box of ``extent`` in D."""
+    """Discretise an unbounded stream around bodies that fit a box of ``extent`` in D.
+
+    Raises:
+      InvalidInput: the window has more cells than memory is likely to hold.
+    """
 
     def window(before, after, across, cells):
         rows = round(across * cells / 2)
@@ -66,6 +71,11 @@ def space_domain(
 
     n = fidelity.cells
     lattice = window(fidelity.upstream, fidelity.downstream, fidelity.height, n)
+    if (count := math.prod(lattice.shape)) > MOST_IN_SPACE:
+        raise InvalidInput(
+            f"fidelity {fidelity.name}: a quarter window of {count / 1e6:.1f} million cells; in "
+            f"space up to {MOST_IN_SPACE / 1e6:g} are solved, fewer per D would do"
+        )
     far = tuple(window(size // 3, size - size // 3, size, cells) for cells, size in SPACE_FAR)
     box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
     around, across = max(extent) * math.pi * n / 0.8, max(extent[1:]) * math.pi * n / 0.8
