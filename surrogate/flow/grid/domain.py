@@ -19,7 +19,7 @@ from surrogate.scene.stream import Stream, Tunnel, window_height
 FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
 FAR_SIZES = (96, 384)  # their extents in D
 SPACE_FAR = ((2.0, 24), (0.5, 96), (0.125, 384))  # the same in space: cells per D, extents
-MOST_IN_SPACE = 4_000_000  # cells of a quarter window: about ten gigabytes
+MOST_IN_SPACE = 4_000_000  # cells of a quarter window
 FLATTENED = (5,)  # degrees of the traction modes that vary around a flattened body
 THINNEST = {2: 2.5, 3: 2.0}  # cells across the mean thickness, in the plane and in space
 NODES_TO_FIT = 400

@@ -1,8 +1,7 @@
 """The body in the grid: traction modes spread by cubic B-splines, slip tested by the same modes."""
 
-import functools
-
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -89,7 +88,7 @@ def spread_modes(
             _splines(seats[:, axis], x[start : start + side], axis, own, lattice)
             for axis, (x, start, side) in enumerate(zip(face, corner, sides, strict=True))
         ]
-        components.append(_scattered(values[:, own] * weights, reach))
+        components.append(_scattered(values[:, own] * weights, reach, nodes))
     density = jnp.stack(components, axis=1) / float(np.prod(lattice.step))
     silent = jnp.einsum("mck,kc->m", values * weights, normal)
     return Spreading(
@@ -110,13 +109,21 @@ def _splines(seats, faces, axis, own, lattice):
     return weights + (-1 if axis == own else 1) * bspline((seats[:, None] + faces) / step)
 
 
-def _scattered(values, reach):
+def _scattered(values, reach, nodes):
     """Sum over markers of the values of every mode times the product of the splines."""
     if len(reach) == 2:
         return jnp.einsum("mk,ki,kj->mij", values, *reach, optimize="optimal")
-    spread = functools.reduce(lambda a, b: a[..., None] * b[:, None], reach[1:])
-    spread = reach[0][:, :, None, None] * spread[:, None]
-    return jnp.tensordot(values, spread, axes=1)
+
+    @jax.checkpoint
+    def ring(total, parts):
+        values, x, y, z = parts
+        spread = x[:, :, None, None] * (y[:, :, None] * z[:, None])[:, None]
+        return total + jnp.tensordot(values.T, spread, axes=1), None
+
+    # ring by ring: all markers' boxes at once would take gigabytes
+    rings = [part.reshape(*nodes, -1) for part in (jnp.asarray(values.T), *reach)]
+    none = jnp.zeros((len(values), *(part.shape[1] for part in reach)))
+    return jax.lax.scan(ring, none, rings)[0]
 
 
 def retraction(unit: Float[AnyArray, "nodes axes"]) -> Float[AnyArray, " nodes"]:
