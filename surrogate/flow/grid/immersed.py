@@ -12,6 +12,7 @@ from surrogate.body.solid import Skin
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import Modes, SpaceModes
 
+RING = 6  # cells along the stream that hold a ring's splines: four, and what it is pulled askew
 THINNING = 0.052  # of the second order in space, per Re
 SHARP = 8  # power of a mean that is nearly a maximum
 
@@ -117,10 +118,14 @@ def _scattered(values, reach, nodes):
     @jax.checkpoint
     def ring(total, parts):
         values, x, y, z = parts
+        start = jnp.argmax(jnp.any(x != 0, axis=0))  # a ring reaches few cells along the stream
+        x = jax.lax.dynamic_slice_in_dim(x, start, RING, axis=1)
         spread = x[:, :, None, None] * (y[:, :, None] * z[:, None])[:, None]
-        return total + jnp.tensordot(values.T, spread, axes=1), None
+        here = jax.lax.dynamic_slice_in_dim(total, start, RING, axis=1)
+        here = here + jnp.tensordot(values.T, spread, axes=1)
+        return jax.lax.dynamic_update_slice_in_dim(total, here, start, axis=1), None
 
-    # ring by ring: all markers' boxes at once would take gigabytes
+    # all markers' boxes at once would take gigabytes
     rings = [part.reshape(*nodes, -1) for part in (jnp.asarray(values.T), *reach)]
     none = jnp.zeros((len(values), *(part.shape[1] for part in reach)))
     return jax.lax.scan(ring, none, rings)[0]
