@@ -13,6 +13,7 @@ from surrogate.body.family import Family  # noqa: E402
 from surrogate.body.shape import Shape, contour_shape, family_shape  # noqa: E402
 from surrogate.errors import InvalidInput, NotConverged  # noqa: E402
 from surrogate.flow.flow import Flow  # noqa: E402
+from surrogate.flow.settling import Particle, settle  # noqa: E402
 from surrogate.flow.solution import Solution  # noqa: E402
 from surrogate.model.store import load, save  # noqa: E402
 from surrogate.model.surrogate import Surrogate  # noqa: E402
@@ -30,6 +31,7 @@ __all__ = [
     "Flow",
     "InvalidInput",
     "NotConverged",
+    "Particle",
     "Scene",
     "Shape",
     "Solution",
@@ -42,6 +44,7 @@ __all__ = [
     "naca4",
     "read_contour",
     "save",
+    "settle",
     "train",
 ]
 
