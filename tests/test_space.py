@@ -232,6 +232,7 @@ def network(slender, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_surrogate_in_space_is_trained_saved_and_believed(slender, network):
     surrogate = load(network)
     assert surrogate.scene == slender
@@ -258,6 +259,7 @@ def test_least_drags_of_the_shipped_surrogate_are_those_of_theory():
         assert design.parameters[1] < 1.05  # nothing is gained by flattening
 
 
+@pytest.mark.slow
 def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
     """Free, it is a body of revolution; a run in space is written, read and watertight."""
     surrogate = load(network)
@@ -280,6 +282,7 @@ def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
         candidates(Problem(slender, 20.0, max_thickness=0.2))
 
 
+@pytest.mark.slow
 def test_pictures_of_a_run_in_space(network, slender, tmp_path):
     from shapeopt.commands import render
 
