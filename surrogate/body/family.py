@@ -119,7 +119,7 @@ class Family:
         ratios = dict(self.ranges)
         flat, flattest = ratios.get("flatness", (1.0, 1.0))
         corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
-        off = float(jnp.abs(jax.vmap(lambda b: self._centre(b))(jnp.asarray(corners))).max())
+        off = float(jnp.abs(jax.vmap(self._centre)(jnp.asarray(corners))).max())
         longest, tallest = (
             half_axes(jnp.array([end, 1.0, *betas]), self._full) for end in self.bounds[0, ::-1]
         )

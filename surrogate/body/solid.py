@@ -58,9 +58,7 @@ def centre(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyA
 
 def skin(parameters: Float[AnyArray, " parameters"], form: Form, nodes: tuple[int, int]) -> Skin:
     """A body's skin at ``nodes`` rings and azimuths."""
-    mu, phi = legendre.leggauss(nodes[0])[0][::-1], _azimuths(nodes[1])
-    mu, phi = (grid.ravel() for grid in np.meshgrid(mu, phi, indexing="ij"))
-    return Skin(*skin_at(parameters, form, mu, phi), nodes)
+    return Skin(*skin_at(parameters, form, *skin_grid(nodes)), nodes)
 
 
 def skin_at(
@@ -80,8 +78,14 @@ def skin_at(
     return points, areas
 
 
-def _azimuths(count):
-    return (np.arange(count) + 0.5) * (np.pi / 2 / count)
+def skin_grid(
+    nodes: tuple[int, int],
+) -> tuple[Float[np.ndarray, " nodes"], Float[np.ndarray, " nodes"]]:
+    """mu and phi of a skin's nodes: Gauss points, and middles of equal steps of a quarter turn."""
+    mu = legendre.leggauss(nodes[0])[0][::-1]
+    phi = (np.arange(nodes[1]) + 0.5) * (np.pi / 2 / nodes[1])
+    along, around = np.meshgrid(mu, phi, indexing="ij")
+    return along.ravel(), around.ravel()
 
 
 def _fullness(parameters, form, mu):

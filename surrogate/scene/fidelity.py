@@ -64,22 +64,20 @@ class Fidelity:
         )
 
 
-FIDELITIES = {
-    level.name: level
-    for level in (
+LEVELS = {
+    2: (
         Fidelity("draft", 10, 4, 8, 8, wake=0.15, promise=0.015),
         Fidelity("standard", 16, 6, 12, 8, wake=0.2, promise=0.004),
         Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001),
-    )
-}
-SPACE_FIDELITIES = {
-    level.name: level
-    for level in (
+    ),
+    3: (
         Fidelity("draft", 10, 3, 6, 4, wake=0.0, promise=0.02),
         Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005),
         Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001),
-    )
+    ),
 }
+NAMED = {dimension: {f.name: f for f in levels} for dimension, levels in LEVELS.items()}
+FIDELITIES, SPACE_FIDELITIES = NAMED[2], NAMED[3]
 
 
 def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
@@ -91,7 +89,7 @@ def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
     if isinstance(value, Fidelity):
         return value
     if not isinstance(value, Mapping):
-        levels = FIDELITIES if dimension == 2 else SPACE_FIDELITIES
+        levels = NAMED[dimension]
         if not isinstance(value, str) or value not in levels:
             raise InvalidInput(f"fidelity {value!r}: one of {', '.join(levels)}")
         return levels[value]

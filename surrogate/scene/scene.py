@@ -26,7 +26,7 @@ from surrogate.checks import finite_number, interval
 from surrogate.errors import InvalidInput
 from surrogate.files import whole_file
 from surrogate.scene.cost import APPLICATIONS, application_seconds
-from surrogate.scene.fidelity import FIDELITIES, SPACE_FIDELITIES, Fidelity, read_fidelity
+from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
 from surrogate.scene.stream import (
     Stream,
     Tunnel,
@@ -134,8 +134,7 @@ class Scene:
         plain = self.record
         family, fidelity = plain.pop("family"), plain.pop("fidelity")
         tables = {"family": family}
-        named = FIDELITIES if self.dimension == 2 else SPACE_FIDELITIES
-        if named.get(self.fidelity.name) == self.fidelity:
+        if NAMED[self.dimension].get(self.fidelity.name) == self.fidelity:
             plain["fidelity"] = self.fidelity.name
         else:
             tables["fidelity"] = fidelity

@@ -16,10 +16,9 @@ from scipy.interpolate import CubicSpline
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.immersed import bspline
+from surrogate.flow.grid.kernel import make_kernel
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import SPACE_UNIT
-from surrogate.flow.grid.oseen import oseen_kernel
-from surrogate.flow.grid.oseen_space import space_kernel
 
 
 def far_response(
@@ -43,10 +42,7 @@ def far_response(
 
 def _ring(lattice, coarse, inner, reynolds, height, lift):
     """What convects between the window ``inner`` and the cut-off of ``coarse``."""
-    if lattice.dimension == 3:
-        kernel = space_kernel(coarse, reynolds)
-    else:
-        kernel = oseen_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
+    kernel = make_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 
     def outside(u):

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from scipy.special import lpmv
 
 from surrogate.arrays import AnyArray
+from surrogate.body.solid import skin_grid
 
 SPACE_UNIT = np.pi / 4  # force of a unit amplitude in space
 
@@ -25,7 +26,6 @@ class Modes:
 
     harmonics: int
     symmetric: bool
-    unit = 1.0
 
     @property
     def count(self) -> int:
@@ -63,7 +63,6 @@ class SpaceModes:
 
     harmonics: int
     flattened: tuple[int, ...] = ()
-    unit = SPACE_UNIT
     symmetric = True
     lift_index = None
 
@@ -73,7 +72,7 @@ class SpaceModes:
 
     def values(self, nodes: tuple[int, int]) -> Float[AnyArray, "modes 3 nodes"]:
         """Traction vector of every mode at the nodes: force per unit mu and phi."""
-        mu, phi = (grid.ravel() for grid in np.meshgrid(*_grid(nodes), indexing="ij"))
+        mu, phi = skin_grid(nodes)
         out = np.zeros((self.count, 3, mu.size))
         for row, (axial, sense, degree, order) in enumerate(self._terms):
             shape = lpmv(order, degree, mu) / _size(degree, order)
@@ -106,9 +105,3 @@ def _size(degree, order):
     """Root of the mean square over mu of P_k^m; times that of cos m phi along the stream."""
     factors = np.prod(np.arange(degree - order + 1, degree + order + 1, dtype=float))
     return np.sqrt(factors / (2 * degree + 1)) * (-1) ** order
-
-
-def _grid(nodes):
-    """Gauss points mu from nose to tail, and middles of equal steps of a quarter turn."""
-    mu = np.polynomial.legendre.leggauss(nodes[0])[0][::-1]
-    return mu, (np.arange(nodes[1]) + 0.5) * (np.pi / 2 / nodes[1])

@@ -16,8 +16,7 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.far import far_response, far_velocity
 from surrogate.flow.grid.immersed import Markers, Spreading, spread_modes
-from surrogate.flow.grid.oseen import Kernel, SymmetricKernel, oseen_kernel
-from surrogate.flow.grid.oseen_space import SpaceKernel, space_kernel
+from surrogate.flow.grid.kernel import AnyKernel, make_kernel
 from surrogate.flow.solver.newton import (
     Identity,
     NewtonInfo,
@@ -29,7 +28,6 @@ from surrogate.flow.solver.newton import (
 
 DEFAULT = NewtonSettings()
 PIN = 0.1  # velocity per unit of uniform pressure
-AnyKernel = Kernel | SymmetricKernel | SpaceKernel
 
 
 class Case(eqx.Module):
@@ -71,9 +69,7 @@ def stream(
     """What of a case the body does not change: kernel and far field."""
     lift = not domain.modes.symmetric
     far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
-    if domain.lattice.dimension == 3:
-        return space_kernel(domain.lattice, reynolds), far
-    return oseen_kernel(domain.lattice, reynolds, domain.height, domain.mirrored), far
+    return make_kernel(domain.lattice, reynolds, domain.height, domain.mirrored), far
 
 
 def preparation_cost(domain: Domain) -> int:
