@@ -96,17 +96,23 @@ def _plain(s: Solution) -> dict[str, Any]:
         "wall_s": s.seconds,
         "gradient": s.gradient,
         "estimated_error": s.estimated_error,
+        "estimated_lift_error": s.estimated_lift_error,
+        "sufficient": s.sufficient,
         "status": s.status,
     }
 
 
 def _line(r: dict[str, Any]) -> str:
-    error = r["estimated_error"]
+    error, lift = r["estimated_error"], f"Cl {r['cl']:.4f}"
+    if r["estimated_lift_error"]:
+        lift += f" +- {r['estimated_lift_error']:.4f}"
+    trust = "no estimate of the error" if error is None else f"error about {100 * error:.2f} %"
+    if r["sufficient"]:
+        trust += f", {r['sufficient']} would do"
     line = (
         f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
-        f"{r['cd_friction']:.3f})  Cl {r['cl']:.4f}  Cm {r['cm']:.4f}  {r['iterations']} Newton "
-        f"steps, {r['green_applications']} applications of G, {r['wall_s']:.2f} s, {r['status']}: "
-        + ("no estimate of the error" if error is None else f"error about {100 * error:.2f} %")
+        f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "
+        f"{r['green_applications']} applications of G, {r['wall_s']:.2f} s, {r['status']}: {trust}"
     )
     if r["gradient"]:
         slopes = (f"{name}: {value:+.5f}" for name, value in r["gradient"].items())

@@ -15,9 +15,10 @@ from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
 from surrogate.devices import Devices, choose_devices, deal_bodies
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.check.trust import CRAMPED, Trust, judge
+from surrogate.flow.check.trust import Forces, Trust, judge
 from surrogate.flow.grid.domain import Domain, fitted_domain, scene_domain
 from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.loads.forces import lift_coefficient
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.steps import (
@@ -149,12 +150,12 @@ class Flow:
         force = loads(domain, shape.markers(domain.nodes), found.state, reynolds)
         force = {name: float(value) for name, value in force._asdict().items()}
         slopes = gradient_at(domain, self.settings, shape, reynolds, found) if gradient else None
-        trust = self._judged(force["drag"], shape, reynolds) if estimate else None
+        forces = Forces(force["drag"], force["lift"])
+        trust = self._judged(forces, shape, reynolds) if estimate else Trust()
         return Solution(
             reynolds=reynolds,
             **force,
-            status=trust.status if trust else "unknown",
-            estimated_error=trust.estimated_error if trust else None,
+            **trust._asdict(),
             green_applications=work,
             newton_steps=int(found.info.steps),
             seconds=seconds,
@@ -164,14 +165,14 @@ class Flow:
             state=found.state,
         )
 
-    def _judged(self, drag: float, shape: Shape, reynolds: float) -> Trust:
-        def solve(fidelity: Fidelity) -> tuple[float, int]:
+    def _judged(self, forces: Forces, shape: Shape, reynolds: float) -> Trust:
+        def solve(fidelity: Fidelity) -> Forces:
             domain = _fit(self.scene, shape, fidelity, reynolds)
-            found, work = approach(domain, self.settings, shape, reynolds)
-            return found.drag, work
+            found, _ = approach(domain, self.settings, shape, reynolds)
+            return Forces(found.drag, float(lift_coefficient(domain.modes, found.state.amplitude)))
 
         height = float(shape.reach[1])
-        return judge(drag, solve, self.scene.fidelity, reynolds, height, CRAMPED[shape.dimension])
+        return judge(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
 
     def _reach(self, parameters):
         """Largest |x|, |y|, ... of a body."""

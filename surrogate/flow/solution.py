@@ -23,8 +23,7 @@ class Solution:
     Coefficients are over U = D = rho = 1, per unit span: ``drag`` = 2 Fx and its parts, ``lift``,
     ``moment`` about the centroid, nose up; in space ``drag`` = 8 Fx / pi, the others are nought.
     ``gradient`` is of the drag in the family's parameters and in ``reynolds``, where it was asked
-    for. ``estimated_error`` of the drag is relative, None where there is none; ``status`` says
-    whether it is within the fidelity's promise, and "unknown" where no estimate was asked for.
+    for. ``status``, the estimated errors and the ``sufficient`` fidelity are those of ``Trust``.
     ``green_applications`` are those of this flow, ``seconds`` its wall time, both without gradient
     and estimate.
     """
@@ -37,6 +36,8 @@ class Solution:
     moment: float
     status: Literal["accurate", "degraded", "unknown"]
     estimated_error: float | None
+    estimated_lift_error: float | None
+    sufficient: str | None
     green_applications: int
     newton_steps: int
     seconds: float

@@ -1,11 +1,14 @@
 """How far a drag can be trusted: the same body on a coarser grid, and in a smaller window."""
 
 import dataclasses
+import math
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.fidelity import NAMED, Fidelity
 
 TALLEST = 1.5  # D across the stream: beyond, no promise was measured
 
@@ -21,40 +24,68 @@ CRAMPED = {2: Cramped(2 / 3, 3.0), 3: Cramped(5 / 6, 5.0)}  # in space bodies al
 
 
 class Trust(NamedTuple):
-    """``estimated_error`` of the drag, relative; None where the coarser flow does not exist.
+    """How far a flow can be trusted; without an estimate ``status`` is "unknown".
 
-    ``accurate`` says that it is within what the fidelity promises, ``degraded`` that it is not,
-    that there is no estimate, or that the body is taller than any the promise was measured on.
-    ``green_applications`` is what the estimate took.
+    ``estimated_error`` of the drag is relative, ``estimated_lift_error`` that of the lift
+    coefficient itself; None where the coarser flow does not exist. ``accurate`` says that the
+    drag's is within what the fidelity promises, ``degraded`` that it is not, that there is no
+    estimate, or that the body is taller than any the promise was measured on. ``sufficient`` names
+    the fidelity that should keep the promise of a degraded one, where there is one.
     """
 
-    estimated_error: float | None
-    status: Literal["accurate", "degraded"]
-    green_applications: int
+    status: Literal["accurate", "degraded", "unknown"] = "unknown"
+    estimated_error: float | None = None
+    estimated_lift_error: float | None = None
+    sufficient: str | None = None
+
+
+class Forces(NamedTuple):
+    """Coefficients of one body at one fidelity."""
+
+    drag: float
+    lift: float
 
 
 def judge(
-    drag: float,
-    solve: Callable[[Fidelity], tuple[float, int]],
+    forces: Forces,
+    solve: Callable[[Fidelity], Forces],
     fidelity: Fidelity,
     reynolds: float,
     height: float,
-    window: Cramped,
+    dimension: int,
 ) -> Trust:
-    """Estimate the error of the drag of a body of this height, at two thirds of its cost.
+    """Estimate the errors of the forces on a body of this height, at two thirds of their cost.
 
-    ``solve`` gives drag and applications of G of the same body at another fidelity. The scheme is
-    of second order, so with two thirds of the cells the error of the grid is 9/4 of it; how much
-    greater that of a smaller ``window`` is was measured. The two are added up, lest they cancel.
+    ``solve`` gives those of the same body at another fidelity. The scheme is of second order, so
+    with two thirds of the cells the error of the grid is 9/4 of it; how much greater that of a
+    smaller window is was measured. The two are added up, lest they cancel.
     """
+    window = CRAMPED[dimension]
     fitted = fidelity.reaching(reynolds, height)
     coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
     try:
-        (rough, some), (cramped, more) = solve(coarser), solve(coarser.smaller(window.share))
+        rough, cramped = solve(coarser), solve(coarser.smaller(window.share))
     except (InvalidInput, NotConverged):
-        return Trust(None, "degraded", 0)
-    of_grid = abs(rough - drag) / ((fitted.cells / coarser.cells) ** 2 - 1)
-    of_window = abs(cramped - rough) / (window.error - 1)
-    error = (of_grid + of_window) / drag
-    within = error <= fidelity.promise and height <= TALLEST
-    return Trust(error, "accurate" if within else "degraded", some + more)
+        return Trust("degraded")
+    growth = (fitted.cells / coarser.cells) ** 2 - 1
+    of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
+    of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
+    drag, lift = np.add(of_grid, of_window).tolist()
+    error = drag / forces.drag
+    if error <= fidelity.promise and height <= TALLEST:
+        return Trust("accurate", error, lift)
+    finer = (
+        level.name
+        for level in NAMED[dimension].values()
+        if of_grid[0] * (fitted.cells / level.cells) ** 2
+        + of_window[0] * _left(fitted, level.reaching(reynolds, height), window)
+        <= fidelity.promise * forces.drag
+    )
+    return Trust("degraded", error, lift, next(finer, None) if height <= TALLEST else None)
+
+
+def _left(fitted, level, window):
+    """Share of the window's error that the window of another level leaves."""
+    reaches = ("upstream", "downstream", "height")
+    larger = min(getattr(level, name) / getattr(fitted, name) for name in reaches)
+    return larger ** (math.log(window.error) / math.log(window.share))

@@ -10,6 +10,7 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import outward
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes import Modes, SpaceModes
 
 PROBES = (2.5, 3.5, 4.5)  # cells off the wall, clear of the smeared traction
 
@@ -32,6 +33,13 @@ def drag_coefficient(amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, ""
     return -2 * amplitude[0]
 
 
+def lift_coefficient(
+    modes: Modes | SpaceModes, amplitude: Float[AnyArray, " modes"]
+) -> Float[AnyArray, ""]:
+    """Cl = 2 F_y; nought of bodies with a mirror plane along the stream."""
+    return jnp.zeros(()) if modes.lift_index is None else -2 * amplitude[modes.lift_index]
+
+
 def coefficients(
     domain: Domain,
     markers: Float[AnyArray, "nodes 2"],
@@ -46,7 +54,7 @@ def coefficients(
     """
     modes = domain.modes
     drag = drag_coefficient(amplitude)
-    lift = jnp.zeros(()) if modes.lift_index is None else -2 * amplitude[modes.lift_index]
+    lift = lift_coefficient(modes, amplitude)
     unit, speed = _frame(markers)
     shear = friction_coefficient(domain, markers, velocity, reynolds)
     friction = 2 * jnp.pi * jnp.mean(shear * unit[:, 1] * speed)
