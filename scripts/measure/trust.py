@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from scipy.stats import qmc
-from study import TINY, Result, Study, run_study, table
+from study import Result, Study, run_study, table
 
 from surrogate import (
     FIDELITIES,
@@ -55,7 +55,7 @@ def cases(count: int, seed: int) -> Iterator[Case]:
         reynolds = float(REYNOLDS[0] * (REYNOLDS[1] / REYNOLDS[0]) ** re)
         aspect, signs = ASPECT[0] * (ASPECT[1] / ASPECT[0]) ** aspect, 2 * np.array(rest) - 1
         kind, stream = KINDS[k % len(KINDS)], "unbounded"
-        named = {"aspect": aspect} | dict(zip(BETAS, signs * [*BETAS.values()], strict=False))
+        named = {"aspect": aspect} | dict(zip(BETAS, signs[: len(BETAS)] * [*BETAS.values()], strict=True))
         if kind == "general":
             shape = contour_shape(wavy(aspect, *signs.reshape(2, -1)))
         else:
@@ -77,7 +77,8 @@ def wavy(aspect: float, cosines: np.ndarray, sines: np.ndarray) -> np.ndarray:
 
 def measure(tiny: bool, progress: Callable, count: int, seed: int) -> Result:
     """Standard with its estimate, and fine, of every case and of a known section."""
-    levels = (TINY, TINY) if tiny else (FIDELITIES["standard"], FIDELITIES["fine"])
+    draft, standard, fine = FIDELITIES.values()
+    levels = (draft, draft) if tiny else (standard, fine)
     chosen, rows = list(cases(4 if tiny else count, seed)), []
     chosen = sorted(chosen, key=lambda case: (case.stream, case.shape.reach.round(1).tolist()))
     for k, case in enumerate(chosen):
@@ -162,7 +163,7 @@ def tables(result: Result) -> str:
 
 
 OPTIONS = {
-    "--count": {"type": int, "default": 256, "help": "bodies"},
+    "--count": {"type": int, "default": 208, "help": "bodies"},
     "--seed": {"type": int, "default": 0, "help": "of the bodies"},
 }
 STUDY = Study("trust", measure, tables, options=OPTIONS)
