@@ -55,15 +55,22 @@ def cases(count: int, seed: int) -> Iterator[Case]:
         reynolds = float(REYNOLDS[0] * (REYNOLDS[1] / REYNOLDS[0]) ** re)
         aspect, signs = ASPECT[0] * (ASPECT[1] / ASPECT[0]) ** aspect, 2 * np.array(rest) - 1
         kind, stream = KINDS[k % len(KINDS)], "unbounded"
-        named = {"aspect": aspect} | dict(zip(BETAS, signs[: len(BETAS)] * [*BETAS.values()], strict=True))
         if kind == "general":
             shape = contour_shape(wavy(aspect, *signs.reshape(2, -1)))
         else:
             turn = INCIDENCE * (2 * choice - 1) if kind == "incidence" else 0.0
-            shape = family_shape(named, turn)
+            shape = valid(aspect, signs[: len(BETAS)] * [*BETAS.values()], turn)
         if kind == "tunnel":
             stream = f"tunnel:{TUNNELS[int(choice * len(TUNNELS))]:g}"
         yield Case(kind, shape, reynolds, stream)
+
+
+def valid(aspect: float, betas: np.ndarray, turn: float) -> Shape:
+    """A body of the family, its betas halved until it does not cross itself."""
+    try:
+        return family_shape({"aspect": aspect} | dict(zip(BETAS, betas, strict=True)), turn)
+    except InvalidInput:
+        return valid(aspect, betas / 2, turn)
 
 
 def wavy(aspect: float, cosines: np.ndarray, sines: np.ndarray) -> np.ndarray:
