@@ -3,6 +3,7 @@
 python scripts/measure/trust.py
 """
 
+import math
 import sys
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -50,11 +51,11 @@ class Case(NamedTuple):
 
 def cases(count: int, seed: int) -> Iterator[Case]:
     """As many of every kind: Re and aspect evenly in their logarithms, the rest evenly."""
-    draws = qmc.Sobol(2 + 2 * len(WAVES) + 1, rng=seed).random(count)
-    for k, (re, aspect, choice, *rest) in enumerate(draws):
+    draws = qmc.Sobol(2 + 2 * len(WAVES) + 1, rng=seed).random_base2(math.ceil(math.log2(count)))
+    for k, (re, aspect, choice, *rest) in enumerate(draws[:count]):
         reynolds = float(REYNOLDS[0] * (REYNOLDS[1] / REYNOLDS[0]) ** re)
         aspect, signs = ASPECT[0] * (ASPECT[1] / ASPECT[0]) ** aspect, 2 * np.array(rest) - 1
-        kind, stream = KINDS[k % len(KINDS)], "unbounded"
+        kind, stream = KINDS[k * len(KINDS) // count], "unbounded"
         if kind == "general":
             shape = contour_shape(wavy(aspect, *signs.reshape(2, -1)))
         else:
