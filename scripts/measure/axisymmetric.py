@@ -5,7 +5,7 @@ Needs NGSolve: pip install -e '.[bench]'.
 
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,8 +33,8 @@ class Elements(NamedTuple):
 ELEMENTS = Elements()
 
 
-class Revolved(NamedTuple):
-    """Cd of a body of revolution, unknowns, processor seconds from the finished mesh to the Cd."""
+class Found(NamedTuple):
+    """Cd of a body, unknowns, processor seconds from the finished mesh to the Cd."""
 
     cd: float
     unknowns: int
@@ -43,7 +43,7 @@ class Revolved(NamedTuple):
 
 def solve_by_axisymmetric_elements(
     body: Mapping[str, float], reynolds: float, elements: Elements = ELEMENTS
-) -> Revolved:
+) -> Found:
     """Steady Navier-Stokes round a family body of revolution in an unbounded stream.
 
     Taylor-Hood elements on the half plane (x, r), curved at the body, Newton's method and a direct
@@ -67,10 +67,20 @@ def solve_by_axisymmetric_elements(
         mesh, order=elements.order, dirichlet="body|stream", dirichlety="axis|body|stream"
     )
     flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
+    force = climb(ng, flow, reynolds, _weak_form, 2 * math.pi)
+    return Found(8 / math.pi * force, flow.space.ndof, time.process_time() - start)
+
+
+def climb(ng: Any, flow: Any, reynolds: float, weak_form: Callable, whole: float) -> float:
+    """Take the flow from rest to this Re; its force over rho U^2 D^2.
+
+    ``weak_form(ng, space, reynolds, traction)`` is of a part of the flow, ``whole`` times which is
+    all of it.
+    """
     force = 0.0
     for number in _ascent(reynolds):
-        force = _newton(ng, flow, number, force)
-    return Revolved(8 / math.pi * force, flow.space.ndof, time.process_time() - start)
+        force = _newton(ng, flow, number, force, weak_form, whole)
+    return force
 
 
 def _ascent(reynolds: float) -> Iterator[float]:
@@ -107,17 +117,20 @@ def _mesh(outline: Float[np.ndarray, "nodes 2"], elements: Elements) -> Any:
     return occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25)
 
 
-def _newton(ng: Any, flow: Any, reynolds: float, force: float) -> float:
+def _newton(
+    ng: Any, flow: Any, reynolds: float, force: float, weak_form: Callable, whole: float
+) -> float:
     """Take the flow to this Re, the far field along with the force; the force over rho U^2 D^2."""
     space, strength = flow.space, ng.Parameter(force)
-    velocity, traction = _oseenlet(ng, reynolds)
-    form = _weak_form(ng, space, reynolds, -strength * traction)
+    velocity, traction = _oseenlet(ng, reynolds, space.mesh.dim)
+    form = weak_form(ng, space, reynolds, -strength * traction)
     sides, axial = ng.GridFunction(space), ng.GridFunction(space)
-    axial.components[0].Set(ng.CF((1, 0)), definedon=space.mesh.Boundaries("body"))
+    along = ng.CF((1, 0, 0)[: space.mesh.dim])
+    axial.components[0].Set(along, definedon=space.mesh.Boundaries("body"))
     residual, change = flow.vec.CreateVector(), flow.vec.CreateVector()
     free = ng.Projector(space.FreeDofs(), True)
     for _ in range(STEPS):
-        outside = ng.CF((1, 0)) - strength * velocity
+        outside = along - strength * velocity
         sides.components[0].Set(outside, definedon=space.mesh.Boundaries("stream"))
         residual.data = free * flow.vec
         flow.vec.data = residual + sides.vec
@@ -125,7 +138,7 @@ def _newton(ng: Any, flow: Any, reynolds: float, force: float) -> float:
         form.AssembleLinearization(flow.vec)
         change.data = form.mat.Inverse(space.FreeDofs()) * residual
         flow.vec.data -= change
-        force = -2 * math.pi * ng.InnerProduct(residual, axial.vec)
+        force = -whole * ng.InnerProduct(residual, axial.vec)
         settled = abs(force - strength.Get()) < TOLERANCE * force
         if settled and ng.Norm(change) < TOLERANCE * ng.Norm(flow.vec):
             return force
@@ -146,16 +159,17 @@ def _weak_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
     return form
 
 
-def _oseenlet(ng: Any, reynolds: float) -> tuple[Any, Any]:
+def _oseenlet(ng: Any, reynolds: float, dimension: int) -> tuple[Any, Any]:
     """Velocity, and traction on planes across the stream, of a unit force at the origin along it.
 
     With k = Re / 2 and e = exp(k (x - R)): u = Re e / (4 pi R) along x - grad (e - 1) / (4 pi R),
-    p = x / (4 pi R^3).
+    p = x / (4 pi R^3). Of two dimensions the second is the distance from the axis.
     """
-    x, r = ng.x, ng.y
-    distance = ng.sqrt(x**2 + r**2)
+    x, *across = (ng.x, ng.y, ng.z)[:dimension]
+    distance = ng.sqrt(sum(side**2 for side in (x, *across)))
     decay, sphere = ng.exp(reynolds / 2 * (x - distance)), 4 * math.pi * distance
     potential = (decay - 1) / sphere
-    velocity = ng.CF((reynolds * decay / sphere - potential.Diff(x), -potential.Diff(r)))
-    pressure = x / (sphere * distance**2)
-    return velocity, velocity.Diff(x) / reynolds - ng.CF((pressure, 0))
+    along = reynolds * decay / sphere - potential.Diff(x)
+    velocity = ng.CF((along, *(-potential.Diff(side) for side in across)))
+    pressure = ng.CF((x / (sphere * distance**2), *(0 for _ in across)))
+    return velocity, velocity.Diff(x) / reynolds - pressure

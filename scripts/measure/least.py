@@ -31,7 +31,7 @@ REVOLVED = Family(
 )
 FLATTENED = Family(dimension=3, aspect=(1.0, 4.0), flatness=(1.0, 2.5), beta3=(-0.1, 0.1))
 HEIGHT = 0.5  # D, the bound
-CELLS = 10, 16  # per D
+CELLS = 10, 16, 24  # per D
 TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
 
 
