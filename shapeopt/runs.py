@@ -204,7 +204,7 @@ def _said_by_the_flow(problem, design, verified, surrogate) -> dict[str, Any]:
 def _solved(problem: Problem, design: Design):
     """The body's flow at the nominal Re; None where it is not to be had."""
     try:
-        flow = Flow(problem.scene)
-        return flow.solve(design.parameters, problem.objective.nominal, estimate=False)
+        at = design.parameters, problem.objective.nominal
+        return Flow(problem.scene).solve(*at, estimate=False, allow_unsteady=True)
     except NotConverged:
         return None

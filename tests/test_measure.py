@@ -21,7 +21,13 @@ from surrogate import Family, InvalidInput
 
 MEASURE = SCRIPTS / "measure"
 NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
-LONG = {"devices", "least", "shards", "space_speed", "trust"}  # they start processes, or compile for long
+LONG = {
+    "devices",
+    "least",
+    "shards",
+    "space_speed",
+    "trust",
+}  # they start processes, or compile for long
 TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in NAMES]
 ENVELOPE = ["command", "versions", "machine", "date", "seconds", "result"]
 

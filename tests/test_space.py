@@ -17,6 +17,8 @@ from shapeopt.commands import optimise as optimise_command
 from shapeopt.commands import solve as solve_command
 from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.problem.conflicts import candidates
+from shapeopt.render.pictures import Panel
+from shapeopt.render.space import render_bodies
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape, load, train
 from surrogate.body.family import opening
 from surrogate.body.measures import chord, thickness
@@ -280,6 +282,18 @@ def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
     assert loads["Cf"].shape == (loads.n_points, 3)
     with pytest.raises(InvalidInput, match=r"max thickness 0\.2: every body"):
         candidates(Problem(slender, 20.0, max_thickness=0.2))
+
+
+def test_rows_of_bodies_have_colour_scales_of_their_own(slender, tmp_path):
+    """Cp of a creeping flow is a hundred times that at Re 20: one scale would hide a row."""
+    flow = Flow(slender)
+    found = [flow.solve(slender.family.ellipse(1.0), re, estimate=False) for re in (0.5, 20.0)]
+    rows = [[Panel(solution, f"Re {solution.reynolds:g}")] for solution in found]
+    (width, height), colours = pixels(render_bodies(rows, tmp_path / "rows.png"))
+    reds = colours.reshape(height, width, 3).astype(int)
+    reds = np.sum((reds[..., 0] > 150) & (reds[..., 2] < 90), axis=1)
+    below, above = reds[: height // 2].sum(), reds[height // 2 :].sum()
+    assert min(below, above) > 0.2 * max(below, above) > 100
 
 
 @pytest.mark.slow

@@ -56,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     count = QUERIES[preset] if arguments.queries is None else arguments.queries
     if count < len(queries):
         raise InvalidInput(f"--queries {count}: at least {len(queries)}")
+    queries += query_stream(scene, arguments.seed, count - len(queries))
     print(scene.explain(arguments.samples or PRESETS[preset].samples), file=sys.stderr)
     start = time.perf_counter()
     groups = [
@@ -65,7 +66,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         )
         for k in range(seeds)
     ]
-    queries += query_stream(scene, arguments.seed, count - len(queries))
     flow, surrogates = Flow(scene), {name: [g[name] for g in groups] for name in groups[0]}
     best = min(groups[0], key=lambda name: groups[0][name].record["drag_error_mean"])
     with progress_bar("compiling"):

@@ -34,7 +34,7 @@ def render_bodies(rows: list[list[Panel]], path: str | Path) -> Path:
         ends = np.percentile(np.concatenate([skin["Cp"] for skin in skins]), (2, 99.5))
         for j, (panel, skin) in enumerate(zip(row, skins, strict=True)):
             plotter.subplot(i, j)
-            _draw(plotter, panel.solution, skin, ends)
+            _draw(plotter, panel.solution, skin, ends, i)
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(-25.0)
@@ -99,8 +99,8 @@ def space_mesh(solution: Solution) -> pv.ImageData:
     return mesh
 
 
-def _draw(plotter, solution, skin, ends):
-    """Body, tubes and a cut behind them."""
+def _draw(plotter, solution, skin, ends, row=0):
+    """Body, tubes and a cut behind them; bars of the same title would share one scale."""
     flow = space_mesh(solution)
     middle = flow.slice("y", origin=(0, 1e-3, 0))  # drawn behind the body
     plotter.add_mesh(
@@ -131,7 +131,7 @@ def _draw(plotter, solution, skin, ends):
         specular=0.35,
         specular_power=25,
         scalar_bar_args={
-            "title": "pressure coefficient",
+            "title": "pressure coefficient" + " " * row,
             "vertical": False,
             "position_x": 0.55,
             "position_y": 0.04,
