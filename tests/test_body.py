@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from surrogate import Family, InvalidInput, contour_shape, family_shape, naca4, read_contour
 from surrogate.body.contour import crosses_itself, smooth_contour
-from surrogate.body.family import check_body, describe, family_markers, opening
+from surrogate.body.family import describe
 from surrogate.body.form import PARAMETERS, Form
 from surrogate.body.measures import AREA, mean_thickness, moments
+from surrogate.body.outline import check_body, family_markers, opening
 from surrogate.body.shape import rotate
 
 FAMILY = Family()

@@ -14,7 +14,7 @@ from shapeopt.commands import explore
 from shapeopt.commands.cli import run
 from shapeopt.render.page.page import page, reference_body, reference_name, write_page
 from surrogate import Family
-from surrogate.body.family import opening
+from surrogate.body.outline import opening
 
 
 @every

@@ -7,7 +7,8 @@ from pages import REYNOLDS, every, surrogate_of, visited
 
 from shapeopt import Problem, optimise
 from shapeopt.render.page.page import reference_body
-from surrogate.body.family import ROOMY, opening
+from surrogate.body.family import ROOMY
+from surrogate.body.outline import opening
 
 
 def body_of(name, state):

@@ -25,7 +25,7 @@ from surrogate import (
     family_shape,
     naca4,
 )
-from surrogate.body.family import opening
+from surrogate.body.outline import opening
 from surrogate.flow.grid.domain import make_domain
 from surrogate.flow.loads.forces import coefficients
 from surrogate.flow.solver import steady

@@ -42,9 +42,12 @@ def finish(process):
 
 
 def outcome(out):
-    """Of all files that a command leaves: what does not tell time, place or command."""
+    """Of all files that a command leaves: what does not tell time, place or command.
+
+    A killed process may leave a part of a file too, which nobody reads.
+    """
     left = {str(path.relative_to(out)): path for path in sorted(out.rglob("*")) if path.is_file()}
-    return {name: _content(name, path, str(out)) for name, path in left.items()}
+    return {n: _content(n, path, str(out)) for n, path in left.items() if ".part-" not in n}
 
 
 def _content(name, path, out):
@@ -59,7 +62,9 @@ def _timeless(value):
     if isinstance(value, dict):
         told = ("seconds", "command", "date", "break_even_s", "compile_s", "foreseen_s", "rows")
         return {
-            key: _timeless(part)
+            key: [[*point[:1], *point[2:]] for point in part]
+            if key == "history"
+            else _timeless(part)
             for key, part in value.items()
             if key not in told and not key.endswith(("_s", "seconds", "extrapolated"))
         }

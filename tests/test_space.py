@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from correlations import ellipsoid, oberbeck
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pictures import pixels
-from scipy.special import elliprd, elliprf
 
 from shapeopt import Problem, load_run, optimise, save_run, verify
 from shapeopt.commands import optimise as optimise_command
@@ -20,8 +20,8 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.render.pictures import Panel
 from shapeopt.render.space import render_bodies
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape, load, train
-from surrogate.body.family import opening
 from surrogate.body.measures import chord, thickness
+from surrogate.body.outline import opening
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen_space import space_kernel
 from surrogate.flow.settling import Particle, settle
@@ -91,22 +91,12 @@ def test_robust_every_skin_is_closed_of_volume_one_sixth_pi_about_its_centroid(
         assert np.all(np.abs(points).max(axis=0) <= np.array([length, width, height]) / 2 * 1.001)
 
 
-def oberbeck(aspect, flatness, reynolds):
-    """Cd of an ellipsoid of three axes in Stokes flow, with Oseen's first correction."""
-    d = aspect ** (-1 / 3)
-    a, b, c = aspect * d / 2, d * np.sqrt(flatness) / 2, d / np.sqrt(flatness) / 2
-    squares = a * a, b * b, c * c
-    alpha = 2 / 3 * elliprd(squares[1], squares[2], squares[0])
-    force = 16 * np.pi / (2 * elliprf(*squares) + a * a * alpha)
-    return 8 / np.pi * force / reynolds * (1 + force * reynolds / (16 * np.pi))
-
-
 @pytest.mark.parametrize(("aspect", "flatness"), [(1, 1), (2, 1), (0.7, 2), (2, 2)])
 def test_golden_ellipsoids_in_stokes_flow(aspect, flatness):
     """Oberbeck 1876, Brenner 1961; draft promises 2 %."""
     body = jnp.array([aspect, flatness, 0.0, 0.0, 0.0])
     assert float(DRAFT.drag(body, 0.01)) == pytest.approx(
-        oberbeck(aspect, flatness, 0.01), rel=0.015
+        oberbeck(ellipsoid(aspect, flatness), 0.01), rel=0.015
     )
 
 

@@ -8,8 +8,9 @@ from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.contour import naca4, read_contour
-from surrogate.body.family import ASPECTS, DEFAULT, FLATNESSES
+from surrogate.body.family import DEFAULT
 from surrogate.body.form import PARAMETERS
+from surrogate.body.outline import ASPECTS, FLATNESSES
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load

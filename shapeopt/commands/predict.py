@@ -18,7 +18,7 @@ from shapeopt.commands.arguments import (
     reynolds_numbers,
 )
 from shapeopt.commands.cli import Parser, emit
-from surrogate.body.family import check_body
+from surrogate.body.outline import check_body
 from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow

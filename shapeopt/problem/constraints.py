@@ -8,9 +8,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import ROOMY, opening
+from surrogate.body.family import ROOMY
 from surrogate.body.form import Form
 from surrogate.body.measures import chord, least, radii, thickness, thickness_at, thicknesses
+from surrogate.body.outline import opening
 
 
 class Station(NamedTuple):

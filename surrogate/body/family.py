@@ -1,10 +1,4 @@
-"""The family of bodies, an ellipse with sine modes: the one place that knows its parameters.
-
-    x = -(c/2) cos t,   y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... + beta12 sin 12t),
-
-c = sqrt(aspect) and b = 1 / (2 sqrt(aspect)), so the area is pi/4 whatever the parameters, in units
-of the equivalent diameter D. In space the same meridian, volume pi/6, and a flatness: ``solid``.
-"""
+"""The family of bodies: ranges of the parameters of an outline, samples, the box that holds all."""
 
 import dataclasses
 import itertools
@@ -20,7 +14,7 @@ from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, Body
 from surrogate.body.form import PARAMETERS, Form
-from surrogate.body.measures import least, moments
+from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, opening
 from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
 from surrogate.checks import interval
 from surrogate.errors import InvalidInput
@@ -30,9 +24,6 @@ DEFAULT = {
     2: {"aspect": (1.0, 5.0), **BETAS},
     3: {"aspect": (0.7, 4.0), "flatness": (1.0, 2.0), **BETAS},
 }
-ASPECTS = (0.1, 20.0)  # length over thickness that the solver is tested for
-FLATNESSES = (0.2, 5.0)  # width over height
-LEAST_OPENING = 0.02  # thinnest y / (b sin t) a body may have
 ROOMY = 2 * LEAST_OPENING  # that samples and optima keep
 NODES = 128  # of the contours whose reach is measured
 Range = tuple[float, float]
@@ -65,7 +56,7 @@ class Family:
         for name, (low, high) in ordered:
             if low == high:
                 raise InvalidInput(f"range of {name}: {low:g} alone is none; leave a width")
-            least, most = _limits(name)
+            least, most = limits(name)
             if not least <= low <= high <= most:
                 raise InvalidInput(
                     f"range of {name} {low:g} to {high:g}: from {least:g} to {most:g}"
@@ -251,56 +242,3 @@ def describe(name: str) -> str:
         "beta4": f"Finer fore and aft, {beta}",
     }
     return known.get(name, f"Waves of the contour, {beta}")
-
-
-def opening(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyArray, ""]:
-    """Least y / (b sin t) over the body: it crosses itself where this is not positive."""
-    c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
-    waves = np.array([eval_chebyu(k - 1, c) for k in form.modes]).reshape(len(form.modes), c.size)
-    return least(1 + form.betas(parameters) @ waves)
-
-
-def family_markers(
-    parameters: Float[AnyArray, " parameters"], form: Form, nodes: int
-) -> Float[AnyArray, "nodes 2"]:
-    """Contour of a body, clockwise from the nose, its centroid at the origin.
-
-    In space seen from the side: length and height.
-    """
-    t = 2 * np.pi * np.arange(nodes) / nodes
-    waves = zip(form.modes, form.betas(parameters), strict=True)
-    y = np.sin(t) + sum(beta * np.sin(k * t) for k, beta in waves)
-    if form.dimension == 3:
-        half_length, _, half_height = half_axes(parameters, form)
-        x = -half_length * (np.cos(t) - centre(parameters, form))
-        return jnp.stack([x, half_height * y], axis=1)
-    root = jnp.sqrt(form.aspect(parameters))
-    markers = jnp.stack([-root / 2 * np.cos(t), 1 / (2 * root) * y], axis=1)
-    return markers - jnp.array([moments(markers)[1][0], 0.0])
-
-
-def check_body(named: Mapping[str, float], dimension: int = 2) -> None:
-    """Raise InvalidInput unless the named parameters describe a body."""
-    values = np.array(list(named.values()), float)
-    if not np.all(np.isfinite(values)):
-        raise InvalidInput("body: every shape parameter must be a finite number")
-    form = Form(tuple(named), dimension)
-    if "flatness" in named and dimension == 2:
-        raise InvalidInput("flatness: is of bodies in space, dimension 3")
-    ratios = zip(form.names[: form.ratios], ("length / thickness", "width / height"), strict=False)
-    for name, meaning in ratios:
-        least, most = _limits(name)
-        if not least <= named[name] <= most:
-            raise InvalidInput(
-                f"{name} {named[name]:g}: must lie between {least:g} and {most:g} ({meaning})"
-            )
-    if float(opening(values, form)) < LEAST_OPENING:
-        betas = list(named.items())[form.ratios :]
-        bent = ", ".join(f"{name} {value:g}" for name, value in betas if value)
-        raise InvalidInput(
-            f"body: {bent} make the contour cross or close on itself; smaller betas would not"
-        )
-
-
-def _limits(name):
-    return {"aspect": ASPECTS, "flatness": FLATNESSES}.get(name, (-1.0, 1.0))

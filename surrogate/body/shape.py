@@ -10,8 +10,8 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.contour import smooth_contour
-from surrogate.body.family import check_body, family_markers
 from surrogate.body.form import PARAMETERS, Form
+from surrogate.body.outline import check_body, family_markers
 from surrogate.body.solid import Skin, half_axes, skin
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray, Body, Number
-from surrogate.body.family import LEAST_OPENING, opening
+from surrogate.body.outline import LEAST_OPENING, opening
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import traced
 from surrogate.devices import Devices, choose_devices, deal_bodies

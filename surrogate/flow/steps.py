@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import family_markers
+from surrogate.body.outline import family_markers
 from surrogate.body.shape import Shape
 from surrogate.body.solid import skin
 from surrogate.devices import Deal, Devices

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import LEAST_OPENING, ROOMY, Family, describe
+from surrogate.body.family import ROOMY, Family, describe
+from surrogate.body.outline import LEAST_OPENING
 from surrogate.files import whole_file
 from surrogate.model.network import REACH
 from surrogate.model.surrogate import Surrogate
