@@ -85,6 +85,39 @@ def test_lanes_change_nothing_but_rounding(tiny_scene):
     assert one.amplitude == pytest.approx(three.amplitude, rel=1e-5, abs=1e-6)
 
 
+def test_slopes_of_many_bodies_are_those_of_each(tiny_scene):
+    from surrogate import Flow
+    from surrogate.training.samples import training_samples
+
+    flow, (bodies, numbers) = Flow(tiny_scene), training_samples(tiny_scene, 0, 3)
+    together = flow.slopes(bodies, numbers)
+    for k, pair in enumerate(zip(bodies, numbers, strict=True)):
+        alone = flow.slope(*pair)
+        assert int(together.green_applications[k]) == int(alone.green_applications)
+        assert together.drag[k] == pytest.approx(float(alone.drag), rel=1e-6)
+        assert together.gradient[k] == pytest.approx(np.asarray(alone.gradient), rel=1e-3, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_a_design_of_several_flows_is_the_same_on_two_devices(tmp_path):
+    (tmp_path / "scene.toml").write_text(SCENE)
+    script = str(ROOT / "scripts" / "optimize_shape.py")
+    words = ["--surrogate", "none", "--scene", str(tmp_path / "scene.toml"), "--json"]
+    found = []
+    for count in ("1", "2"):
+        out = ["--reynolds", "4,12,36", "--devices", count, "--out", str(tmp_path / count)]
+        done = subprocess.run(
+            [sys.executable, script, *words, *out],
+            env=_environment(),
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout.splitlines()[-1]))
+    assert found[0]["flows"] == found[1]["flows"]
+    assert found[0]["cd_verified"] == pytest.approx(found[1]["cd_verified"], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "methods", [["sip"], pytest.param(["dp", "hig", "supervised"], marks=pytest.mark.slow)], ids=str
 )

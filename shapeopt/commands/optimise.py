@@ -19,6 +19,7 @@ from typing import Any
 
 from shapeopt.commands.arguments import add_problem_arguments, problem_of, surrogate_of
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.together import add_devices, use_devices
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
@@ -33,6 +34,7 @@ from surrogate.progress import progress_bar
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, optimise, verify, save."""
     arguments = _parser().parse_args(argv)
+    devices = use_devices(arguments.devices)
     check_run_folder(arguments.out)
     surrogate = surrogate_of(arguments)
     if surrogate is None and arguments.until == "surrogate":
@@ -52,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
                 told = f"{flows} flows: {body.value:.4f}, KKT residual {body.kkt_residual:.1e}"
                 progress(0.5 - 0.45 / (1 + flows / 8), told)
 
-            design = Designer(model, arguments.memory).design(problem, report)
+            design = Designer(model, arguments.memory, devices).design(problem, report)
         else:
             design = optimise(problem, model)
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
@@ -102,4 +104,5 @@ def _parser():
         " own and needs fewer",
     )
     parser.add_argument("--out", required=True, help="folder of the run")
+    add_devices(parser)
     return parser

@@ -17,6 +17,7 @@ import jax
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.together import add_devices, use_devices
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
@@ -29,6 +30,7 @@ from shapeopt.runs import load_run, save_run
 from shapeopt.search.optimise import optimise
 from shapeopt.search.verify import verify
 from surrogate.checks import whole_number
+from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
 from surrogate.files import check_target, whole_file
 from surrogate.flow.flow import Flow
@@ -48,6 +50,7 @@ SAMPLE = 8  # flows by which the direct cost of the robust design is measured
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Train, design by every way, tabulate, plot."""
     arguments = _parser().parse_args(argv)
+    devices = choose_devices(use_devices(arguments.devices))
     seeds = whole_number("--seeds", arguments.seeds, 1, 20)
     out, preset = Path(arguments.out), arguments.preset
     check_target(out, RECORD, _ours(arguments))
@@ -63,6 +66,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         train_all(
             _plans(arguments, scene, arguments.seed + k),
             out / f"seed{arguments.seed + k}" if k else out,
+            devices,
         )
         for k in range(seeds)
     ]
@@ -179,4 +183,5 @@ def _parser():
         "--seeds", type=int, default=1, help="trainings of every method, 1 to 20 (1)"
     )
     parser.add_argument("--out", required=True, help="folder for surrogates, runs and pictures")
+    add_devices(parser)
     return parser

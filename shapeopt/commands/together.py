@@ -37,9 +37,23 @@ FATAL = re.compile(
 )  # the end
 
 
+def add_devices(parser: Parser) -> None:
+    """--devices."""
+    parser.add_argument("--devices", type=int, help="of this process: CPU cores, or GPUs (1)")
+
+
+def use_devices(count: int | None) -> int | None:
+    """Make so many cores of a CPU devices, where so many are asked for."""
+    if count is not None:
+        count = whole_number("--devices", count, 1, 4096)
+        with contextlib.suppress(RuntimeError):  # JAX has begun; whether it has them is seen later
+            jax.config.update("jax_num_cpu_devices", count)
+    return count
+
+
 def add_arguments(parser: Parser) -> None:
     """--devices, --lanes, --coordinator, --processes, --process."""
-    parser.add_argument("--devices", type=int, help="of this process: CPU cores, or GPUs (1)")
+    add_devices(parser)
     parser.add_argument(
         "--lanes", type=int, help="bodies solved at once on a device, from 1 (as many as pay)"
     )
@@ -58,11 +72,7 @@ def is_parent(arguments: argparse.Namespace) -> bool:
 
 def come_together(arguments: argparse.Namespace) -> int | None:
     """Devices for this process as asked, the others joined; how many devices to use in all."""
-    count = arguments.devices
-    if count is not None:
-        count = whole_number("--devices", count, 1, 4096)
-        with contextlib.suppress(RuntimeError):  # JAX has begun; whether it has them is seen later
-            jax.config.update("jax_num_cpu_devices", count)
+    count = use_devices(arguments.devices)
     if CHILD not in os.environ:
         return count
     threading.Thread(target=_end_with_parent, daemon=True).start()

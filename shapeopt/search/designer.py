@@ -22,6 +22,7 @@ from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import optimality
 from shapeopt.search.propose import Proposal, propose
 from surrogate.arrays import AnyArray
+from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
@@ -64,13 +65,14 @@ class Solved:
     def __init__(self, problem: Problem, memory: Memory, parameters: np.ndarray):
         scenarios, self.parameters = problem.scenarios, parameters
         pairs = list(zip(scenarios.shift, scenarios.reynolds, strict=True))
-        told = [memory.ask(parameters + shift, reynolds) for shift, reynolds in pairs]
-        round_ = problem.scene.family.ellipse(1.0)
-        relative = bool(scenarios.relative)
-        cylinder = [memory.ask(round_, re).drag if relative else 1.0 for _, re in pairs]
+        asked = [(parameters + shift, reynolds) for shift, reynolds in pairs]
+        round_, relative = problem.scene.family.ellipse(1.0), bool(scenarios.relative)
+        told = memory.ask_all(asked + [(round_, re) for _, re in pairs if relative])
         drags = np.array([flow.drag for flow in told])
-        value, weights = _combined(drags, np.array(cylinder), scenarios)
-        slopes = np.array([flow.drag * flow.slopes[:-1] for flow in told])
+        count = len(asked)
+        cylinder = drags[count:] if relative else np.ones(count)
+        value, weights = _combined(drags[:count], cylinder, scenarios)
+        slopes = np.array([flow.drag * flow.slopes[:-1] for flow in told[:count]])
         self.value, self.gradient = float(value), np.asarray(weights) @ slopes
         self.kkt_residual = optimality(problem.limits, parameters, self.value, self.gradient)
 
@@ -85,16 +87,23 @@ class Designer:
       model: a surrogate to start from, or the flow alone.
       memory: file that keeps flows and adjoints; read if it is there. Several processes may share
         one: each learns at the start of a design what the others have added.
+      devices: over which the cases of an objective are spread; one where nothing is said.
 
     Raises:
-      InvalidInput: the model is none, or the file is damaged, foreign or of another scene.
+      InvalidInput: the model is none, there are not so many devices, or the file is damaged,
+        foreign or of another scene.
     """
 
-    def __init__(self, model: Surrogate | Flow, memory: str | Path | None = None):
+    def __init__(
+        self,
+        model: Surrogate | Flow,
+        memory: str | Path | None = None,
+        devices: int | None = None,
+    ):
         check_model(model)
         flow = model if isinstance(model, Flow) else Flow(model.scene)
         base = None if isinstance(model, Flow) else model.network
-        self.memory = Memory(flow, base, memory)
+        self.memory = Memory(flow, base, memory, choose_devices(devices))
 
     @property
     def scene(self) -> Scene:

@@ -1,15 +1,19 @@
 """What the flow has told so far: drags with slopes, kept between designs, in a file if asked."""
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import jax
 import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, locked, whole_file
 from surrogate.flow.flow import Flow
+from surrogate.flow.steps import Slope
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Hyper, Kriging, Told, kriging, likeliest
 from surrogate.model.network import DragNetwork
@@ -24,8 +28,14 @@ class Memory:
     ``flows`` and ``green_applications`` count what was solved here.
     """
 
-    def __init__(self, flow: Flow, base: DragNetwork | None, file: str | Path | None = None):
-        self.flow, self.base = flow, base
+    def __init__(
+        self,
+        flow: Flow,
+        base: DragNetwork | None,
+        file: str | Path | None = None,
+        devices: Devices | None = None,
+    ):
+        self.flow, self.base, self.devices = flow, base, devices or choose_devices()
         self.file = None if file is None else check_file(file, ".json")
         self.told: list[Told] = []
         self.flows, self.green_applications = 0, 0
@@ -39,18 +49,36 @@ class Memory:
         Raises:
           NotConverged: flow or adjoint was not found.
         """
-        for known in self.told:
-            if known.reynolds == reynolds and np.array_equal(known.parameters, parameters):
-                return known
-        found = self.flow.slope(parameters, reynolds)
-        if not bool(found.converged):
-            raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
-        self.flows += 1
-        self.green_applications += int(found.green_applications)
-        drag = float(found.drag)
-        slopes = np.append(found.gradient, reynolds * found.by_reynolds) / drag
-        self.told.append(Told(np.asarray(parameters, float), float(reynolds), drag, slopes))
-        return self.told[-1]
+        return self.ask_all([(parameters, reynolds)])[0]
+
+    def ask_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Told]:
+        """The same of many bodies, each with its Reynolds number; spread over the devices.
+
+        Raises:
+          NotConverged: as ``ask``.
+        """
+        asked = {_body(*query): query for query in queries}
+        known = {_body(told.parameters, told.reynolds): told for told in self.told}
+        unknown = [query for body, query in asked.items() if body not in known]
+        for (parameters, reynolds), found in zip(unknown, self._solve(unknown), strict=True):
+            if not bool(found.converged):
+                raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
+            self.flows += 1
+            self.green_applications += int(found.green_applications)
+            drag = float(found.drag)
+            slopes = np.append(found.gradient, reynolds * found.by_reynolds) / drag
+            told = Told(np.asarray(parameters, float), float(reynolds), drag, slopes)
+            self.told.append(told)
+            known[_body(parameters, reynolds)] = told
+        return [known[_body(*query)] for query in queries]
+
+    def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[Slope]:
+        """One after another on one device, where no number of them needs compiling anew."""
+        if self.devices.count == 1 or len(queries) < 2:
+            yield from (self.flow.slope(*query) for query in queries)
+        else:
+            found = self.flow.slopes(*map(np.array, zip(*queries, strict=True)), self.devices)
+            yield from (jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(len(queries)))
 
     def model(self, tight: int = 0) -> Kriging | DragNetwork | None:
         """The base corrected by all that was told; None where there is neither.
@@ -73,9 +101,9 @@ class Memory:
           InvalidInput: the file is damaged, foreign or of another scene.
         """
         if self.file is not None and self.file.is_file():
-            known = {_body(told) for told in self.told}
+            known = {_body(told.parameters, told.reynolds) for told in self.told}
             theirs = _read(self.file, self.flow)
-            self.told += [told for told in theirs if _body(told) not in known]
+            self.told += [t for t in theirs if _body(t.parameters, t.reynolds) not in known]
 
     def save(self) -> None:
         """Add to the file, if there is one, what it lacks; several processes may share it."""
@@ -91,8 +119,8 @@ class Memory:
                 part.write_text(json.dumps(record) + "\n")
 
 
-def _body(told):
-    return (*told.parameters.tolist(), told.reynolds)
+def _body(parameters, reynolds):
+    return (*np.asarray(parameters, float).tolist(), float(reynolds))
 
 
 def _read(file: Path, flow: Flow) -> list[Told]:

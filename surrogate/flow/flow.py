@@ -102,14 +102,26 @@ class Flow:
         Raises:
           NotConverged: a flow was not found.
         """
-        parameters, reynolds = np.asarray(parameters, float), np.asarray(reynolds, float)
-        devices = devices or choose_devices()
-        deal = deal_bodies(devices, hardness(parameters, reynolds))
-        found = all_solver(self, devices)(*devices.share((deal, parameters, reynolds)))
-        found = jax.tree.map(np.asarray, found)
+        found = self._all(parameters, reynolds, devices, slopes=False)
         if missing := int(np.sum(~found.converged)):
             raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
         return found
+
+    def slopes(
+        self,
+        parameters: Float[AnyArray, "bodies parameters"],
+        reynolds: Float[AnyArray, " bodies"],
+        devices: Devices | None = None,
+    ) -> Slope:
+        """``slope`` of many bodies, spread over ``devices``."""
+        return self._all(parameters, reynolds, devices, slopes=True)
+
+    def _all(self, parameters, reynolds, devices, slopes):
+        parameters, reynolds = np.asarray(parameters, float), np.asarray(reynolds, float)
+        devices = devices or choose_devices()
+        deal = deal_bodies(devices, hardness(parameters, reynolds))
+        found = all_solver(self, devices, slopes)(*devices.share((deal, parameters, reynolds)))
+        return jax.tree.map(np.asarray, found)
 
     def solve(
         self,

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.outline import family_markers
@@ -33,11 +33,11 @@ class Slope(NamedTuple):
     ``green_applications`` are those of flow and adjoint.
     """
 
-    drag: Float[Array, ""]
-    gradient: Float[Array, " parameters"]
-    by_reynolds: Float[Array, ""]
-    green_applications: Int[Array, ""]
-    converged: Bool[Array, ""]
+    drag: Float[AnyArray, "*bodies"]
+    gradient: Float[AnyArray, "*bodies parameters"]
+    by_reynolds: Float[AnyArray, "*bodies"]
+    green_applications: Int[AnyArray, "*bodies"]
+    converged: Bool[AnyArray, "*bodies"]
 
 
 class Labels(NamedTuple):
@@ -185,16 +185,22 @@ def hardness(
 
 
 @functools.cache
-def all_solver(flow: Any, devices: Devices) -> Callable[[Deal, AnyArray, AnyArray], Labels]:
+def all_solver(
+    flow: Any, devices: Devices, slopes: bool = False
+) -> Callable[[Deal, AnyArray, AnyArray], Labels | Slope]:
     """``(deal, parameters, reynolds)`` to the flows of many bodies, compiled."""
 
-    def one(body):
+    def label(body):
         case = steady.prepare(flow.domain, flow.markers(body[0]), body[1])
         state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
         spent = info.products + steady.preparation_cost(flow.domain)
         return Labels(state.amplitude, spent, info.converged)
 
+    def slope(body):
+        return drag_and_slope(flow, *body)
+
     def every(deal, parameters, reynolds):
+        one = slope if slopes else label
         return deal.gathered(deal.each(one, deal.dealt((parameters, reynolds))))
 
     return jax.jit(every, compiler_options=devices.options)

@@ -69,7 +69,9 @@ def carry_out(
     return surrogate
 
 
-def train_all(plans: Mapping[str, Plan], out: Path) -> dict[str, Surrogate]:
+def train_all(
+    plans: Mapping[str, Plan], out: Path, devices: Devices | None = None
+) -> dict[str, Surrogate]:
     """A surrogate per plan, in folders of their names; those already trained are loaded.
 
     Plans of the same scene, seed and counts share their samples, held-out bodies and weights.
@@ -84,7 +86,7 @@ def train_all(plans: Mapping[str, Plan], out: Path) -> dict[str, Surrogate]:
     for name, plan in plans.items():
         if not (out / name / RECORD).is_file():
             ground = plan.scene, plan.seed, plan.samples, plan.held_out
-            bench = benches[ground] = benches.get(ground) or prepare(plan)
+            bench = benches[ground] = benches.get(ground) or prepare(plan, devices=devices)
             checkpoint = checkpoint_of(out / name)
             trained = train_with_bar(plan, bench, checkpoint, title=name)
             save(out / name, surrogate_of(plan, trained, bench))
