@@ -45,7 +45,7 @@ class DpState(NamedTuple):
     compliance: Float[Array, "samples modes modes"] | None
 
 
-class Driven(NamedTuple):
+class Descent(NamedTuple):
     """Of a flow that a traction drives: the loss, its gradient in the traction, what it took."""
 
     gradient: Float[Array, " modes"]
@@ -111,7 +111,7 @@ def published_differentiable_physics(
         gradient, spent_too = slip_adjoint(domain, case, state, pulled, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + spent.products + spent_too.products + physics.renewal
-        told = Driven(gradient, (slip @ slip + miss**2) / 2, valid, products)
+        told = Descent(gradient, (slip @ slip + miss**2) / 2, valid, products)
         return told, jnp.where(valid, velocity, physics.velocities.rows[row])
 
     def update(network, state, physics, batch, done):
