@@ -54,7 +54,7 @@ def ellipse(aspect):
 def test_a_resolved_body_is_accurate_and_says_how_much():
     found = Flow(Scene(fidelity=DRAFT)).solve(ellipse(1.0), 10.0)
     assert found.status == "accurate"
-    assert abs(found.drag / 2.754 - 1) < 2 * found.estimated_error < 0.015
+    assert abs(found.drag / 2.754 - 1) < found.estimated_error < 0.015
 
 
 def test_a_wake_beyond_the_window_is_degraded():

@@ -73,7 +73,7 @@ def _text(r: dict[str, Any], problem: Problem, out: str) -> str:
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
     error = r["estimated_error"]
-    error = "no estimate of the error" if error is None else f"error about {100 * error:.2f} %"
+    error = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     lines = [
         f"Re {r['reynolds']:g}: {shape}",
         f"{name} {r['cd_verified']:.4f} verified ({r['status']}, {error}), "

@@ -106,7 +106,7 @@ def _line(r: dict[str, Any]) -> str:
     error, lift = r["estimated_error"], f"Cl {r['cl']:.4f}"
     if r["estimated_lift_error"]:
         lift += f" +- {r['estimated_lift_error']:.4f}"
-    trust = "no estimate of the error" if error is None else f"error about {100 * error:.2f} %"
+    trust = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     if r["sufficient"]:
         trust += f", {r['sufficient']} would do"
     line = (

@@ -10,6 +10,7 @@ import numpy as np
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.scene.fidelity import NAMED, Fidelity
 
+SAFETY = 2.5  # estimates over likely errors: Roache (1994) takes 3 of two grids, 1.25 of three
 TALLEST = 1.5  # D across the stream: beyond, no promise was measured
 
 
@@ -27,10 +28,11 @@ class Trust(NamedTuple):
     """How far a flow can be trusted; without an estimate ``status`` is "unknown".
 
     ``estimated_error`` of the drag is relative, ``estimated_lift_error`` that of the lift
-    coefficient itself; None where the coarser flow does not exist. ``accurate`` says that the
-    drag's is within what the fidelity promises, ``degraded`` that it is not, that there is no
-    estimate, or that the body is taller than any the promise was measured on. ``sufficient`` names
-    the fidelity that should keep the promise of a degraded one, where there is one.
+    coefficient itself; None where the coarser flow does not exist. They are so large that they
+    cover nearly every error: ``SAFETY`` times what is likely. ``accurate`` says that the drag's
+    likely error is within what the fidelity promises, ``degraded`` that it is not, that there is
+    no estimate, or that the body is taller than any the promise was measured on. ``sufficient``
+    names the fidelity that should keep the promise of a degraded one, where there is one.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -70,10 +72,10 @@ def judge(
     growth = (fitted.cells / coarser.cells) ** 2 - 1
     of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
     of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
-    drag, lift = np.add(of_grid, of_window).tolist()
-    error = drag / forces.drag
-    if error <= fidelity.promise and height <= TALLEST:
-        return Trust("accurate", error, lift)
+    likely, lift = np.add(of_grid, of_window).tolist()
+    errors = SAFETY * likely / forces.drag, SAFETY * lift
+    if likely <= fidelity.promise * forces.drag and height <= TALLEST:
+        return Trust("accurate", *errors)
     finer = (
         level.name
         for level in NAMED[dimension].values()
@@ -81,7 +83,7 @@ def judge(
         + of_window[0] * _left(fitted, level.reaching(reynolds, height), window)
         <= fidelity.promise * forces.drag
     )
-    return Trust("degraded", error, lift, next(finer, None) if height <= TALLEST else None)
+    return Trust("degraded", *errors, next(finer, None) if height <= TALLEST else None)
 
 
 def _left(fitted, level, window):
