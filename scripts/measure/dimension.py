@@ -3,6 +3,7 @@
 python scripts/measure/dimension.py
 """
 
+import contextlib
 import dataclasses
 import sys
 import time
@@ -19,7 +20,7 @@ from training import solved_samples, timed_fit
 from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from shapeopt.render.figures import STYLE, plt, save_figure
-from surrogate import Family, Flow, Scene, Surrogate
+from surrogate import Family, Flow, NotConverged, Scene, Surrogate
 from surrogate.training.loop import make_bench
 from surrogate.training.plan import make_plan
 from surrogate.training.record import surrogate_of
@@ -31,7 +32,7 @@ LED = 64  # bodies of the models by which designs are led
 KRIGING = "kriging, with slopes"
 METHODS = ("hig", "sip")
 Row = dict[str, Any]
-NONE = dict.fromkeys(("mean", "max", "work", "fit_s", "flows", "late", "kkt"))
+NONE = dict.fromkeys(("mean", "max", "work", "fit_s", "flows", "late", "kkt", "failed"))
 
 
 def scene_of(parameters: int, tiny: bool) -> Scene:
@@ -46,9 +47,11 @@ def measure(tiny: bool, progress: Callable, queries: int) -> Result:
     rows: list[Row] = []
     chosen = PARAMETERS[:1] if tiny else PARAMETERS
     for k, parameters in enumerate(chosen):
-        progress(k / len(chosen), f"{parameters} parameters")
-        found = _rows(scene_of(parameters, tiny), tiny, 1 if tiny else queries)
-        rows += [NONE | {"parameters": parameters} | row for row in found]
+        scene = scene_of(parameters, tiny)
+        for row in _rows(scene, tiny, 1 if tiny else queries):
+            rows.append(NONE | {"parameters": parameters} | row)
+            told = f"{parameters} parameters, {row['bodies']} bodies by {row['method']}"
+            progress((k + 0.5) / len(chosen), told)
     return {"queries": queries, "rows": rows}
 
 
@@ -96,12 +99,17 @@ def _errors(drags: np.ndarray, truth: np.ndarray) -> Row:
 
 def _designs(designer: Designer, asked: Sequence[Problem]) -> Row:
     """Flows a design, what was seen kept from design to design; the last half beside."""
-    designs = [designer.design(problem) for problem in asked]
-    flows = [design.flows for design in designs]
+    flows, residuals = [], []
+    for problem in asked:
+        before = designer.memory.flows
+        with contextlib.suppress(NotConverged):
+            residuals.append(designer.design(problem).kkt_residual)
+        flows.append(designer.memory.flows - before)
     return {
         "flows": np.mean(flows),
         "late": np.mean(flows[len(flows) // 2 :]),
-        "kkt": max(design.kkt_residual for design in designs),
+        "kkt": max(residuals, default=None),
+        "failed": len(flows) - len(residuals),
     }
 
 
@@ -125,10 +133,10 @@ def draw(result: Result, path: Path) -> None:
 
 
 HEADS = "parameters | method | bodies | mean | max | G | seconds of fit | flows a design"
-HEADS += " | of the last half | KKT at most"
+HEADS += " | of the last half | KKT at most | not found"
 FORMS = "{parameters} | {method} | {bodies} | {mean:.3%} | {max:.2%} | {work} | {fit_s:.1f}"
-FORMS += " | {flows:.1f} | {late:.1f} | {kkt:.0e}"
-OPTIONS = {"--queries": {"type": int, "default": 12, "help": "designs by each model of 64 bodies"}}
+FORMS += " | {flows:.1f} | {late:.1f} | {kkt:.0e} | {failed}"
+OPTIONS = {"--queries": {"type": int, "default": 6, "help": "designs by each model of 64 bodies"}}
 STUDY = Study("dimension", measure, table_of_rows(HEADS, FORMS), draw, OPTIONS)
 
 if __name__ == "__main__":

@@ -160,7 +160,7 @@ class Designer:
                 body = plainest(problem)
             else:
                 leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
-                proposed = propose(problem, model, leaders)
+                proposed = propose(problem, model, leaders, settled=False)
                 body, calls = proposed.parameters, calls + proposed.calls
                 if finished(proposed, solved):
                     break

@@ -36,17 +36,21 @@ class Proposal(NamedTuple):
     calls: int
 
 
-def propose(problem: Problem, model: Any, leaders: Leaders = ()) -> Proposal:
+def propose(problem: Problem, model: Any, leaders: Leaders = (), settled: bool = True) -> Proposal:
     """The global optimum of the problem on a differentiable model; ``leaders`` are starts too.
+
+    Where none of the starts settled, the best body that they came to will do unless ``settled``.
 
     Raises:
       InvalidInput: no body satisfies the constraints.
-      NotConverged: no start reached an optimum.
+      NotConverged: no start reached an optimum, or none a body within the constraints.
     """
-    return propose_all([problem], model, leaders)[0]
+    return propose_all([problem], model, leaders, settled)[0]
 
 
-def propose_all(problems: Sequence[Problem], model: Any, leaders: Leaders = ()) -> list[Proposal]:
+def propose_all(
+    problems: Sequence[Problem], model: Any, leaders: Leaders = (), settled: bool = True
+) -> list[Proposal]:
     """The same of many problems in one compiled call; they must have as many cases and stations.
 
     Raises:
@@ -69,7 +73,7 @@ def propose_all(problems: Sequence[Problem], model: Any, leaders: Leaders = ()) 
     found = []
     for k, problem in enumerate(problems):
         end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)
-        if not (end.ended and end.room >= WITHIN and np.isfinite(end.value)):
+        if not ((end.ended or not settled) and end.room >= WITHIN and np.isfinite(end.value)):
             raise NotConverged("optimise: none of the starts reached an optimum")
         value = float(end.value)
         residual = optimality(problem.limits, end.parameters, value, end.gradient)
@@ -110,8 +114,10 @@ def descend_from_all(
     def one(case):
         starts, limits, scenarios = case
         ends = jax.vmap(lambda start: descend(model, start, limits, scenarios))(starts)
-        reached = ends.ended & (ends.room >= WITHIN)
-        best = jnp.argmin(jnp.where(reached, ends.value, jnp.inf))
+        sound = jnp.isfinite(ends.value) & (ends.room >= WITHIN)
+        within = jnp.where(sound, ends.value, jnp.inf)
+        reached = jnp.where(ends.ended, within, jnp.inf)
+        best = jnp.where(jnp.isfinite(jnp.min(reached)), jnp.argmin(reached), jnp.argmin(within))
         end = jax.tree.map(lambda leaf: leaf[best], ends)
         return end, predicted(model, starts[best], scenarios), jnp.sum(ends.evaluations)
 
