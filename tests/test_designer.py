@@ -11,7 +11,10 @@ import pytest
 from shapeopt import Designer, LogNormal, Problem, Robust, Weighted, optimise
 from shapeopt.payoff.direct import design_directly
 from shapeopt.problem.constraints import margins
-from surrogate import Family, Flow, InvalidInput, Scene, load
+from shapeopt.search import sqp
+from shapeopt.search.propose import descend_from_all, propose
+from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load
+from surrogate.body.measures import chord
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Told, kriging
 
@@ -159,3 +162,19 @@ def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path, unch
     slender = dataclasses.replace(tiny_scene, family=Family(aspect=(2, 4), beta2=(-0.1, 0.1)))
     with pytest.raises(InvalidInput, match="over the cylinder's"):
         optimise(Problem(slender, Weighted((5.0, 20.0), (1.0, 1.0))), Flow(slender))
+
+
+def test_a_search_that_does_not_settle_gives_its_best_body_where_that_will_do(monkeypatch):
+    """One step of SQP settles nowhere; a design on the flow takes what it came to."""
+    net = load("pretrained")
+    problem = Problem(net.scene, 20.0, max_length=1.7)
+    monkeypatch.setattr(sqp, "STEPS", 1)
+    descend_from_all.clear_cache()
+    with pytest.raises(NotConverged, match="none of the starts"):
+        propose(problem, net.network)
+    rough = propose(problem, net.network, settled=False)
+    monkeypatch.undo()
+    descend_from_all.clear_cache()
+    best = propose(problem, net.network)
+    assert float(chord(jnp.asarray(rough.parameters), net.scene.family.form)) <= 1.7 + 1e-5
+    assert best.value < rough.value < 1.2 * best.value
