@@ -11,15 +11,18 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import Design
 from shapeopt.search.verify import Verified
 from surrogate.body.shape import family_shape
+from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_target, whole_files
+from surrogate.files import check_target, path_of, whole_files
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
-from surrogate.scene.scene import Scene
+from surrogate.scene.scene import Scene, check_reynolds
 from surrogate.training.record import command_line
 
 RECORD = "run.json"
+LONGEST_RECORD = 1 << 24  # bytes
+DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
 FILES = ("contour.csv", "contour.vtp", "body.stl")
 
 
@@ -84,7 +87,7 @@ def save_run(
 
 def check_run_folder(folder: str | Path) -> None:
     """Raise InvalidInput unless a run may be written there."""
-    check_target(folder, RECORD, FILES)
+    check_target(folder, RECORD, ("parameters", "scene"), FILES)
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:
@@ -93,19 +96,24 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     Raises:
       InvalidInput: the folder is missing, or holds no readable run.
     """
-    folder = Path(folder)
+    folder = path_of(folder)
     try:
+        if (folder / RECORD).stat().st_size > LONGEST_RECORD:
+            raise ValueError
         record = json.loads((folder / RECORD).read_text())
         scene = Scene.of(record["scene"])
-        body = scene.family.check(scene.family.parameters(record["parameters"]))
-        str(record["surrogate"])
-        steps = np.array([*record["path"], body], float)
-        if not (np.all(np.isfinite(steps)) and record["reynolds"] > 0):
+        scene.family.check(scene.family.parameters(record["parameters"]))
+        scene.family.check_all(record["path"])
+        check_reynolds(record["reynolds"], True, scene.dimension)
+        drags = [record[name] for name in DRAGS if record.get(name) is not None]
+        cases, name = record.get("cases", []), record["surrogate"]
+        sound = all(finite_number("drag", drag) > 0 for drag in drags) and record["path"]
+        if not (sound and isinstance(cases, list) and isinstance(name, str)):
             raise ValueError
         return record
     except OSError:
         raise InvalidInput(f"run {folder}: no {RECORD} there; a run has one") from None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InvalidInput(f"run {folder}: {RECORD} is damaged or of another program") from None
 
 

@@ -261,7 +261,7 @@ MISTAKES = {  # and what the answer must say
     f"solve_drag {BODY} --reynolds 10 --velocity 3": "unrecognized arguments: --velocity 3",
     "train_surrogate --method magic --out {folder}/x": "method 'magic': one of dp",
     "train_surrogate --method dp --preset huge --out {folder}/x": "invalid choice: 'huge'",
-    "train_surrogate --method dp --budget-seconds 0 --out {folder}/x": "budget 0 s: must be at",
+    "train_surrogate --method dp --budget-seconds 0 --out {folder}/x": "budget 0 s: from 1",
     "train_surrogate --method dp --budget-seconds nan --out {folder}/x": "budget in seconds nan",
     "train_surrogate --method dp --seed -1 --out {folder}/x": "seed -1: a whole number from 0",
     "train_surrogate --method dp --out {folder}": "is not empty and has no",

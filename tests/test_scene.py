@@ -35,12 +35,12 @@ families = st.builds(
     ends(0.1, 20),
     st.dictionaries(st.sampled_from(PARAMETERS[2:]), ends(-1, 1)),
 )
-windows = (st.floats(1, 80),) * 3
+windows = (st.floats(1, 40),) * 3
 texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=8)
 fidelities = st.sampled_from(list(FIDELITIES.values())) | st.builds(
     Fidelity,
     texts,
-    st.integers(3, 128),
+    st.integers(3, 64),
     *windows,
     st.integers(1, 31),
     st.floats(0, 1),

@@ -80,7 +80,7 @@ def test_strangers_folders_and_files_are_refused(tmp_path):
     (tmp_path / "thesis.txt").write_text("do not delete")
     with pytest.raises(InvalidInput, match=r"not empty and has no surrogate\.json but thesis"):
         save(tmp_path, load("pretrained"))
-    with pytest.raises(InvalidInput, match="is a file"):
+    with pytest.raises(InvalidInput, match="is no folder"):
         save(tmp_path / "thesis.txt", load("pretrained"))
     assert (tmp_path / "thesis.txt").read_text() == "do not delete"
     with pytest.raises(InvalidInput, match="no such folder"):
@@ -90,9 +90,9 @@ def test_strangers_folders_and_files_are_refused(tmp_path):
 
 
 def test_a_folder_left_half_written_can_be_saved_again(folder):
-    """A power cut between its two files: the weights are there, the record is not."""
-    (folder / "surrogate.json").unlink()
-    refused(folder, r"damaged or not a surrogate, surrogate\.json is unreadable")
+    """A power cut between its two files: the record is there, the weights are not."""
+    (folder / "weights.eqx").unlink()
+    refused(folder, r"weights\.eqx")
     save(folder, load("pretrained"))
     assert float(load(folder).drag(BODY, 10.0)) > 0
 

@@ -66,8 +66,13 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
         raise InvalidInput("--dimension 3: goes with --aspect; a contour is of the plane")
     if any(getattr(arguments, name) for name in PARAMETERS[1:]):
         raise InvalidInput("body: --flatness and --beta2 to --beta12 go with --aspect")
-    points = naca4(arguments.naca) if arguments.contour is None else read_contour(arguments.contour)
-    return contour_shape(points, arguments.incidence, arguments.keep_size)
+    if arguments.contour is None:
+        return contour_shape(naca4(arguments.naca), arguments.incidence, arguments.keep_size)
+    points = read_contour(arguments.contour)
+    try:
+        return contour_shape(points, arguments.incidence, arguments.keep_size)
+    except InvalidInput as problem:
+        raise InvalidInput(f"{arguments.contour}: {problem}") from None
 
 
 def add_problem_arguments(parser: Parser) -> None:

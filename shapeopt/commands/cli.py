@@ -1,7 +1,9 @@
 """What every command shares: arguments in, progress to stderr, JSON out, exit statuses."""
 
+import _thread
 import argparse
 import contextlib
+import io
 import json
 import math
 import os
@@ -17,7 +19,10 @@ from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 
 DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, LOST, INTERRUPTED = 0, 2, 3, 4, 5, 130
-STATUSES = "exit status: 0 done, 2 bad input, 3 not converged, 4 not written, 5 a process lost"
+STATUSES = (
+    "exit status: 0 done, 2 bad input, 3 not converged, 4 not written, 5 a process lost, "
+    "130 interrupted"
+)
 
 
 class ProcessLost(RuntimeError):
@@ -55,9 +60,14 @@ class Parser(argparse.ArgumentParser):
 
 def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> int:
     """Run a command's main and turn its outcome into an exit status."""
+    with contextlib.redirect_stderr(_Heedless(sys.stderr)):
+        return _run(main, argv)
+
+
+def _run(main, argv):
     try:
         use_compilation_cache()
-        with _terminated_as_interrupted():
+        with _interrupted_for_sure():
             main(argv)
         return DONE
     except BrokenPipeError:  # whoever read has seen enough
@@ -70,25 +80,67 @@ def run(main: Callable[[Sequence[str] | None], dict[str, Any]], argv=None) -> in
     except ProcessLost as problem:
         status, message = LOST, str(problem)
     except OSError as problem:
-        status, message = NOT_WRITTEN, f"{problem.filename or 'output'}: {problem.strerror}"
+        status, message = NOT_WRITTEN, f"{problem.filename or 'output'}: {_reason(problem)}"
     except KeyboardInterrupt:
         status = INTERRUPTED
-        message = "interrupted; trainings go on where they stopped, by the same command"
+        message = "interrupted; by the same command trainings go on where they stopped"
     print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
     return status
 
 
+def _reason(problem):
+    """Why a file could not be written; OSErrors of libraries may have no number."""
+    return problem.strerror or str(problem) or "cannot be written"
+
+
+class _Heedless(io.TextIOBase):
+    """stderr for progress and messages: where nobody takes them, the work goes on all the same."""
+
+    def __init__(self, stream: Any):
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            if self.stream is not None:
+                self.stream.write(text)
+                self.stream.flush()
+        except (OSError, ValueError):
+            self.stream = None
+        return len(text)
+
+    def isatty(self) -> bool:
+        return self.stream is not None and self.stream.isatty()
+
+    def fileno(self) -> int:
+        if self.stream is None:
+            raise io.UnsupportedOperation("fileno")
+        return self.stream.fileno()
+
+
 @contextlib.contextmanager
-def _terminated_as_interrupted():
-    """SIGTERM ends a command as Ctrl-C does; threads but the main one cannot hear it."""
+def _interrupted_for_sure():
+    """SIGTERM ends a command as Ctrl-C does, and neither is lost where it comes at a bad moment.
+
+    An interrupt in a callback that Python may not leave, such as JAX's at garbage collection, is
+    dropped and said to ``unraisablehook``: it is raised again. Threads but the main one hear none.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before, hook = signal.signal(signal.SIGTERM, signal.default_int_handler), sys.unraisablehook
+
+    def again(unraisable):
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            _thread.interrupt_main()
+        else:
+            hook(unraisable)
+
+    sys.unraisablehook = again
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+        sys.unraisablehook = hook
 
 
 def emit(result: dict[str, Any], as_json: bool, text: str) -> dict[str, Any]:
@@ -102,7 +154,7 @@ def finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def numbers(text: str, name: str = "--reynolds") -> list[float]:
+def numbers(text: str, name: str = "--reynolds", example: str = "1,10,40") -> list[float]:
     """'1,10,40' as numbers.
 
     Raises:
@@ -113,5 +165,5 @@ def numbers(text: str, name: str = "--reynolds") -> list[float]:
     except ValueError:
         values = []
     if not values:
-        raise InvalidInput(f"{name} {text!r}: one number, or several with commas, as 1,10,40")
+        raise InvalidInput(f"{name} {text!r}: one number, or several with commas, as {example}")
     return values

@@ -17,7 +17,7 @@ from shapeopt.commands.cli import Parser, emit, finite
 from shapeopt.render.pictures import render_march
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import make_folder, whole_file
+from surrogate.files import check_target, whole_file
 from surrogate.flow.check.march import Box, march, prepare, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import THINNEST
@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D, and "
             f"{THINNEST[2]:g} cells thick, can be marched"
         )
-    make_folder(out)
+    check_target(out, "march.json", ("blockage", "gif"), ("march.gif",), ("march.gif",))
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {

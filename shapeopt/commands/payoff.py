@@ -26,7 +26,7 @@ from shapeopt.problem.objective import Robust
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal
 from shapeopt.render.sheets import before_and_after, render_panels
-from shapeopt.runs import load_run, save_run
+from shapeopt.runs import check_run_folder, load_run, save_run
 from shapeopt.search.optimise import optimise
 from shapeopt.search.verify import verify
 from surrogate.checks import whole_number
@@ -41,7 +41,7 @@ from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
 from surrogate.training.record import command_line
 from surrogate.training.train import train_all
 
-RECORD = "payoff.json"
+RECORD, PICTURES = "payoff.json", ("payoff.png", "shapes.png")
 PLAIN = {"quick": 2, "full": 5}  # queries of least drag without bounds, over the range of Re
 QUERIES = {"quick": 5, "full": 50}  # the plain ones included
 SAMPLE = 8  # flows by which the direct cost of the robust design is measured
@@ -53,8 +53,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     devices = choose_devices(use_devices(arguments.devices))
     seeds = whole_number("--seeds", arguments.seeds, 1, 20)
     out, preset = Path(arguments.out), arguments.preset
-    check_target(out, RECORD, _ours(arguments))
-    scene = Scene.read(arguments.scene) if arguments.scene else PRESETS[preset].scene
+    check_target(out, RECORD, ("payoff", "queries"), PICTURES, _ours(arguments))
+    for k in (0, PLAIN[preset] - 1):
+        check_run_folder(out / f"run-{k}")
+    scene = Scene.read(arguments.scene) if arguments.scene else Scene()
     queries = [Problem(scene, reynolds) for reynolds in _plain_reynolds(scene, PLAIN[preset])]
     count = QUERIES[preset] if arguments.queries is None else arguments.queries
     if count < len(queries):
@@ -105,11 +107,11 @@ def _plans(arguments, scene: Scene, seed: int) -> dict[str, Plan]:
 
 def _ours(arguments) -> list[str]:
     """Names that an interrupted run leaves in its folder."""
-    names = list(_plans(arguments, PRESETS[arguments.preset].scene, 0))
+    names = list(_plans(arguments, Scene(), 0))
     names += [f"{name}.checkpoint" for name in names]
-    pictures = ["payoff.png", "shapes.png", *(f"run-{k}" for k in range(9))]
+    runs = [f"run-{k}" for k in range(9)]
     seeds = [f"seed{arguments.seed + k}" for k in range(arguments.seeds)]
-    return [*names, *pictures, *seeds]
+    return [*names, *PICTURES, *runs, *seeds]
 
 
 def _plain_reynolds(scene: Scene, count: int) -> list[float]:
@@ -168,7 +170,7 @@ def _parser():
     parser = Parser(__doc__)
     queries = ", ".join(f"{preset}: {count}" for preset, count in QUERIES.items())
     parser.add_argument("--preset", default="quick", choices=list(PRESETS), help="(quick)")
-    parser.add_argument("--scene", help="TOML file; the preset's own scene without")
+    parser.add_argument("--scene", help="TOML file; unbounded, Re 1 to 40, standard without")
     parser.add_argument(
         "--samples", type=int, help=f"bodies to learn from, from 4 ({SAMPLES_HELP})"
     )

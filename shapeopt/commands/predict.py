@@ -54,7 +54,7 @@ def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> d
     def drag(body):
         return surrogate.drag(body, reynolds, extrapolate=True)
 
-    cd, gradient = jax.value_and_grad(drag)(jnp.asarray(parameters))
+    cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
     beyond = surrogate.beyond(parameters, reynolds)
     confidence = "inside"
     if beyond:

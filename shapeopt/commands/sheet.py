@@ -17,9 +17,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, design all in one call, draw."""
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
-    reynolds, lengths = (
-        sorted(numbers(text)) for text in (arguments.reynolds, arguments.max_length)
-    )
+    reynolds = sorted(numbers(arguments.reynolds))
+    lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2"))
     rows, seconds = designs_over(surrogate, reynolds, lengths, arguments.min_thickness)
     plot_designs(surrogate.scene.family, rows, out)
     result = {"designs": rows, "seconds": seconds, "out": str(out)}

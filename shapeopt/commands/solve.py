@@ -35,8 +35,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     if (arguments.reynolds is None) == (arguments.settling is None):
         raise InvalidInput("--reynolds: give it, or --settling in its place")
     if arguments.settling is not None:
+        if arguments.gradient or arguments.allow_unsteady:
+            raise InvalidInput("--settling: goes without --gradient and --allow-unsteady")
         return _settling(arguments)
-    reynolds = reynolds_numbers(arguments.reynolds, True, dimension)
+    reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady, dimension)
     scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")

@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 def _parser():
     parser = Parser(__doc__)
     parser.add_argument("--method", required=True, help=", ".join(METHODS))
-    parser.add_argument("--scene", help="TOML file; the preset's own scene without")
+    parser.add_argument("--scene", help="TOML file; unbounded, Re 1 to 40, standard without")
     parser.add_argument(
         "--samples", type=int, help=f"bodies to learn from, from 4 ({SAMPLES_HELP})"
     )

@@ -15,7 +15,7 @@ from scipy import stats
 
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.arrays import AnyArray
-from surrogate.checks import finite_number, whole_number
+from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
@@ -63,6 +63,10 @@ class Weighted:
     weights: tuple[float, ...]
 
     def __post_init__(self):
+        for name in ("reynolds", "weights"):
+            values = getattr(self, name)
+            expect(name, values, list | tuple | np.ndarray | jax.Array, "list of numbers")
+            object.__setattr__(self, name, tuple(finite_number(name, one) for one in values))
         if len(self.reynolds) != len(self.weights) or not self.reynolds:
             raise InvalidInput(
                 f"weights: {len(self.weights)} for {len(self.reynolds)} Reynolds numbers; "
@@ -78,7 +82,8 @@ class Weighted:
 
     def scenarios(self, scene: Scene) -> Scenarios:
         reynolds = [scene.check_reynolds(value) for value in self.reynolds]
-        weight = np.array(self.weights) / sum(self.weights)
+        weight = np.array(self.weights) / max(self.weights)
+        weight /= weight.sum()
         return _scenarios(scene, reynolds, weight, relative=True)
 
 
@@ -101,12 +106,13 @@ class Robust:
     seed: int = 0
 
     def __post_init__(self):
+        expect("spread", self.spread, LogNormal | Uniform, "distribution, as LogNormal(0.2)")
         if not 0 <= finite_number("CVaR level", self.level) < 1:
             raise InvalidInput(f"CVaR level {self.level:g}: from 0 (the mean) to below 1")
         if not 0 <= finite_number("tolerance", self.tolerance) <= 0.1:
             raise InvalidInput(f"tolerance {self.tolerance:g}: from 0 to 0.1 of a range's width")
-        whole_number("samples", self.samples, 2, 4096)
-        whole_number("seed", self.seed, 0, 2**31 - 1)
+        for name, low, high in (("samples", 2, 4096), ("seed", 0, 2**31 - 1)):
+            object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))
 
     @property
     def nominal(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from shapeopt.problem.constraints import Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Scenarios
 from surrogate.arrays import Number
-from surrogate.checks import finite_number, interval
+from surrogate.checks import expect, finite_number, interval
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
@@ -51,6 +51,11 @@ class Problem:
             )
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
+        expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
+        for station in self.stations:
+            expect("stations", station, Station, "Station(x, thickness)")
+            finite_number("station x/c", station.x)
+        expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
         lengths: dict[str, Any] = {
             name: getattr(self, name)
             for name in ("max_length", "min_thickness", "max_thickness", "min_radius")

@@ -22,6 +22,7 @@ from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import optimality
 from shapeopt.search.propose import Proposal, propose
 from surrogate.arrays import AnyArray
+from surrogate.checks import expect
 from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
@@ -182,6 +183,7 @@ def check_model(model: Surrogate | Flow) -> None:
 
 def check_problem(problem: Problem, scene: Scene) -> None:
     """Raise InvalidInput where it is of another scene, or over a cylinder that its family lacks."""
+    expect("optimise", problem, Problem, "Problem")
     if problem.scene != scene:
         raise InvalidInput("optimise: problem and model are of different scenes")
     family = scene.family

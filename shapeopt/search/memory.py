@@ -17,8 +17,10 @@ from surrogate.flow.steps import Slope
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Hyper, Kriging, Told, kriging, likeliest
 from surrogate.model.network import DragNetwork
+from surrogate.scene.scene import REYNOLDS
 
 KIND = "flows of a designer"
+LARGEST = 1e7  # drag or slope that a flow may have told
 REFIT = 1.3  # lengths are sought again when so many times the flows are known
 
 
@@ -133,14 +135,15 @@ def _read(file: Path, flow: Flow) -> list[Told]:
         record = json.loads(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        told = [Told(np.array(p, float), float(re), float(cd), np.array(s, float))
-                for p, re, cd, s in record["flows"]]  # fmt: skip
-        size = len(flow.scene.family.names)
+        told = [Told(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
+        size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
         for flow_ in told:
             numbers = np.concatenate([flow_.parameters, flow_.slopes])
-            good = numbers.shape == (2 * size + 1,) and np.all(np.isfinite(numbers))
-            if not (good and 0 < flow_.drag < np.inf and 0 < flow_.reynolds < np.inf):
+            good = numbers.dtype.kind == "f" and numbers.shape == (2 * size + 1,)
+            bounded = good and np.all(np.abs(numbers) < LARGEST)
+            if not (bounded and 0 < flow_.drag < LARGEST and least <= flow_.reynolds <= most):
                 raise ValueError
+            flow.scene.family.check(flow_.parameters)
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
     except (ValueError, KeyError, TypeError, RecursionError):

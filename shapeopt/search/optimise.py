@@ -7,6 +7,7 @@ from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import Design, Designer, check_model, check_problem
 from shapeopt.search.propose import propose_all
+from surrogate.checks import expect
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
@@ -49,6 +50,7 @@ def optimise_all(problems: Sequence[Problem], surrogate: Surrogate | Flow) -> li
     check_model(surrogate)
     if not isinstance(surrogate, Surrogate):
         raise InvalidInput("optimise_all: a surrogate answers many problems; a Designer the flow's")
+    expect("optimise_all", problems, list | tuple, "list of problems")
     for problem in problems:
         check_problem(problem, surrogate.scene)
     begin = time.perf_counter()

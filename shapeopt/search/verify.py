@@ -8,7 +8,9 @@ from jaxtyping import Float
 
 from shapeopt.problem.objective import combine
 from shapeopt.problem.problem import Problem
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Body
+from surrogate.checks import expect
+from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 
@@ -52,7 +54,7 @@ class Verified:
 
 def verify(
     problem: Problem,
-    parameters: AnyArray,
+    parameters: Body,
     cylinder: Float[AnyArray, " cases"] | None = None,
     estimate: bool = True,
 ) -> Verified:
@@ -61,12 +63,17 @@ def verify(
     ``cylinder`` are its drags at the same Reynolds numbers, where they are known already.
 
     Raises:
+      InvalidInput: no such body.
       NotConverged: a flow was not found.
     """
+    expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
-    cylinder = cylinder_drags(problem) if cylinder is None else cylinder
+    parameters = problem.scene.family.check(parameters)
+    cylinder = cylinder_drags(problem) if cylinder is None else np.asarray(cylinder)
+    if cylinder.shape != scenarios.weight.shape or not np.all(cylinder > 0):
+        raise InvalidInput(f"cylinder: {cylinder}; a drag above 0 of every case is needed")
     solutions = tuple(
-        flow.solve(np.asarray(parameters) + shift, reynolds, estimate=estimate, allow_unsteady=True)
+        flow.solve(parameters + shift, reynolds, estimate=estimate, allow_unsteady=True)
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
     drags = np.array([solution.drag for solution in solutions])

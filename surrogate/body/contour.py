@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
+from scipy.spatial import cKDTree
 from shapely import LinearRing
 
 from surrogate.arrays import AnyArray
@@ -14,6 +15,8 @@ from surrogate.body.measures import AREA, moments
 from surrogate.errors import InvalidInput
 
 FINE = 4096  # points of the intermediate resampling
+FAR = 8.0  # sizes from the body, at which a first row is none of it
+LOST = 0.2  # D, by which a smoothed contour may be off
 
 
 def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
@@ -30,18 +33,27 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     except (OSError, UnicodeDecodeError) as problem:
         reason = getattr(problem, "strerror", None) or "it is not a text file"
         raise InvalidInput(f"contour {path}: cannot be read ({reason})") from None
-    lines = [line.split("#")[0].strip() for line in lines]
-    rows = [(k, re.split(r"[\s,;]+", line)) for k, line in enumerate(lines, start=1) if line]
+    lines = [line.split("#")[0].strip().strip(",;|") for line in lines]
+    rows = [
+        (k, re.split(r"[\s,;|]+", line.replace('"', "")))
+        for k, line in enumerate(lines, start=1)
+        if line
+    ]
     while rows and (_pair(rows[0][1]) is None and (len(rows[0][1]) != 2 or not _told(rows[0][1]))):
         rows = rows[1:]  # titles and headers, a lone number among them
     if not rows:
-        raise InvalidInput(f"contour {path}: holds no row of two finite numbers, x and y")
+        raise InvalidInput(
+            f"contour {path}: none of its {len(lines)} rows is two finite numbers, x and y; "
+            "columns apart by commas, semicolons, tabs or spaces are read, with decimal points"
+        )
     points = []
     for k, words in rows:
         if (pair := _pair(words)) is None:
             raise InvalidInput(f"contour {path}: row {k} must be two finite numbers, x and y")
         points.append(pair)
     counts, sides = points[0], np.array(points[1:]).reshape(-1, 2)
+    if len(sides) and np.abs(counts - sides.mean(axis=0)).max() > FAR * np.ptp(sides):
+        points = points[1:]  # numbers that stand so far off are a title, or Lednicer's counts
     if sum(counts) == len(sides) and min(counts) >= 2:  # Lednicer: both sides from nose to tail
         upper = int(counts[0])
         return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
@@ -91,7 +103,12 @@ def smooth_contour(
     Raises:
       InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
     """
-    points = np.asarray(points, float)
+    points = np.asarray(points)
+    if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 2:
+        raise InvalidInput("contour: an array of shape (points, 2) of real numbers is needed")
+    if len(points) < 8 or not np.all(np.isfinite(points)):
+        raise InvalidInput(f"contour: {len(points)} points; at least 8 finite ones are needed")
+    points = points.astype(float)
     size = np.ptp(points, axis=0).max()
     if not 1e-9 < size < 1e9:
         raise InvalidInput(f"contour: its size is {size:g}; from 1e-9 to 1e9 can be scaled")
@@ -113,9 +130,20 @@ def smooth_contour(
     points = points if area > 0 else points[::-1]
     points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
     points = np.roll(points, -int(np.argmin(points[:, 0])), axis=0)
-    smooth = _fourier(_by_bend(_by_length(points, FINE)), nodes)
+    dense = _by_length(points, FINE)
+    smooth = _fourier(_by_bend(dense), nodes)
+    off = _farthest(dense, smooth)
+    if off > LOST:
+        raise InvalidInput(
+            f"contour: {off:.2g} D of it would be lost to smoothing; fewer, larger waves are kept"
+        )
     area, centroid = (np.asarray(value) for value in moments(smooth))
     return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
+
+
+def _farthest(points, smooth):
+    """Greatest distance of points from the smooth contour."""
+    return float(cKDTree(smooth).query(points)[0].max())
 
 
 def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:

@@ -212,10 +212,22 @@ class Family:
         Raises:
           InvalidInput: they are not as many numbers as the family has, or describe no body.
         """
+        values = self.numbers(parameters)
+        check_body(self.named(values), self.dimension)
+        return values
+
+    def numbers(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
+        """As many numbers as the family has parameters, in whatever kind they came.
+
+        Raises:
+          InvalidInput: they are none.
+        """
         try:
             values = np.asarray(parameters)
-        except ValueError:
+        except (ValueError, TypeError):
             values = np.empty((), object)
+        if np.ma.is_masked(parameters):
+            raise InvalidInput(f"body {parameters!r}: some of it is masked; {self._wanted}")
         if values.dtype.kind not in "iuf":
             raise InvalidInput(f"body {parameters!r}: must be numbers, {self._wanted}")
         values = values.astype(float)
@@ -223,7 +235,22 @@ class Family:
             raise InvalidInput(f"body: a batch of {len(values)}; jax.vmap takes batches, one here")
         if values.shape != (len(self.names),):
             raise InvalidInput(f"body: an array of shape {values.shape}; {self._wanted}")
-        check_body(self.named(values), self.dimension)
+        return values
+
+    def check_all(
+        self, bodies: Float[AnyArray, "bodies parameters"]
+    ) -> Float[np.ndarray, "bodies parameters"]:
+        """The same of many bodies, each of which must be one.
+
+        Raises:
+          InvalidInput: they are not as many numbers as the family has, or one describes no body.
+        """
+        values = np.asarray(bodies, float)
+        if values.ndim != 2 or values.shape[1] != len(self.names):
+            raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
+        least = np.asarray(jax.vmap(lambda p: opening(p, self.form))(jnp.asarray(values)))
+        if (bad := ~np.isfinite(values).all(axis=1) | ~(least >= LEAST_OPENING)).any():
+            self.check(values[np.argmax(bad)])
         return values
 
     @property

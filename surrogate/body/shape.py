@@ -13,7 +13,7 @@ from surrogate.body.contour import smooth_contour
 from surrogate.body.form import PARAMETERS, Form
 from surrogate.body.outline import check_body, family_markers
 from surrogate.body.solid import Skin, half_axes, skin
-from surrogate.checks import finite_number
+from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 
 NODES = 400  # of the contour that a reach is measured on
@@ -69,8 +69,12 @@ def family_shape(
     Raises:
       InvalidInput: the parameters describe no body, or the incidence is none.
     """
+    expect("body", parameters, Mapping, "table of parameters, as {'aspect': 2}")
+    if "aspect" not in parameters or (foreign := set(parameters) - set(PARAMETERS)):
+        told = f"no parameter {foreign.pop()!r}" if "aspect" in parameters else "has no aspect"
+        raise InvalidInput(f"body: {told}; {', '.join(PARAMETERS)}")
     named = {name: finite_number(name, value) for name, value in parameters.items()}
-    named = {name: named[name] for name in PARAMETERS if name in named} | named
+    named = {name: named[name] for name in PARAMETERS if name in named}
     check_body(named, dimension)
     turn = _incidence(incidence)
     if turn and dimension == 3:

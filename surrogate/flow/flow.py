@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.outline import LEAST_OPENING, opening
 from surrogate.body.shape import Shape, family_shape
-from surrogate.checks import traced
+from surrogate.checks import one_body, traced
 from surrogate.devices import Devices, choose_devices, deal_bodies
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.check.trust import Forces, Trust, judge
@@ -78,6 +78,7 @@ class Flow:
         """
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
+        one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
         cd, info = drag_and_status(self, jnp.asarray(parameters, float), re)
         if traced(parameters, reynolds):
@@ -88,7 +89,13 @@ class Flow:
         return cd
 
     def slope(self, parameters: Body, reynolds: Number) -> Slope:
-        """Drag and shape gradient by one adjoint of few digits, cheaper than ``jax.grad``."""
+        """Drag and shape gradient by one adjoint of few digits, cheaper than ``jax.grad``.
+
+        Raises:
+          InvalidInput: as ``drag``, but for Reynolds numbers beyond the onset of shedding.
+        """
+        if not traced(parameters, reynolds):
+            parameters, reynolds = self._checked(parameters, reynolds, True)
         return drag_and_slope(self, jnp.asarray(parameters, float), jnp.asarray(reynolds, float))
 
     def labels(
@@ -100,6 +107,7 @@ class Flow:
         """Flows of many bodies, spread over ``devices``: what trainings are tested by.
 
         Raises:
+          InvalidInput: one is no body, or no Reynolds number of the scene.
           NotConverged: a flow was not found.
         """
         found = self._all(parameters, reynolds, devices, slopes=False)
@@ -117,7 +125,12 @@ class Flow:
         return self._all(parameters, reynolds, devices, slopes=True)
 
     def _all(self, parameters, reynolds, devices, slopes):
-        parameters, reynolds = np.asarray(parameters, float), np.asarray(reynolds, float)
+        parameters = self.scene.family.check_all(parameters)
+        reynolds = np.asarray(reynolds, float)
+        if reynolds.shape != parameters.shape[:1]:
+            raise InvalidInput(f"{len(parameters)} bodies, Reynolds numbers {reynolds.shape}")
+        for extreme in (reynolds.min(), reynolds.max()) if reynolds.size else ():
+            self._check_reynolds(extreme, True)
         devices = devices or choose_devices()
         deal = deal_bodies(devices, hardness(parameters, reynolds))
         found = all_solver(self, devices, slopes)(*devices.share((deal, parameters, reynolds)))
@@ -213,6 +226,12 @@ class Flow:
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Body and Re as numbers that the scene's grid can take."""
         body = self.scene.family.check(parameters)
+        value = self._check_reynolds(reynolds, allow_unsteady)
+        if np.any(self._reach(body) > self.domain.reach):
+            raise InvalidInput("body: reaches beyond the bodies that the scene's grid was made for")
+        return body, value
+
+    def _check_reynolds(self, reynolds, allow_unsteady):
         value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension)
         highest = self.scene.reynolds[1]
         if value > highest * (1 + 1e-9):
@@ -220,9 +239,7 @@ class Flow:
                 f"Reynolds number {value:g}: the scene's window is made for wakes up to Re "
                 f"{highest:g}; a Scene that reaches further would do"
             )
-        if np.any(self._reach(body) > self.domain.reach):
-            raise InvalidInput("body: reaches beyond the bodies that the scene's grid was made for")
-        return body, value
+        return value
 
 
 def _fit(scene: Scene, shape: Shape, fidelity: Fidelity, reynolds: float) -> Domain:

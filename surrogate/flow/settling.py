@@ -5,12 +5,13 @@ import math
 from typing import NamedTuple
 
 from surrogate.body.shape import Shape
-from surrogate.checks import finite_number
+from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS
 
+LEAST, MOST = 1e-12, 1e12  # of a particle's numbers
 BALANCED = 1e-4  # relative, of drag and weight
 STEPS = 12
 RANGE = REYNOLDS[3][0], ONSET_OF_SHEDDING[3]
@@ -35,10 +36,12 @@ class Particle:
     def __post_init__(self):
         for field in dataclasses.fields(self):
             value = finite_number(field.name.replace("_", " "), getattr(self, field.name))
-            if value <= 0:
-                raise InvalidInput(f"{field.name.replace('_', ' ')} {value:g}: must be above 0")
+            if not LEAST <= value <= MOST:
+                raise InvalidInput(
+                    f"{field.name.replace('_', ' ')} {value:g}: from {LEAST:g} to {MOST:g}"
+                )
             object.__setattr__(self, field.name, value)
-        if self.density_ratio == 1:
+        if abs(self.density_ratio - 1) < LEAST:
             raise InvalidInput("density ratio 1: such a body neither falls nor rises")
 
     @property
@@ -69,6 +72,8 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
       InvalidInput: the body is of the plane, or moves too slowly or fast for a steady flow.
       NotConverged: a flow was not found, or no balance.
     """
+    expect("settling", shape, Shape, "Shape; family_shape(..., dimension=3) makes one")
+    expect("settling", particle, Particle, "Particle(density_ratio, viscosity, size)")
     if shape.dimension != 3:
         raise InvalidInput("settling: is of bodies in space, dimension 3")
     goal = math.log(4 / 3 * particle.archimedes)

@@ -13,7 +13,7 @@ import numpy as np
 
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import check_target, whole_files
+from surrogate.files import check_target, path_of, whole_files
 from surrogate.flow.grid.domain import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
@@ -52,7 +52,7 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
 
 def check_surrogate_folder(folder: str | Path) -> None:
     """Raise InvalidInput unless a surrogate may be written there."""
-    check_target(folder, RECORD, (WEIGHTS,))
+    check_target(folder, RECORD, ("format", "weights_sha256"), (WEIGHTS,))
 
 
 def load(name: str | Path) -> Surrogate:
@@ -63,6 +63,7 @@ def load(name: str | Path) -> Surrogate:
     Raises:
       InvalidInput: it is missing, damaged, or not a surrogate.
     """
+    path_of(name)
     kind, _, method = str(name).partition(":")
     folder = PRETRAINED / (method or BEST) if kind == "pretrained" else Path(name)
     what = f"surrogate {folder}"
@@ -112,6 +113,9 @@ def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
     """Refuse weights that are not finite, and scales that are not the scene's."""
     if not all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(network)):
         raise InvalidInput(f"{what}: damaged, its weights are not all finite")
+    middle = jnp.asarray(scene.family.bounds.mean(axis=1)), jnp.asarray(scene.reynolds[0])
+    if not 0 < float(network.drag(*middle)) < np.inf:
+        raise InvalidInput(f"{what}: damaged, its weights give no drag")
     known, own = (np.array([i.low, i.high]) for i in (scene_inputs(scene), network.inputs))
     if not np.allclose(known, own, atol=1e-9):
         raise InvalidInput(f"{what}: damaged, its weights are of other ranges than its scene")

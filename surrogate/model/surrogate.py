@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray, Body, Number
-from surrogate.checks import traced
+from surrogate.arrays import Body, Number
+from surrogate.checks import finite_number, one_body, traced
 from surrogate.errors import InvalidInput
 from surrogate.model.network import DragNetwork
 from surrogate.scene.scene import Scene, check_reynolds
@@ -43,22 +43,39 @@ class Surrogate:
             reynolds = check_reynolds(reynolds, True, self.scene.dimension)
             if (beyond := self.beyond(parameters, reynolds)) and not extrapolate:
                 raise InvalidInput(f"{_words(beyond)}; extrapolate=True asks for it all the same")
+        one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
         cd = self.network.drag(jnp.asarray(parameters, float), re)
-        if not traced(parameters, reynolds) or extrapolate:
+        if not traced(parameters, reynolds):
+            if not 0 < float(cd) < np.inf:
+                raise InvalidInput(f"surrogate: its weights give Cd {float(cd):g}; it is damaged")
+            return cd
+        if extrapolate:
             return cd
         low, high = self._bounds.T
         values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
         inside = jnp.maximum(low - values, values - high) <= SLACK * (high - low + 1)
         return cd * jnp.where(jnp.all(inside), 1.0, jnp.nan)  # so is its gradient
 
-    def knows(self, parameters: AnyArray, reynolds: float) -> bool:
-        """Whether body and Reynolds number lie within the trained ranges."""
+    def knows(self, parameters: Body, reynolds: Number) -> bool:
+        """Whether body and Reynolds number lie within the trained ranges.
+
+        Raises:
+          InvalidInput: they are no numbers, or not as many as the family has.
+        """
         return not self.beyond(parameters, reynolds)
 
-    def beyond(self, parameters: AnyArray, reynolds: float) -> dict[str, float]:
-        """How far each parameter, or log Re, lies outside its trained range, in ranges."""
-        values = np.append(np.asarray(parameters, float), np.log(reynolds))
+    def beyond(self, parameters: Body, reynolds: Number) -> dict[str, float]:
+        """How far each parameter, or log Re, lies outside its trained range, in ranges.
+
+        Raises:
+          InvalidInput: they are no numbers, or not as many as the family has.
+        """
+        values = self.scene.family.numbers(parameters)
+        reynolds = finite_number("Reynolds number", reynolds)
+        if reynolds <= 0:
+            raise InvalidInput(f"Reynolds number {reynolds:g}: must be a finite number above 0")
+        values = np.append(values, np.log(reynolds))
         low, high = self._bounds.T
         distance = np.maximum(low - values, values - high) / np.maximum(high - low, SLACK)
         names = (*self.scene.family.names, "log Re")

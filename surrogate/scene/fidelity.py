@@ -9,7 +9,7 @@ from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 LONGEST_WINDOW = 40.0  # downstream, in D
-MOST_CELLS = 128  # per D: a window of a hundred million cells
+MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a window of the plane
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,6 +39,12 @@ class Fidelity:
             plain[name] = finite_number(name, getattr(self, name))
             if not low <= plain[name] <= high:
                 raise InvalidInput(f"fidelity: {name} {plain[name]:g}: from {low:g} to {high:g}")
+        area = (plain["upstream"] + plain["downstream"]) * plain["height"]
+        if (count := plain["cells"] ** 2 * area) > MOST_IN_WINDOW:
+            raise InvalidInput(
+                f"fidelity: a window of {count / 1e6:.0f} million cells; up to "
+                f"{MOST_IN_WINDOW / 1e6:g} are solved"
+            )
         for name, value in plain.items():
             object.__setattr__(self, name, value)
 

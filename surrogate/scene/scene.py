@@ -24,7 +24,7 @@ import numpy as np
 from surrogate.body.family import Family
 from surrogate.checks import finite_number, interval
 from surrogate.errors import InvalidInput
-from surrogate.files import whole_file
+from surrogate.files import path_of, whole_file
 from surrogate.scene.cost import APPLICATIONS, application_seconds
 from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
 from surrogate.scene.stream import (
@@ -36,6 +36,7 @@ from surrogate.scene.stream import (
     window_height,
 )
 
+LONGEST = 400  # letters of a message that quotes a file
 REYNOLDS = {2: (1e-3, 300.0), 3: (1e-2, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
 
@@ -89,13 +90,13 @@ class Scene:
           InvalidInput: it cannot be read, is no TOML, or describes no scene.
         """
         try:
-            return cls.of(tomllib.loads(Path(path).read_text(encoding="utf-8")))
+            return cls.of(tomllib.loads(path_of(path).read_text(encoding="utf-8-sig")))
         except OSError as problem:
             raise InvalidInput(f"scene {path}: cannot be read ({problem.strerror})") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-            raise InvalidInput(f"scene {path}: is not TOML ({problem})") from None
         except InvalidInput as problem:
-            raise InvalidInput(f"scene {path}: {problem}") from None
+            raise InvalidInput(f"scene {path}: {str(problem)[:LONGEST]}") from None
+        except (ValueError, RecursionError) as problem:
+            raise InvalidInput(f"scene {path}: is not TOML ({str(problem)[:LONGEST]})") from None
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "Scene":

@@ -7,7 +7,6 @@ from typing import Literal, get_args
 
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
-from surrogate.scene.fidelity import FIDELITIES
 from surrogate.scene.scene import Scene
 from surrogate.training.methods.dp import (
     differentiable_physics,
@@ -41,7 +40,7 @@ FEW = ("sip", "hig")  # methods that are compared on a quarter of the bodies too
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """How much a training takes: samples, held-out bodies, iterations by method, and a scene.
+    """How much a training takes: samples, held-out bodies, iterations by method.
 
     ``published`` are the iterations of the methods as they were published, where they take others.
     """
@@ -50,7 +49,6 @@ class Preset:
     held_out: int
     iterations: dict[MethodName, int]
     published: dict[MethodName, int]
-    scene: Scene
 
 
 PRESETS = {
@@ -59,14 +57,12 @@ PRESETS = {
         48,
         {"dp": 400, "sip": 160, "hig": 60, "supervised": 160},
         {},
-        Scene(fidelity=FIDELITIES["draft"]),
     ),
     "full": Preset(
         256,
         128,
         {"dp": 1500, "sip": 400, "hig": 100, "supervised": 400},
         {"dp": 4000, "sip": 400, "hig": 40, "supervised": 400},
-        Scene(),
     ),
 }
 SAMPLES_HELP = ", ".join(f"{name}: {preset.samples}" for name, preset in PRESETS.items())
@@ -118,11 +114,11 @@ def make_plan(
     if budget_seconds is not None:
         budget_seconds = finite_number("budget in seconds", budget_seconds)
         if not 1 <= budget_seconds < 1e6:
-            raise InvalidInput(f"budget {budget_seconds:g} s: must be at least 1 second")
+            raise InvalidInput(f"budget {budget_seconds:g} s: from 1 to below 1e6")
     iterations = ((published and chosen.published) or chosen.iterations)[method]
     return Plan(
         method=method,
-        scene=chosen.scene if scene is None else scene,
+        scene=Scene() if scene is None else scene,
         samples=whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6),
         held_out=chosen.held_out,
         iterations=10**6 if budget_seconds else iterations,

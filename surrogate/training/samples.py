@@ -11,6 +11,8 @@ from scipy.stats import qmc
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
 
+LEAST_DRAWN = 128  # at once: enough to see a family whose bodies all cross themselves
+
 
 class Samples(NamedTuple):
     """Bodies and Reynolds numbers."""
@@ -33,7 +35,7 @@ def training_samples(scene: Scene, seed: int, count: int) -> Samples:
     sequence = qmc.Sobol(low.size, rng=seed)
     rows = np.empty((0, low.size))
     while len(rows) < count:
-        drawn = low + (high - low) * sequence.random(2 ** count.bit_length())
+        drawn = low + (high - low) * sequence.random(max(2 ** count.bit_length(), LEAST_DRAWN))
         rows = np.concatenate([rows, drawn[scene.family.opened(drawn[:, :-1])]])
     return Samples(jnp.asarray(rows[:count, :-1]), jnp.exp(jnp.asarray(rows[:count, -1])))
 

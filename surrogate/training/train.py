@@ -33,7 +33,7 @@ def train(
     """Train a network on the flows of a scene.
 
     Args:
-      scene: what to model; the preset's own (on the draft grid for quick) if None.
+      scene: what to model; ``Scene()`` if None.
       method: dp, sip, hig or supervised.
       samples: bodies to learn from, instead of the preset's.
       preset: quick or full, which says how long to train.
