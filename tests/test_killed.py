@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -27,6 +28,7 @@ COMMANDS = {  # of folders of their own; {run} is a run that was kept before
     "optimise": "optimize_shape.py --surrogate none --scene {scene} --reynolds 40 --out {out}/run",
     "render": "render_shapes.py --runs {run} --out {out}/shapes.gif",
 }
+TIME = re.compile(r"(^|_)s(_|$)|seconds|extrapolated")  # of keys that tell time
 KILLS = 5  # of each command
 
 
@@ -59,16 +61,14 @@ def _content(name, path, out):
 
 
 def _timeless(value):
-    if isinstance(value, dict):
-        told = ("seconds", "command", "date", "break_even_s", "compile_s", "foreseen_s", "rows")
-        return {
-            key: [[*point[:1], *point[2:]] for point in part]
-            if key == "history"
-            else _timeless(part)
-            for key, part in value.items()
-            if key not in told and not key.endswith(("_s", "seconds", "extrapolated"))
-        }
-    return [_timeless(part) for part in value] if isinstance(value, list) else value
+    if isinstance(value, list):
+        return [_timeless(part) for part in value]
+    if not isinstance(value, dict):
+        return value
+    if "history" in value:  # of a training: step, seconds, and what had come of it
+        value = value | {"history": [[*point[:1], *point[2:]] for point in value["history"]]}
+    kept = (key for key in value if key not in ("command", "date") and not TIME.search(key))
+    return {key: _timeless(value[key]) for key in kept}
 
 
 @pytest.fixture(scope="module")

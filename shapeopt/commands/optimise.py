@@ -60,7 +60,13 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
         verified = verify(problem, design.parameters)
         progress(1.0, f"{verified.objective:.4f} verified")
-    record = save_run(arguments.out, problem, design, verified, surrogate, arguments.surrogate)
+    try:
+        record = save_run(arguments.out, problem, design, verified, surrogate, arguments.surrogate)
+    except OSError:  # what was found is told all the same
+        found = problem.scene.family.named(design.parameters)
+        told = {"parameters": found, "cd_verified": verified.objective}
+        emit(told, arguments.json, f"not written: {found}, Cd {verified.objective:.4f} verified")
+        raise
     hidden = ("scene", "path", "command", "surrogate")
     result = {key: value for key, value in record.items() if key not in hidden}
     return emit(result, arguments.json, _text(record, problem, arguments.out))

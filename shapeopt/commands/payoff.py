@@ -94,10 +94,11 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         "best": best,
         **_pictures([*others, *ways], groups[0][best], queries[: PLAIN[preset]], best, out),
     }
+    pictures = "\n\n".join(f"-> {result[name]}" for name in ("shapes", "plot"))
+    emit(result, arguments.json, f"{payoff_tables(result)}\n\n{pictures}")
     with whole_file(out / RECORD) as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
-    pictures = "\n\n".join(f"-> {result[name]}" for name in ("shapes", "plot"))
-    return emit(result, arguments.json, f"{payoff_tables(result)}\n\n{pictures}")
+    return result
 
 
 def _plans(arguments, scene: Scene, seed: int) -> dict[str, Plan]:
