@@ -103,7 +103,7 @@ def load_run(folder: str | Path) -> dict[str, Any]:
         record = json.loads((folder / RECORD).read_text())
         scene = Scene.of(record["scene"])
         scene.family.check(scene.family.parameters(record["parameters"]))
-        scene.family.check_all(record["path"])
+        scene.family.check_all(np.array(record["path"], float))
         check_reynolds(record["reynolds"], True, scene.dimension)
         drags = [record[name] for name in DRAGS if record.get(name) is not None]
         cases, name = record.get("cases", []), record["surrogate"]
