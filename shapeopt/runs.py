@@ -11,7 +11,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import Design
 from shapeopt.search.verify import Verified
 from surrogate.body.shape import family_shape
-from surrogate.checks import finite_number
+from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, path_of, whole_files
 from surrogate.flow.flow import Flow
@@ -57,8 +57,10 @@ def save_run(
         write_solid_stl,
     )
 
-    folder = Path(folder)
+    expect("save_run", problem, Problem, "Problem")
+    expect("save_run", design, Design, "Design")
     check_run_folder(folder)
+    folder = Path(folder)
     record = {
         **_found(problem, design),
         **_said_by_the_flow(problem, design, verified, surrogate),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from shapeopt import Problem, Weighted, load_run, optimise, save_run, verify
-from shapeopt.commands import march, payoff
+from shapeopt.commands import explore, march, payoff
 from shapeopt.payoff.queries import query_stream
 from surrogate import (
     Family,
@@ -27,6 +27,7 @@ from surrogate import (
     load,
     naca4,
     read_contour,
+    save,
 )
 from surrogate.body.contour import smooth_contour
 from surrogate.scene.fidelity import Fidelity
@@ -76,6 +77,15 @@ def test_marches_and_payoffs_leave_strangers_folders(tmp_path):
     (tmp_path / "payoff" / "run-0" / "notes.txt").write_text("mine")
     with pytest.raises(InvalidInput, match=r"run-0: is not empty"):
         payoff.main(["--out", str(tmp_path / "payoff")])
+
+
+def test_a_page_of_the_users_own_stays(net, tmp_path):
+    (tmp_path / "page.html").write_text("<html>mine</html>")
+    with pytest.raises(InvalidInput, match="another program"):
+        explore.main(["--out", str(tmp_path / "page.html")])
+    assert (tmp_path / "page.html").read_text() == "<html>mine</html>"
+    for _ in range(2):  # its own it writes again
+        assert explore.main(["--out", str(tmp_path / "own.html")])["bytes"] > 1000
 
 
 def test_a_link_stays_a_link(tmp_path):
@@ -144,6 +154,11 @@ WRONG_WORDS = {
     "points": lambda net: contour_shape(np.ones((0, 2))),
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
     "path ": lambda net: Scene.read(b"x"),
+    "save": lambda net: save("x", None),
+    "save_run": lambda net: save_run("x", None, None),
+    "four digits": lambda net: naca4(12),
+    "bodies 'x'": lambda net: net.scene.explain("x"),
+    "real numbers": lambda net: contour_shape([[1, 2], [3]]),
 }
 
 

@@ -103,8 +103,12 @@ def short_block(name: str, record: Result) -> str:
 
 def _training(result: Result) -> str:
     heads = "method | error of Cd: mean | max | of its shape gradient | work, G | time"
-    forms = "{method} | {error_mean} | {error_max} | {gradient} | {work:.0f} | {seconds:.0f} s"
-    return table(training.summary(result), heads, forms)
+    forms = "{method} | {error_mean} | {error_max} | {gradient} | {work:.0f} | {time}"
+    rows = [
+        row | {"time": "-" if row["seconds"] is None else f"{row['seconds']:.0f} s"}
+        for row in training.summary(result)
+    ]
+    return table(rows, heads, forms)
 
 
 def _accuracy(result: Result) -> str:

@@ -167,8 +167,8 @@ def _objective(arguments) -> Objective:
         if uncertain:
             raise InvalidInput(f"--{uncertain[0]}: belongs to one Reynolds number, not to several")
         weights = (1.0,) * len(reynolds)
-        if arguments.weights:
-            weights = tuple(numbers(arguments.weights, "--weights"))
+        if arguments.weights is not None:
+            weights = tuple(numbers(arguments.weights, "--weights", "1,2,1"))
         return Weighted(tuple(reynolds), weights)
     if arguments.weights:
         raise InvalidInput("--weights: belongs to several Reynolds numbers, as --reynolds 1,10,40")
@@ -189,7 +189,7 @@ def _objective(arguments) -> Objective:
 
 def _stations(text):
     try:
-        pairs = [word.split(":") for word in (text or "").split(",") if word]
+        pairs = [] if text is None else [word.split(":") for word in text.split(",")]
         return tuple(Station(float(x), float(thickness)) for x, thickness in pairs)
     except ValueError:
         raise InvalidInput(
@@ -205,7 +205,11 @@ def _ranges(text):
         for word in text.split(","):
             name, values = word.split("=")
             low, high = map(float, values.split(":"))
+            if name.strip() in ranges:
+                raise InvalidInput(f"--range {text!r}: {name.strip()} twice")
             ranges[name.strip()] = (low, high)
+    except InvalidInput:
+        raise
     except ValueError:
         raise InvalidInput(f"--range {text!r}: as aspect=1:3,beta2=-0.1:0.1") from None
     return ranges

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.render.page.page import write_page
-from surrogate.files import check_file
+from shapeopt.render.page.page import check_page, write_page
 from surrogate.model.store import load
 
 
@@ -18,7 +17,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parser.add_argument("--surrogate", default="pretrained", help="a folder, or pretrained")
     parser.add_argument("--out", required=True, help="the page, .html")
     arguments = parser.parse_args(argv)
-    out = check_file(arguments.out, ".html")
-    write_page(load(arguments.surrogate), out)
+    surrogate = load(arguments.surrogate)
+    out = check_page(arguments.out)
+    write_page(surrogate, out)
     result = {"out": str(out), "bytes": out.stat().st_size, "surrogate": arguments.surrogate}
     return emit(result, arguments.json, f"-> {out} ({result['bytes'] / 1024:.0f} KiB)")

@@ -13,6 +13,7 @@ from shapely import LinearRing
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import AREA, moments
 from surrogate.errors import InvalidInput
+from surrogate.files import path_of
 
 FINE = 4096  # points of the intermediate resampling
 FAR = 8.0  # sizes from the body, at which a first row is none of it
@@ -27,7 +28,7 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     Raises:
       InvalidInput: the file is missing or is not text, or a row is not two finite numbers.
     """
-    path = Path(path)
+    path = path_of(path)
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as problem:
@@ -62,7 +63,7 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
 
 def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
     """NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
-    if len(code) != 4 or not code.isdecimal() or code[2:] == "00":
+    if not isinstance(code, str) or len(code) != 4 or not code.isdecimal() or code[2:] == "00":
         raise InvalidInput(
             f"NACA {code}: four digits with a thickness above 00 are needed, as 0012"
         )
@@ -103,7 +104,10 @@ def smooth_contour(
     Raises:
       InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
     """
-    points = np.asarray(points)
+    try:
+        points = np.asarray(points)
+    except ValueError:
+        points = np.empty(0, object)  # rows of unlike lengths
     if points.dtype.kind not in "iuf" or points.ndim != 2 or points.shape[1] != 2:
         raise InvalidInput("contour: an array of shape (points, 2) of real numbers is needed")
     if len(points) < 8 or not np.all(np.isfinite(points)):

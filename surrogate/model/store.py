@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from surrogate.checks import whole_number
+from surrogate.checks import expect, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import check_target, path_of, whole_files
 from surrogate.flow.grid.domain import traction_modes
@@ -36,6 +36,7 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
     Raises:
       InvalidInput: the folder holds something that is not a surrogate, or is not writable.
     """
+    expect("save", surrogate, Surrogate, "Surrogate")
     check_surrogate_folder(folder)
     with whole_files(folder, RECORD) as part:
         write_leaves(part / WEIGHTS, surrogate.network)

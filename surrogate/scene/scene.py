@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from surrogate.body.family import Family
-from surrogate.checks import finite_number, interval
+from surrogate.checks import finite_number, interval, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file
 from surrogate.scene.cost import APPLICATIONS, application_seconds
@@ -114,6 +114,8 @@ class Scene:
         if "family" in values:
             if not isinstance(values["family"], Mapping):
                 raise InvalidInput("family: must be a table of ranges")
+            if not all(isinstance(name, str) for name in values["family"]):
+                raise InvalidInput("family: its parameters have names")
             if "dimension" in values["family"]:
                 raise InvalidInput("family: the dimension is the scene's, not in its table")
             values["family"] = Family(values.get("dimension", 2), **values["family"])
@@ -132,6 +134,8 @@ class Scene:
 
     def write(self, path: str | Path) -> None:
         """Keep the scene as a TOML file, whole or not at all."""
+        if path_of(path).is_dir():
+            raise InvalidInput(f"{path}: is a folder; a file is needed")
         plain = self.record
         family, fidelity = plain.pop("family"), plain.pop("fidelity")
         tables = {"family": family}
@@ -169,6 +173,7 @@ class Scene:
 
     def explain(self, bodies: int = 512) -> str:
         """What is modelled and why, what is left out, what ``bodies`` and a design will cost."""
+        bodies = whole_number("bodies", bodies, 1, 10**9)
         f, space = self.reaching, self.dimension == 3
         height = window_height(self.stream, f.height)
         rows = round(height * f.cells / 2)

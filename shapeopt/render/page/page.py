@@ -17,11 +17,13 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body.family import ROOMY, Family, describe
 from surrogate.body.outline import LEAST_OPENING
-from surrogate.files import whole_file
+from surrogate.errors import InvalidInput
+from surrogate.files import check_file, whole_file
 from surrogate.model.network import REACH
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
+GENERATOR, LOOKED_AT = b'content="drag-surrogates"', 1000  # by which a page is known as ours
 MINUS = "\N{MINUS SIGN}"
 START = 1.6  # aspect of the first body shown, over the reference's
 TALLEST = 1.4  # that is drawn with room above, over an ellipse of the least aspect
@@ -32,6 +34,18 @@ def write_page(surrogate: Surrogate, path: str | Path) -> Path:
     with whole_file(path) as part:
         part.write_text(page(surrogate), encoding="utf-8")
     return Path(path)
+
+
+def check_page(path: str | Path) -> Path:
+    """The path of a page to be written.
+
+    Raises:
+      InvalidInput: it is no such path, or a page of another program is there.
+    """
+    path = check_file(path, ".html")
+    if path.is_file() and GENERATOR not in path.read_bytes()[:LOOKED_AT]:
+        raise InvalidInput(f"{path}: is of another program; choose another name")
+    return path
 
 
 def page(surrogate: Surrogate) -> str:
