@@ -5,6 +5,7 @@ python scripts/measure/dimension.py
 
 import contextlib
 import dataclasses
+import itertools
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -14,12 +15,13 @@ from typing import Any
 import jax
 import numpy as np
 from rivals import rivals
-from study import TINY, Result, Study, run_study, table_of_rows
+from study import TINY, Result, Study, run_study, table
 from training import solved_samples, timed_fit
 
 from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from shapeopt.render.figures import STYLE, plt, save_figure
+from shapeopt.render.tables import markdown
 from surrogate import Family, Flow, NotConverged, Scene, Surrogate
 from surrogate.training.loop import make_bench
 from surrogate.training.plan import make_plan
@@ -126,6 +128,8 @@ def draw(result: Result, path: Path) -> None:
             mine = [r for r in rows if (r["parameters"], r["method"]) == (parameters, method)]
             points = [(r["bodies"], 100 * r["mean"]) for r in mine]
             axis.loglog(*zip(*points, strict=True), "o-", ms=3, label=method)
+        axis.set_xticks([r["bodies"] for r in mine], [f"{r['bodies']}" for r in mine])
+        axis.minorticks_off()
         axis.set(xlabel="bodies", title=f"{parameters} shape parameters")
     axes[0, 0].set(ylabel="mean drag error, %")
     axes[0, 0].legend(frameon=False)
@@ -136,8 +140,42 @@ HEADS = "parameters | method | bodies | mean | max | G | seconds of fit | flows 
 HEADS += " | of the last half | KKT at most | not found"
 FORMS = "{parameters} | {method} | {bodies} | {mean:.3%} | {max:.2%} | {work} | {fit_s:.1f}"
 FORMS += " | {flows:.1f} | {late:.1f} | {kkt:.0e} | {failed}"
+GOALS = (0.003, 0.001)  # mean errors, for which bodies are counted
+
+
+def tables(result: Result) -> str:
+    """All rows, then the bodies that each goal takes."""
+    needed = []
+    for parameters in dict.fromkeys(row["parameters"] for row in result["rows"]):
+        row = {"parameters": parameters}
+        for method in (KRIGING, *METHODS):
+            mine = [
+                (r["bodies"], r["mean"])
+                for r in result["rows"]
+                if (r["parameters"], r["method"]) == (parameters, method)
+            ]
+            row |= {f"{method} {goal:g}": _bodies(mine, goal) for goal in GOALS}
+        needed.append(row)
+    columns = [f"{method} {goal:g}" for goal in GOALS for method in (KRIGING, *METHODS)]
+    heads = [f"{goal:.1%} by {method}" for goal in GOALS for method in (KRIGING, *METHODS)]
+    whole = table(result["rows"], HEADS, FORMS)
+    short = [[f"{r['parameters']}", *(r[column] for column in columns)] for r in needed]
+    return f"{whole}\n\n{markdown(['parameters', *heads], short)}"
+
+
+def _bodies(pairs: Sequence[tuple[int, float]], goal: float) -> str:
+    """That a mean error takes, between those measured by power laws."""
+    if pairs[0][1] <= goal:
+        return f"<= {pairs[0][0]}"
+    for (few, rough), (many, good) in itertools.pairwise(pairs):
+        if good <= goal:
+            share = np.log(rough / goal) / np.log(rough / good)
+            return f"{few * (many / few) ** share:.0f}"
+    return f"> {pairs[-1][0]}"
+
+
 OPTIONS = {"--queries": {"type": int, "default": 6, "help": "designs by each model of 64 bodies"}}
-STUDY = Study("dimension", measure, table_of_rows(HEADS, FORMS), draw, OPTIONS)
+STUDY = Study("dimension", measure, tables, draw, OPTIONS)
 
 if __name__ == "__main__":
     sys.exit(run_study(STUDY))
