@@ -206,7 +206,7 @@ def test_golden_grains_settle_by_the_sphere_curve():
         settle(DRAFT, SPHERE, Particle(2.65, 1e-6, 5e-3))
     with pytest.raises(InvalidInput, match="neither falls nor rises"):
         Particle(1.0, 1e-6, 1e-4)
-    with pytest.raises(InvalidInput, match="size -1: must be above 0"):
+    with pytest.raises(InvalidInput, match="size -1: from 1e-12"):
         Particle(2.0, 1e-6, -1)
 
 
