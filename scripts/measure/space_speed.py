@@ -42,7 +42,7 @@ TABLES = {  # heads and formats
     ),
     "levels": (
         "fidelity | Re | a drag | with its gradient, in drags | compilation, cache cold",
-        "{fidelity} | {reynolds:g} | {seconds:.2f} s | {gradient:.2f} | {compile_s:.0f} s",
+        "{fidelity} | {reynolds:g} | {seconds:.2f} s | {gradient:.2f} | {compiling}",
     ),
     "rival": (
         "way | unknowns | Cd | off the finest flow by | processor time",
@@ -153,8 +153,13 @@ def _rival(levels: Sequence[Fidelity], meshes: Sequence[Mesh]) -> list[dict[str,
 
 
 def tables(result: Result) -> str:
+    for row in result["levels"]:
+        row["compiling"] = "-" if row["compile_s"] is None else f"{row['compile_s']:.0f} s"
     parts = [table(result[name], *texts) for name, texts in TABLES.items() if result[name]]
-    form = "The order of the sphere's error is {sphere:.1f}, of the ellipsoid's {ellipsoid:.1f}."
+    form = (
+        "The order of the ellipsoid's error is {ellipsoid:.1f}; what stays of the sphere's is the"
+    )
+    form += " window's."
     return "\n\n".join([*parts, f"{words(form, **result['orders'])} {result['missing']}".strip()])
 
 
