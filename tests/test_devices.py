@@ -85,6 +85,7 @@ def test_lanes_change_nothing_but_rounding(tiny_scene):
     assert one.amplitude == pytest.approx(three.amplitude, rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_slopes_of_many_bodies_are_those_of_each(tiny_scene):
     from surrogate import Flow
     from surrogate.training.samples import training_samples

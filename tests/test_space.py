@@ -274,6 +274,7 @@ def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
         candidates(Problem(slender, 20.0, max_thickness=0.2))
 
 
+@pytest.mark.slow
 def test_rows_of_bodies_have_colour_scales_of_their_own(slender, tmp_path):
     """Cp of a creeping flow is a hundred times that at Re 20: one scale would hide a row."""
     flow = Flow(slender)
