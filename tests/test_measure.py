@@ -23,6 +23,7 @@ MEASURE = SCRIPTS / "measure"
 NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
 LONG = {
     "devices",
+    "dimension",
     "least",
     "shards",
     "space_speed",

@@ -153,8 +153,11 @@ def _rival(levels: Sequence[Fidelity], meshes: Sequence[Mesh]) -> list[dict[str,
 
 
 def tables(result: Result) -> str:
-    for row in result["levels"]:
-        row["compiling"] = "-" if row["compile_s"] is None else f"{row['compile_s']:.0f} s"
+    levels = [
+        row | {"compiling": "-" if row["compile_s"] is None else f"{row['compile_s']:.0f} s"}
+        for row in result["levels"]
+    ]
+    result = {**result, "levels": levels}
     parts = [table(result[name], *texts) for name, texts in TABLES.items() if result[name]]
     form = (
         "The order of the ellipsoid's error is {ellipsoid:.1f}; what stays of the sphere's is the"
