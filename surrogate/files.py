@@ -99,7 +99,7 @@ def check_target(
     for name in (record, *files):
         if (folder / name).is_dir():
             raise InvalidInput(f"{folder / name}: is a folder, where a file is to be written")
-    make_folder(folder if folder.is_dir() else folder.parent)
+    make_folder(folder if folder.is_dir() else folder.parent, LEAST_ROOM)
 
 
 def path_of(value: Any) -> Path:
@@ -131,12 +131,12 @@ def check_file(path: str | Path, *suffixes: str) -> Path:
     path = path_of(path)
     if path.suffix not in suffixes or path.is_dir():
         raise InvalidInput(f"{path}: must name a file that ends in {' or '.join(suffixes)}")
-    make_folder(path.parent)
+    make_folder(path.parent, LEAST_ROOM)
     return path
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder that a job will write to.
+def make_folder(folder: Path, room: int = 0) -> None:
+    """Make a folder that a job will write to, and see that it takes so many bytes.
 
     Raises:
       InvalidInput: it cannot be made, or is not writable.
@@ -147,7 +147,7 @@ def make_folder(folder: Path) -> None:
         raise InvalidInput(f"{folder}: cannot be made ({problem.strerror})") from None
     try:
         with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(bytes(LEAST_ROOM))
+            probe.write(bytes(room))
             probe.flush()
     except OSError as problem:
         raise InvalidInput(f"{folder}: is not writable ({problem.strerror})") from None

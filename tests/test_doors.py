@@ -117,7 +117,13 @@ def test_no_door_takes_what_is_no_body(net, designed, bad, unchecked):
 
 def test_slopes_and_labels_check_bodies_and_reynolds_numbers(unchecked):
     flow = Flow(Scene(fidelity="draft"))
-    for body, reynolds in ((BODY, -1.0), (BODY, 200.0), (CROSSING, 20.0), (BODY, np.nan)):
+    for body, reynolds in (
+        ([-1.0, 0.1, 0, 0], 20.0),
+        (BODY, -1.0),
+        (BODY, 200.0),
+        (CROSSING, 20.0),
+        (BODY, np.nan),
+    ):
         with pytest.raises(InvalidInput):
             flow.slope(body, reynolds)
         with pytest.raises(InvalidInput):

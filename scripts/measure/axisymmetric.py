@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from study import ngsolve
 
 from surrogate import InvalidInput, NotConverged, family_shape
 
@@ -54,10 +55,7 @@ def solve_by_axisymmetric_elements(
       InvalidInput: NGSolve is not installed, or the body is none of revolution.
       NotConverged: Newton's method failed.
     """
-    try:
-        import ngsolve as ng
-    except ImportError:
-        raise InvalidInput("the rival needs NGSolve: pip install -e '.[bench]'") from None
+    ng = ngsolve()
     if body.get("flatness", 1.0) != 1.0:
         raise InvalidInput("axisymmetric elements: flatness must be 1")
     mesh = ng.Mesh(_mesh(family_shape(body, dimension=3).draw(NODES), elements))

@@ -5,31 +5,20 @@ Needs NGSolve: pip install -e '.[bench]'.
 
 import math
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
-from axisymmetric import Found, climb
+from axisymmetric import Elements, Found, climb
 from correlations import Ellipsoid
-
-from surrogate import InvalidInput
+from study import ngsolve
 
 CORNERS = 1e-9  # compressibility, by which tetrahedra without free velocities have a pressure
 QUARTER = 4.0  # of which the whole flow is made, by its two mirror planes
 
 
-class Mesh(NamedTuple):
-    """Degree, reach of the box, and widths of elements: on the body, near it, in its wake; in D."""
-
-    order: int = 2
-    box: float = 20.0
-    wall: float = 0.1
-    near: float = 0.3
-    wake: float = 0.8
+MESH = Elements(order=2, box=20.0, wall=0.1, near=0.3, wake=0.8)
 
 
-MESH = Mesh()
-
-
-def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Mesh = MESH) -> Found:
+def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Elements = MESH) -> Found:
     """Steady Navier-Stokes round an ellipsoid of three axes in an unbounded stream.
 
     Taylor-Hood elements on a quarter of space, curved at the body, Newton's method and a direct
@@ -39,10 +28,7 @@ def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Mesh = ME
       InvalidInput: NGSolve is not installed.
       NotConverged: Newton's method failed.
     """
-    try:
-        import ngsolve as ng
-    except ImportError:
-        raise InvalidInput("the rival needs NGSolve: pip install -e '.[bench]'") from None
+    ng = ngsolve()
     grid = ng.Mesh(_mesh(body, mesh))
     grid.Curve(mesh.order)
     start = time.process_time()
@@ -58,7 +44,7 @@ def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Mesh = ME
     return Found(8 / math.pi * force, flow.space.ndof, time.process_time() - start)
 
 
-def _mesh(body: Ellipsoid, mesh: Mesh) -> Any:
+def _mesh(body: Ellipsoid, mesh: Elements) -> Any:
     """Tetrahedra of the quarter y, z > 0: finest at the body, then round it, then in its wake."""
     from netgen import occ
 

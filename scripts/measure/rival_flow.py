@@ -6,7 +6,9 @@ Needs NGSolve: pip install -e '.[bench]'.
 import time
 from typing import NamedTuple
 
-from surrogate.errors import InvalidInput, NotConverged
+from study import ngsolve
+
+from surrogate.errors import NotConverged
 
 
 class RivalFlow(NamedTuple):
@@ -29,11 +31,9 @@ def solve_by_finite_elements(
       InvalidInput: NGSolve is not installed.
       NotConverged: Newton's method failed.
     """
-    try:
-        import ngsolve as ng
-        from netgen.geom2d import SplineGeometry
-    except ImportError:
-        raise InvalidInput("the rival needs NGSolve: pip install -e '.[bench]'") from None
+    ng = ngsolve()
+    from netgen.geom2d import SplineGeometry
+
     outline, half = SplineGeometry(), box / 2
     outline.AddRectangle((-half, -half), (half, half), bcs=["side", "outlet", "side", "inlet"])
     outline.AddCircle((0, 0), r=0.5, leftdomain=0, rightdomain=1, bc="body", maxh=wall)

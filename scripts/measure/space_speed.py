@@ -15,8 +15,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from axisymmetric import Elements
 from correlations import ellipsoid, oberbeck
-from flattened import MESH, Mesh, solve_by_elements_in_space
+from flattened import MESH, solve_by_elements_in_space
 from jax.experimental.compilation_cache import compilation_cache
 from space import CREEPING, SPHERE, TINY
 from study import Result, Study, medians, run_study, table, words
@@ -29,8 +30,8 @@ NUMBERS = (1.0, 10.0, 40.0)
 RE = 10.0  # of the sphere over cells, and of the flattened body
 ROUND = Family(dimension=3, aspect=(1.0, 2.0))
 ASPECT, FLATNESS = 2.0, 2.0  # of the flattened body
-MESHES = (Mesh(wall=0.2, near=0.5, wake=1.2), MESH)
-COARSE = Mesh(box=6.0, wall=0.4, near=0.8, wake=2.0)
+MESHES = (MESH._replace(wall=0.2, near=0.5, wake=1.2), MESH)
+COARSE = MESH._replace(box=6.0, wall=0.4, near=0.8, wake=2.0)
 Rows = Iterator[dict[str, Any]]
 
 TABLES = {  # heads and formats
@@ -133,7 +134,7 @@ def compiling(call: Any, *arguments: Any) -> float:
         return time.perf_counter() - start
 
 
-def _rival(levels: Sequence[Fidelity], meshes: Sequence[Mesh]) -> list[dict[str, Any]]:
+def _rival(levels: Sequence[Fidelity], meshes: Sequence[Elements]) -> list[dict[str, Any]]:
     """The flattened body by flows and by elements, beside the last of the flows."""
     rows, body = [], {"aspect": ASPECT, "flatness": FLATNESS}
     for fidelity in levels:

@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import datetime
 import functools
+import importlib
 import importlib.metadata
 import json
 import math
@@ -24,7 +25,7 @@ import numpy as np
 
 from shapeopt.commands.cli import Parser, emit, run
 from shapeopt.render.tables import markdown
-from surrogate import Fidelity
+from surrogate import Fidelity, InvalidInput
 from surrogate.files import make_folder, whole_file
 from surrogate.progress import progress_bar
 from surrogate.versions import versions
@@ -99,6 +100,18 @@ def keep(
     with whole_file(Path(out) / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
     return record
+
+
+def ngsolve() -> Any:
+    """The package of the finite elements.
+
+    Raises:
+      InvalidInput: it is not installed.
+    """
+    try:
+        return importlib.import_module("ngsolve")
+    except ImportError:
+        raise InvalidInput("the rival needs NGSolve: pip install -e '.[bench]'") from None
 
 
 def free_port() -> int:

@@ -200,16 +200,14 @@ def _stations(text):
 def _ranges(text):
     if text is None:
         return None
-    ranges = {}
+    words, ranges = text.split(","), {}
     try:
-        for word in text.split(","):
+        for word in words:
             name, values = word.split("=")
             low, high = map(float, values.split(":"))
-            if name.strip() in ranges:
-                raise InvalidInput(f"--range {text!r}: {name.strip()} twice")
             ranges[name.strip()] = (low, high)
-    except InvalidInput:
-        raise
     except ValueError:
         raise InvalidInput(f"--range {text!r}: as aspect=1:3,beta2=-0.1:0.1") from None
+    if len(ranges) < len(words):
+        raise InvalidInput(f"--range {text!r}: a parameter twice")
     return ranges

@@ -19,13 +19,11 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
       InvalidInput: the family's bodies are all longer or thinner than the bounds that are asked.
     """
     queries: list[Problem] = []
-    left = 100 * count
     key = jax.random.fold_in(jax.random.key(seed), 7)
     low, high = np.log(scene.reynolds)
-    while len(queries) < count:
-        if not left:
-            raise InvalidInput("queries: hardly any bound on length or thickness suits this family")
-        left -= 1
+    for _ in range(100 * count):
+        if len(queries) == count:
+            break
         key, drawing = jax.random.split(key)
         place, length, thickness, long, thick = np.asarray(jax.random.uniform(drawing, (5,), float))
         bounds = {"max_length": _between(LENGTHS, length)} if long < 0.5 else {}
@@ -39,6 +37,8 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
         except InvalidInput:
             continue  # the bounds drawn contradict each other: nobody's query
         queries.append(problem)
+    if len(queries) < count:
+        raise InvalidInput("queries: hardly any bound on length or thickness suits this family")
     return queries
 
 

@@ -143,7 +143,8 @@ def _read(file: Path, flow: Flow) -> list[Told]:
             bounded = good and np.all(np.abs(numbers) < LARGEST)
             if not (bounded and 0 < flow_.drag < LARGEST and least <= flow_.reynolds <= most):
                 raise ValueError
-            flow.scene.family.check(flow_.parameters)
+        if told:
+            flow.scene.family.check_all(np.array([flow_.parameters for flow_ in told]))
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
     except (ValueError, KeyError, TypeError, RecursionError):

@@ -249,7 +249,11 @@ class Family:
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
         least = np.asarray(jax.vmap(lambda p: opening(p, self.form))(jnp.asarray(values)))
-        if (bad := ~np.isfinite(values).all(axis=1) | ~(least >= LEAST_OPENING)).any():
+        ends = np.array([limits(name) for name in self.names[: self.form.ratios]]).T
+        ratios = values[:, : self.form.ratios]
+        sound = np.isfinite(values).all(axis=1) & (least >= LEAST_OPENING)
+        sound &= ((ratios >= ends[0]) & (ratios <= ends[1])).all(axis=1)
+        if (bad := ~sound).any():
             self.check(values[np.argmax(bad)])
         return values
 
