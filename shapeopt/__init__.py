@@ -8,7 +8,8 @@ from shapeopt.problem.objective import Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.runs import load_run, save_run
-from shapeopt.search.designer import Design, Designer
+from shapeopt.search.design import Design
+from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise, optimise_all
 from shapeopt.search.verify import Verified, verify
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from shapeopt.problem.objective import Robust, predicted, predicted_drags
 from shapeopt.problem.problem import Problem
-from shapeopt.search.designer import Design
-from shapeopt.search.verify import Verified
+from shapeopt.search.design import Design
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
@@ -28,11 +27,10 @@ FILES = ("contour.csv", "contour.vtp", "body.stl")
 
 def save_run(
     folder: str | Path,
-    problem: Problem,
     design: Design,
-    verified: Verified | None = None,
     surrogate: Surrogate | None = None,
     name: str = "none",
+    verify: bool = True,
 ) -> dict[str, Any]:
     """Write run.json, contour.csv, contour.vtp with the flow's loads, and body.stl.
 
@@ -40,14 +38,17 @@ def save_run(
 
     Args:
       folder: new, empty, or an older run's; other files in it stay.
-      problem: what was asked.
-      design: what was found.
-      verified: what the flow says of it, if it was asked.
+      design: what was asked and found.
       surrogate: by which it was found, if it was one.
       name: of the surrogate, by which ``load`` finds it again.
+      verify: ask the flow, which takes as many flows as the objective has cases.
 
     Returns:
       The record. cd_* are values of the problem's objective, a Cd for one Reynolds number.
+
+    Raises:
+      InvalidInput: the folder is not to be written to, or it is no design.
+      NotConverged: a flow of the verification was not found.
     """
     # pyvista takes a second to import, which only files and pictures need
     from shapeopt.export.files import (
@@ -57,23 +58,23 @@ def save_run(
         write_solid_stl,
     )
 
-    expect("save_run", problem, Problem, "Problem")
     expect("save_run", design, Design, "Design")
     check_run_folder(folder)
-    folder = Path(folder)
+    folder, problem = Path(folder), design.problem
+    verified = design.verified if verify else None
     record = {
-        **_found(problem, design),
-        **_said_by_the_flow(problem, design, verified, surrogate),
+        **_found(design),
+        **_said_by_the_flow(design, verified, surrogate),
         "contour": str(folder / "contour.csv"),
         "surrogate": name,
         "scene": problem.scene.record,
         "path": design.path.tolist(),
         "command": command_line(),
     }
-    record["cd_surrogate"] = _predicted(problem, design, surrogate)
+    record["cd_surrogate"] = _predicted(design, surrogate)
     contour = np.asarray(problem.scene.family.outline(design.parameters, SURFACE_POINTS))
     solution = verified.solutions[0] if verified and _single(problem) else None
-    solution = solution or _solved(problem, design)
+    solution = solution or _solved(design)
     with whole_files(folder, RECORD) as part:
         write_contour_csv(contour, part / "contour.csv")
         vtp, stl = part / "contour.vtp", part / "body.stl"
@@ -133,8 +134,9 @@ def _single(problem):
     return len(problem.scenarios.weight) == 1
 
 
-def _found(problem: Problem, design: Design) -> dict[str, Any]:
+def _found(design: Design) -> dict[str, Any]:
     """What was asked, and what came of the search."""
+    problem = design.problem
     low, high = problem.scene.family.bounds.T
     edges = np.minimum(design.parameters - low, high - design.parameters) / (high - low)
     return {
@@ -166,18 +168,18 @@ def _objective(problem: Problem) -> dict[str, Any]:
     return plain
 
 
-def _predicted(problem, design, surrogate):
+def _predicted(design, surrogate):
     """The objective by the surrogate, at the body that was found in the end."""
     if surrogate is None:
         return None
-    return float(predicted(surrogate.network, design.parameters, problem.scenarios))
+    return float(predicted(surrogate.network, design.parameters, design.problem.scenarios))
 
 
-def _said_by_the_flow(problem, design, verified, surrogate) -> dict[str, Any]:
+def _said_by_the_flow(design, verified, surrogate) -> dict[str, Any]:
     """Objective, status and estimated error, and every case's drags."""
     if verified is None:
         return {"cd_start": None, "cd_verified": None, "verify_s": 0.0, "cases": []}
-    scenarios, guesses = problem.scenarios, [None] * len(verified.solutions)
+    scenarios, guesses = design.problem.scenarios, [None] * len(verified.solutions)
     if surrogate is not None:
         drags, _ = predicted_drags(surrogate.network, design.parameters, scenarios)
         guesses = np.asarray(drags).tolist()
@@ -211,8 +213,9 @@ def _said_by_the_flow(problem, design, verified, surrogate) -> dict[str, Any]:
     }
 
 
-def _solved(problem: Problem, design: Design):
+def _solved(design: Design):
     """The body's flow at the nominal Re; None where it is not to be had."""
+    problem = design.problem
     try:
         at = design.parameters, problem.objective.nominal
         return Flow(problem.scene).solve(*at, estimate=False, allow_unsteady=True)

@@ -46,8 +46,7 @@ def net():
 
 @pytest.fixture(scope="module")
 def designed(net):
-    problem = Problem(net.scene, 20.0)
-    return problem, optimise(problem, net)
+    return optimise(Problem(net.scene, 20.0), net)
 
 
 # Loss: only files that the project wrote are replaced.
@@ -57,7 +56,7 @@ def designed(net):
 def test_a_folder_that_is_not_a_runs_is_refused(designed, tmp_path, name):
     (tmp_path / name).write_text('{"scripts": "mine"}')
     with pytest.raises(InvalidInput, match="choose another folder"):
-        save_run(tmp_path, *designed)
+        save_run(tmp_path, designed)
     assert [path.name for path in tmp_path.iterdir()] == [name]
     assert (tmp_path / name).read_text() == '{"scripts": "mine"}'
 
@@ -65,7 +64,7 @@ def test_a_folder_that_is_not_a_runs_is_refused(designed, tmp_path, name):
 def test_a_folder_in_the_place_of_a_file_is_seen_before_the_work(designed, tmp_path):
     (tmp_path / "run" / "body.stl").mkdir(parents=True)
     with pytest.raises(InvalidInput, match=r"body\.stl"):
-        save_run(tmp_path / "run", *designed)
+        save_run(tmp_path / "run", designed)
 
 
 def test_marches_and_payoffs_leave_strangers_folders(tmp_path):
@@ -161,7 +160,7 @@ WRONG_WORDS = {
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),
-    "save_run": lambda net: save_run("x", None, None),
+    "save_run": lambda net: save_run("x", None),
     "four digits": lambda net: naca4(12),
     "bodies 'x'": lambda net: net.scene.explain("x"),
     "real numbers": lambda net: contour_shape([[1, 2], [3]]),
@@ -197,7 +196,7 @@ def test_no_query_is_a_stream_too(net):
     ids=str,
 )  # fmt: skip
 def test_a_run_that_was_altered_is_refused(designed, tmp_path, change):
-    save_run(tmp_path / "run", *designed)
+    save_run(tmp_path / "run", designed)
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     (tmp_path / "run" / "run.json").write_text(json.dumps(record | change))
     with pytest.raises(InvalidInput, match="damaged or of another program"):

@@ -15,7 +15,7 @@ import speed
 import study
 from conftest import SCRIPTS
 from literature import CYLINDER, front_angles, line, measure
-from rival_flow import solve_by_finite_elements
+from plane import solve_by_plane_elements
 
 from surrogate import Family, InvalidInput
 
@@ -113,7 +113,7 @@ def test_without_optional_packages_studies_say_so(monkeypatch):
         monkeypatch.setitem(sys.modules, package, None)
     assert list(rivals.rivals()) == ["kriging, with slopes"]
     with pytest.raises(InvalidInput, match="NGSolve: pip install"):
-        solve_by_finite_elements(1.0)
+        solve_by_plane_elements({"aspect": 1.0}, 1.0)
     for part in ("cells", "gradients", "batches"):
         monkeypatch.setattr(speed, f"_{part}", lambda *_: [])
     monkeypatch.setattr(speed, "medians", lambda *_: [1.0])

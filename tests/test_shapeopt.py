@@ -16,7 +16,7 @@ from shapeopt.payoff.queries import query_stream
 from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import margins
-from surrogate import Family, Flow, InvalidInput, Tunnel, load
+from surrogate import Family, Flow, InvalidInput, Scene, Tunnel, load
 from surrogate.body.measures import chord, thickness
 
 
@@ -75,9 +75,9 @@ def test_break_even():
 
 
 def known_design(seconds, work, objective=1.0, flows=1):
-    body = np.array([2.0, 0.0, 0.0, 0.0])
-    work, seconds = round(work), float(seconds)
-    return Design(body, objective, objective, 1e-4, 2.0, body[None], 0, flows, work, seconds)
+    body, problem = np.array([2.0, 0.0, 0.0, 0.0]), Problem(Scene(), 20.0)
+    cost = 0, flows, round(work), float(seconds)
+    return Design(problem, body, objective, objective, 1e-4, 2.0, body[None], *cost)
 
 
 def example_ways():
@@ -150,41 +150,42 @@ def test_front_door():
 
 @pytest.fixture(scope="module")
 def designed(tiny_scene):
-    """A design on the flow, at two Reynolds numbers, and what the flow says of it."""
+    """A design on the flow, at two Reynolds numbers."""
     objective = Robust(20.0, LogNormal(0.2), samples=2)
     problem = Problem(tiny_scene, objective, max_length=1.5)
-    design = optimise(problem, Flow(tiny_scene))
-    return problem, design, verify(problem, design.parameters)
+    return optimise(problem, Flow(tiny_scene))
 
 
-def test_verification_carries_status_and_estimated_error(designed):
-    problem, design, verified = designed
+def test_an_optimum_carries_the_flows_status_and_estimated_error(designed):
+    design, verified = designed, designed.verified
+    assert (design.status, design.estimated_error) == (verified.status, verified.estimated_error)
     assert verified.objective == pytest.approx(design.objective, rel=1e-5)
     assert verified.status == "degraded"  # so coarse a grid has no coarser one to compare with
     assert verified.estimated_error is None
     assert {s.status for s in verified.solutions} == {"degraded"}
     assert verified.cylinder_objective > verified.objective
-    assert design.drag == pytest.approx(float(Flow(problem.scene).drag(design.parameters, 20.0)))
+    assert design.drag == pytest.approx(
+        float(Flow(design.problem.scene).drag(design.parameters, 20.0))
+    )
 
 
 def test_a_run_is_saved_and_loaded_and_strangers_files_stay(designed, tmp_path):
-    problem, design, verified = designed
     folder = tmp_path / "run"
-    record = save_run(folder, problem, design, verified)
+    record = save_run(folder, designed)
     assert load_run(folder) == record
-    assert record["cd_verified"] == verified.objective
+    assert record["cd_verified"] == designed.verified.objective
     assert [case["status"] for case in record["cases"]]
     assert len(record["cases"]) == 2
     (folder / "notes.txt").write_text("mine")
     (folder / "sub").mkdir()
-    save_run(folder, problem, design)
+    save_run(folder, designed, verify=False)
     assert (folder / "notes.txt").read_text() == "mine"
     assert (folder / "sub").is_dir()
     assert load_run(folder)["cd_verified"] is None
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("mine")
     with pytest.raises(InvalidInput, match="not empty"):
-        save_run(tmp_path / "thesis", problem, design)
+        save_run(tmp_path / "thesis", designed)
 
 
 def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):

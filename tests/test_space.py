@@ -12,7 +12,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pictures import pixels
 
-from shapeopt import Problem, load_run, optimise, save_run, verify
+from shapeopt import Problem, load_run, optimise, save_run
 from shapeopt.commands import optimise as optimise_command
 from shapeopt.commands import solve as solve_command
 from shapeopt.export.solid import pv, skin_mesh
@@ -260,7 +260,7 @@ def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
     flat = optimise(low, surrogate)
     assert free.parameters[1] < 1.1 < 1.2 < flat.parameters[1]
     assert float(thickness(jnp.asarray(flat.parameters), slender.family.form)) <= 0.6 + 1e-6
-    run = save_run(tmp_path / "run", low, flat, verify(low, flat.parameters), surrogate)
+    run = save_run(tmp_path / "run", flat, surrogate)
     assert load_run(tmp_path / "run")["parameters"] == run["parameters"]
     for name in ("contour.vtp", "body.stl"):
         mesh = pv.read(tmp_path / "run" / name)
@@ -291,9 +291,7 @@ def test_rows_of_bodies_have_colour_scales_of_their_own(slender, tmp_path):
 def test_pictures_of_a_run_in_space(network, slender, tmp_path):
     from shapeopt.commands import render
 
-    problem = Problem(slender, 20.0)
-    design = optimise(problem, load(network))
-    save_run(tmp_path / "run", problem, design, verify(problem, design.parameters))
+    save_run(tmp_path / "run", optimise(Problem(slender, 20.0), load(network)))
     render.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "pair.png")])
     pixels(tmp_path / "pair.png")
     with pytest.raises(InvalidInput, match=r"contour\.vtp has the loads"):

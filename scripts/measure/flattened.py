@@ -7,14 +7,11 @@ import math
 import time
 from typing import Any
 
-from axisymmetric import Elements, Found, climb
 from correlations import Ellipsoid
+from elements import Elements, Found, Part, cartesian_form, climb, far_in_space
 from study import ngsolve
 
-CORNERS = 1e-9  # compressibility, by which tetrahedra without free velocities have a pressure
-QUARTER = 4.0  # of which the whole flow is made, by its two mirror planes
-
-
+QUARTER = Part(cartesian_form, 4.0, far_in_space)  # by its two mirror planes
 MESH = Elements(order=2, box=20.0, wall=0.1, near=0.3, wake=0.8)
 
 
@@ -22,7 +19,7 @@ def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Elements 
     """Steady Navier-Stokes round an ellipsoid of three axes in an unbounded stream.
 
     Taylor-Hood elements on a quarter of space, curved at the body, Newton's method and a direct
-    solver; outer sides as of ``solve_by_axisymmetric_elements``.
+    solver.
 
     Raises:
       InvalidInput: NGSolve is not installed.
@@ -40,7 +37,7 @@ def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Elements 
         dirichletz="floor|body|stream",
     )
     flow = ng.GridFunction(velocities * ng.H1(grid, order=mesh.order - 1))
-    force = climb(ng, flow, reynolds, _weak_form, QUARTER)
+    force = climb(ng, flow, reynolds, QUARTER)
     return Found(8 / math.pi * force, flow.space.ndof, time.process_time() - start)
 
 
@@ -74,14 +71,3 @@ def _mesh(body: Ellipsoid, mesh: Elements) -> Any:
         elif z < 1e-6:
             face.name = "floor"
     return occ.OCCGeometry(whole).GenerateMesh(grading=0.3)
-
-
-def _weak_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
-    """Steady Navier-Stokes; traction on the outlet. Corners of the box alone need the last term."""
-    (u, p), (v, q) = space.TnT()
-    viscous, inertia = ng.InnerProduct(ng.Grad(u), ng.Grad(v)), (ng.Grad(u) * u) * v
-    form = ng.BilinearForm(space)
-    incompressible = p * ng.div(v) + q * ng.div(u) + CORNERS * p * q
-    form += (viscous / reynolds + inertia - incompressible) * ng.dx
-    form += -traction * v * ng.ds("outlet")
-    return form

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from axisymmetric import ELEMENTS, Elements, solve_by_axisymmetric_elements
+from axisymmetric import ELEMENTS, solve_by_axisymmetric_elements
 from correlations import CORRELATIONS, ellipsoid, oberbeck
+from elements import Elements
 from maps import Field, map_tables
 from study import TINY, Result, Study, run_study, words
 

@@ -15,8 +15,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from axisymmetric import Elements
 from correlations import ellipsoid, oberbeck
+from elements import Elements
 from flattened import MESH, solve_by_elements_in_space
 from jax.experimental.compilation_cache import compilation_cache
 from space import CREEPING, SPHERE, TINY

@@ -25,7 +25,6 @@ from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
-from shapeopt.search.verify import verify
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
 from surrogate.progress import progress_bar
@@ -58,10 +57,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         else:
             design = optimise(problem, model)
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
-        verified = verify(problem, design.parameters)
+        verified = design.verified
         progress(1.0, f"{verified.objective:.4f} verified")
     try:
-        record = save_run(arguments.out, problem, design, verified, surrogate, arguments.surrogate)
+        record = save_run(arguments.out, design, surrogate, arguments.surrogate)
     except OSError:  # what was found is told all the same
         found = problem.scene.family.named(design.parameters)
         told = {"parameters": found, "cd_verified": verified.objective}

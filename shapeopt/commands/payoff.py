@@ -28,7 +28,6 @@ from shapeopt.problem.uncertainty import LogNormal
 from shapeopt.render.sheets import before_and_after, render_panels
 from shapeopt.runs import check_run_folder, load_run, save_run
 from shapeopt.search.optimise import optimise
-from shapeopt.search.verify import verify
 from surrogate.checks import whole_number
 from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
@@ -147,10 +146,8 @@ def _pictures(ways, surrogate, queries, best, out: Path) -> dict[str, str]:
     with progress_bar("rendering") as progress:
         rows = []
         for k in (0, len(queries) - 1):
-            folder, problem = out / f"run-{k}", queries[k]
-            design = optimise(problem, surrogate)
-            found = verify(problem, design.parameters)
-            save_run(folder, problem, design, found, surrogate, str(out / best))
+            folder = out / f"run-{k}"
+            save_run(folder, optimise(queries[k], surrogate), surrogate, str(out / best))
             rows.append(before_and_after(load_run(folder)))
         plot = plot_payoff(ways, out / "payoff.png")
         shapes = render_panels(rows, out / "shapes.png")

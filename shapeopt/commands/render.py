@@ -20,10 +20,10 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
+from shapeopt.render.signature import check_picture
 from shapeopt.render.space import render_turntable
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
-from surrogate.files import check_file
 from surrogate.model.store import load
 from surrogate.progress import progress_bar
 
@@ -31,7 +31,7 @@ from surrogate.progress import progress_bar
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, solve the flows to be shown, render."""
     arguments = _parser().parse_args(argv)
-    out = check_file(arguments.out, ".png", ".gif")
+    out = check_picture(arguments.out, ".png", ".gif")
     if out.suffix == ".gif" and (arguments.surface or arguments.family):
         raise InvalidInput(f"{out}: --surface and --family make a .png")
     records = [load_run(folder) for folder in arguments.runs]

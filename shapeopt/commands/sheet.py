@@ -8,15 +8,15 @@ from typing import Any
 
 from shapeopt.commands.cli import Parser, emit, numbers
 from shapeopt.render.designs import plot_designs
+from shapeopt.render.signature import check_picture
 from shapeopt.search.sheet import designs_over
-from surrogate.files import check_file
 from surrogate.model.store import load
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, design all in one call, draw."""
     arguments = _parser().parse_args(argv)
-    out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
+    out, surrogate = check_picture(arguments.out, ".png"), load(arguments.surrogate)
     reynolds = sorted(numbers(arguments.reynolds))
     lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2"))
     rows, seconds = designs_over(surrogate, reynolds, lengths, arguments.min_thickness)

@@ -7,7 +7,8 @@ from jaxtyping import Float
 
 from shapeopt.payoff.slsqp import Found, descend
 from shapeopt.problem.problem import Problem
-from shapeopt.search.designer import OPTIMAL, WIGGLE, Design, Solved, plainest
+from shapeopt.search.design import Design
+from shapeopt.search.designer import OPTIMAL, WIGGLE, Solved, plainest
 from shapeopt.search.memory import Memory
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
@@ -46,6 +47,7 @@ def design_directly(
             f"{'' if best.feasible else 'not '}within the constraints; {OPTIMAL:g} is asked"
         )
     return Design(
+        problem=problem,
         parameters=best.parameters,
         objective=best.value,
         drag=memory.ask(best.parameters, problem.objective.nominal).drag,

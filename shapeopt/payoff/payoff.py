@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.search.designer import Design
+from shapeopt.search.design import Design
 
 Unit = Literal["seconds", "green_applications"]
 UNITS: tuple[Unit, ...] = ("seconds", "green_applications")

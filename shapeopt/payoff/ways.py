@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 from shapeopt.payoff.direct import design_directly, nearest_answer
 from shapeopt.payoff.payoff import Bill, Way
 from shapeopt.problem.problem import Problem
-from shapeopt.search.designer import Design, Designer
+from shapeopt.search.design import Design
+from shapeopt.search.designer import Designer
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar

@@ -7,7 +7,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from surrogate.files import whole_file
+from shapeopt.render.signature import whole_picture
 
 INK, QUIET, START, OPTIMUM = "#1a1a1a", "#5f6368", "#8a8f98", "#0b5394"
 STYLE = {
@@ -24,7 +24,7 @@ STYLE = {
 
 def save_figure(figure: plt.Figure, path: str | Path, dpi: int = 140) -> Path:
     """Write a figure as PNG, whole or not at all, and close it."""
-    with whole_file(path) as part:
+    with whole_picture(path) as part:
         figure.savefig(part, dpi=dpi)
     plt.close(figure)
     return Path(path)

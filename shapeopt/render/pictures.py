@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from shapeopt.export.solid import outline, polygon, pv
 from shapeopt.render.mesh import flow_mesh
+from shapeopt.render.signature import whole_picture
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
-from surrogate.files import whole_file
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.solution import Solution
 
@@ -60,7 +60,7 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
             _draw_flow(plotter, panel, meshes[i][j], limit)
     plotter.subplot(len(rows), 0)
     _draw_bar(plotter, limit, width * columns)
-    with whole_file(path) as part:
+    with whole_picture(path) as part:
         plotter.screenshot(str(part))
     plotter.close()
     return Path(path)
@@ -78,7 +78,7 @@ def render_evolution(
     reach = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
     view = (-reach[0], reach[0], -reach[1], reach[1] + 0.18)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 720))
-    with whole_file(path) as part:
+    with whole_picture(path) as part:
         plotter.open_gif(str(part), fps=4, loop=0)
         last = len(bodies) - 1
         for k, (markers, caption) in enumerate(zip(bodies, captions, strict=True)):
@@ -105,7 +105,7 @@ def render_march(
     edge = 2 * lattice.step[0]
     view = (max(left + edge, -3.0), right - edge, low / 3, high / 3)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 960))
-    with whole_file(path) as part:
+    with whole_picture(path) as part:
         plotter.open_gif(str(part), fps=12, loop=0)
         for velocity, caption in zip(frames, captions, strict=True):
             plotter.clear()

@@ -6,7 +6,7 @@ import numpy as np
 
 from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
-from surrogate.files import whole_file
+from shapeopt.render.signature import whole_picture
 from surrogate.flow.loads.space import curl
 from surrogate.flow.solution import Solution
 
@@ -38,7 +38,7 @@ def render_bodies(rows: list[list[Panel]], path: str | Path) -> Path:
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(-25.0)
-    with whole_file(path) as part:
+    with whole_picture(path) as part:
         plotter.screenshot(str(part))
     plotter.close()
     return Path(path)
@@ -49,7 +49,7 @@ def render_turntable(panel: Panel, path: str | Path) -> Path:
     skin = loaded_skin(panel.solution)
     plotter = pv.Plotter(off_screen=True, window_size=SIZE)
     plotter.set_background("white")
-    with whole_file(path) as part:
+    with whole_picture(path) as part:
         plotter.open_gif(str(part), fps=18, loop=0)
         _draw(plotter, panel.solution, skin, np.percentile(skin["Cp"], (2, 99.5)))
         write_caption(plotter, panel.title, (0.03, 0.93), 13)

@@ -5,7 +5,6 @@ whole family is solved, and so on until the optimality condition holds on the fl
 model promises nothing better anywhere. Alexandrov and Lewis 2001, with memory.
 """
 
-import dataclasses
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +17,7 @@ from jaxtyping import Float
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.objective import AtReynolds, combine
 from shapeopt.problem.problem import Problem
+from shapeopt.search.design import Design
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import optimality
 from shapeopt.search.propose import Proposal, propose
@@ -36,28 +36,6 @@ NEAR = 1e-3  # of a range: a body so near to a solved one would tell nothing new
 MOST = 60  # bodies a design
 TIGHTEST = 3  # times that a model may be told to follow the slopes more closely
 LEADERS = 2  # solved bodies from which the next search starts too
-
-
-@dataclasses.dataclass(frozen=True)
-class Design:
-    """The best body found, its objective, and its Cd at the nominal Reynolds number.
-
-    Both are of the model that was searched last, and so is ``kkt_residual``; ``start`` is the
-    objective where that search began. ``calls`` counts drags asked of models, ``flows`` those of
-    the flow (one per scenario and step), ``green_applications`` their work with that of the
-    adjoints. ``path`` holds the bodies on the way.
-    """
-
-    parameters: Float[AnyArray, " parameters"]
-    objective: float
-    drag: float
-    kkt_residual: float
-    start: float
-    path: Float[AnyArray, "steps parameters"]
-    calls: int
-    flows: int
-    green_applications: int
-    seconds: float
 
 
 class Solved:
@@ -138,6 +116,7 @@ class Designer:
         if not isinstance(problem.objective, AtReynolds):
             drag = memory.ask(best.parameters, problem.objective.nominal).drag
         return Design(
+            problem=problem,
             parameters=best.parameters,
             objective=best.value,
             drag=drag,

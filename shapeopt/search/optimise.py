@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
-from shapeopt.search.designer import Design, Designer, check_model, check_problem
+from shapeopt.search.design import Design
+from shapeopt.search.designer import Designer, check_model, check_problem
 from shapeopt.search.propose import propose_all
 from surrogate.checks import expect
 from surrogate.errors import InvalidInput
@@ -65,6 +66,7 @@ def _design(problem, surrogate, proposal, seconds):
     if not isinstance(problem.objective, AtReynolds):
         drag = float(surrogate.drag(proposal.parameters, problem.objective.nominal))
     return Design(
+        problem=problem,
         parameters=proposal.parameters,
         objective=proposal.value,
         drag=drag,
