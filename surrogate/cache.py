@@ -5,10 +5,18 @@ from pathlib import Path
 
 import jax
 
+from surrogate.errors import InvalidInput
+from surrogate.files import make_folder
+
 
 def use_compilation_cache() -> None:
-    """Keep what JAX compiles in the user's cache folder."""
+    """Keep what JAX compiles in the user's cache folder, where there can be one."""
     root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    jax.config.update("jax_compilation_cache_dir", str(root / "drag-surrogates" / "jax"))
+    folder = root / "drag-surrogates" / "jax"
+    try:
+        make_folder(folder)
+    except InvalidInput:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)

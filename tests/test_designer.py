@@ -87,7 +87,7 @@ def test_a_base_model_is_corrected(told, pretrained):
         (20.0, {"max_length": 1.5}),
         (5.0, {"min_thickness": 0.75}),
         (Weighted((5.0, 20.0), (1.0, 2.0)), {}),
-        (Robust(15.0, LogNormal(0.2), samples=3, level=0.5), {"max_length": 1.6}),
+        (Robust(15.0, LogNormal(0.2), cases=3, level=0.5), {"max_length": 1.6}),
     ],
     ids=["length", "thickness", "several Re", "robust"],
 )

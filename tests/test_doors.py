@@ -2,6 +2,7 @@
 
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -12,9 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image
 
 from shapeopt import Problem, Weighted, load_run, optimise, save_run, verify
-from shapeopt.commands import explore, march, payoff
+from shapeopt.commands import explore, march, payoff, render
 from shapeopt.payoff.queries import query_stream
 from surrogate import (
     Family,
@@ -87,6 +89,27 @@ def test_a_page_of_the_users_own_stays(net, tmp_path):
         assert explore.main(["--out", str(tmp_path / "own.html")])["bytes"] > 1000
 
 
+@pytest.mark.parametrize("name", ["photo.png", "film.gif"])
+def test_pictures_of_the_users_own_stay(designed, tmp_path, name):
+    save_run(tmp_path / "run", designed, verify=False)
+    (tmp_path / name).write_bytes(b"mine")
+    words = ["--runs", str(tmp_path / "run"), "--out", str(tmp_path / name)]
+    with pytest.raises(InvalidInput, match="another program"):
+        render.main(words)
+    assert (tmp_path / name).read_bytes() == b"mine"
+    (tmp_path / name).unlink()
+    if name.endswith(".png"):
+        words.append("--surface")
+    for _ in range(2):  # its own it draws again
+        render.main(words)
+    with Image.open(tmp_path / name) as picture:
+        for frame in range(getattr(picture, "n_frames", 1)):
+            picture.seek(frame)
+            picture.load()
+        if name.endswith(".png"):
+            assert picture.info["Source"] == "drag-surrogates"
+
+
 def test_a_link_stays_a_link(tmp_path):
     from surrogate.files import whole_file
 
@@ -111,7 +134,7 @@ def test_no_door_takes_what_is_no_body(net, designed, bad, unchecked):
         with pytest.raises(InvalidInput):
             door(bad, 20.0)
     with pytest.raises(InvalidInput):
-        verify(designed[0], bad)
+        verify(designed.problem, bad)
 
 
 def test_slopes_and_labels_check_bodies_and_reynolds_numbers(unchecked):
@@ -235,6 +258,9 @@ FORMATS = {
     "selig, a title of two numbers": "63 412\n" + lines(SECTION),
     "lednicer": f"NACA\n{len(UPPER)}. {len(LOWER)}.\n\n" + lines(UPPER) + "\n" + lines(LOWER),
     "semicolons": lines(SECTION, ";"),
+    "decimal commas": lines(SECTION, ";").replace(".", ","),
+    "decimal commas in columns": lines(SECTION, "  ").replace(".", ","),
+    "Fortran": "\n".join(f"{x:.5f}D+00 {y:.5f}d0" for x, y in SECTION),
     "tabs": lines(SECTION, "\t"),
     "bars": lines(SECTION, " | "),
     "trailing commas": lines(SECTION, ",").replace("\n", ",\n"),
@@ -250,7 +276,14 @@ def test_contours_of_every_usual_format_are_read(tmp_path, form):
     assert np.abs(found - smooth_contour(SECTION, 200)).max() < 2e-3
 
 
-@pytest.mark.parametrize("text", ["", "x,y\n", "0,5;0,2\n", "\n\n"])
+def test_counts_that_are_wrong_are_named(tmp_path):
+    text = f"NACA\n{len(UPPER)} {len(LOWER) - 2}\n" + lines(UPPER) + "\n" + lines(LOWER)
+    (tmp_path / "c.dat").write_text(text)
+    with pytest.raises(InvalidInput, match=r"row 2 counts 31 \+ 29 points, where 62 follow"):
+        read_contour(tmp_path / "c.dat")
+
+
+@pytest.mark.parametrize("text", ["", "x,y\n", "0,5;0,2;1\n", "\n\n"])
 def test_what_holds_no_contour_says_what_would(tmp_path, text):
     (tmp_path / "c.csv").write_text(text)
     with pytest.raises(InvalidInput, match=r"c\.csv: (none of its|row)"):
@@ -321,6 +354,21 @@ def test_terminated_in_the_middle_it_ends_with_one_line_and_goes_on(tmp_path):
     assert "Traceback" not in said
 
 
+@pytest.mark.parametrize("script", sorted(path.name for path in (ROOT / "scripts").glob("*.py")))
+def test_an_interrupt_while_libraries_load_is_no_traceback(script, monkeypatch):
+    class Interrupted:
+        def find_spec(self, name, *_):
+            if name.startswith("shapeopt.commands"):
+                raise KeyboardInterrupt
+
+    for name in [name for name in sys.modules if name.startswith("shapeopt.commands")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_path(str(ROOT / "scripts" / script), run_name="__main__")
+    assert ended.value.code == 130
+
+
 # Words.
 
 
@@ -335,6 +383,15 @@ def test_help_tells_examples_and_statuses(script, capsys):
     assert f"python scripts/{script}" in text
     for status in ("0 done", "2 bad input", "3 not converged", "4 not written", "130 interrupted"):
         assert status in " ".join(text.split())
+
+
+def test_a_cache_that_cannot_be_is_done_without(tmp_path):
+    (tmp_path / "file").write_text("")
+    words = ["--aspect", "2", "--reynolds", "20"]
+    home = os.environ | {"XDG_CACHE_HOME": str(tmp_path / "file")}
+    process = started("predict_drag.py", *words, env=home)
+    _, said = process.communicate()
+    assert (process.returncode, said) == (0, "")
 
 
 def test_an_empty_cache_home_is_none(monkeypatch, tmp_path):

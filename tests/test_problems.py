@@ -74,7 +74,7 @@ def test_measures_of_a_body_agree_with_its_contour():
 OBJECTIVES = [
     30.0,
     Weighted((1.0, 10.0, 40.0), (1.0, 2.0, 1.0)),
-    Robust(20.0, LogNormal(0.3), tolerance=0.02, level=0.8, samples=16),
+    Robust(20.0, LogNormal(0.3), tolerance=0.02, level=0.8, cases=16),
 ]
 
 
@@ -107,7 +107,7 @@ def test_weighted_is_the_mean_of_drags_over_the_cylinders(pretrained):
 
 def test_one_seed_is_one_set_of_cases(pretrained):
     def draw(seed):
-        return Robust(20.0, LogNormal(0.3), 0.02, samples=64, seed=seed).scenarios(pretrained.scene)
+        return Robust(20.0, LogNormal(0.3), 0.02, cases=64, seed=seed).scenarios(pretrained.scene)
 
     first, again, other = draw(1), draw(1), draw(2)
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))

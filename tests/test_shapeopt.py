@@ -151,7 +151,7 @@ def test_front_door():
 @pytest.fixture(scope="module")
 def designed(tiny_scene):
     """A design on the flow, at two Reynolds numbers."""
-    objective = Robust(20.0, LogNormal(0.2), samples=2)
+    objective = Robust(20.0, LogNormal(0.2), cases=2)
     problem = Problem(tiny_scene, objective, max_length=1.5)
     return optimise(problem, Flow(tiny_scene))
 

@@ -1,11 +1,10 @@
 """The rival in space for bodies of revolution: axisymmetric finite elements (NGSolve)."""
 
 import math
-import time
 from collections.abc import Mapping
 from typing import Any
 
-from elements import Elements, Found, Part, climb, far_in_space, half_plane
+from elements import Elements, Found, Part, climb, far_in_space, half_plane, stopwatch
 from study import ngsolve
 
 from surrogate import InvalidInput, family_shape
@@ -30,13 +29,13 @@ def solve_by_axisymmetric_elements(
     if body.get("flatness", 1.0) != 1.0:
         raise InvalidInput("axisymmetric elements: flatness must be 1")
     mesh = half_plane(ng, family_shape(body, dimension=3).draw(NODES), elements)
-    start = time.process_time()
+    seconds = stopwatch()
     velocities = ng.VectorH1(
         mesh, order=elements.order, dirichlet="body|stream", dirichlety="axis|body|stream"
     )
     flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
     force = climb(ng, flow, reynolds, AZIMUTH)
-    return Found(8 / math.pi * force, flow.space.ndof, time.process_time() - start)
+    return Found(8 / math.pi * force, flow.space.ndof, seconds())
 
 
 def _weak_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:

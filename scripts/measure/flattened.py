@@ -4,11 +4,10 @@ Needs NGSolve: pip install -e '.[bench]'.
 """
 
 import math
-import time
 from typing import Any
 
 from correlations import Ellipsoid
-from elements import Elements, Found, Part, cartesian_form, climb, far_in_space
+from elements import Elements, Found, Part, cartesian_form, climb, far_in_space, stopwatch
 from study import ngsolve
 
 QUARTER = Part(cartesian_form, 4.0, far_in_space)  # by its two mirror planes
@@ -28,7 +27,7 @@ def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Elements 
     ng = ngsolve()
     grid = ng.Mesh(_mesh(body, mesh))
     grid.Curve(mesh.order)
-    start = time.process_time()
+    seconds = stopwatch()
     velocities = ng.VectorH1(
         grid,
         order=mesh.order,
@@ -38,7 +37,7 @@ def solve_by_elements_in_space(body: Ellipsoid, reynolds: float, mesh: Elements 
     )
     flow = ng.GridFunction(velocities * ng.H1(grid, order=mesh.order - 1))
     force = climb(ng, flow, reynolds, QUARTER)
-    return Found(8 / math.pi * force, flow.space.ndof, time.process_time() - start)
+    return Found(8 / math.pi * force, flow.space.ndof, seconds())
 
 
 def _mesh(body: Ellipsoid, mesh: Elements) -> Any:

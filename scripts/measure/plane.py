@@ -1,9 +1,17 @@
 """The rival in the plane: body-fitted finite elements (NGSolve) round symmetric bodies."""
 
-import time
 from collections.abc import Mapping
 
-from elements import Elements, Found, Part, cartesian_form, climb, far_in_plane, half_plane
+from elements import (
+    Elements,
+    Found,
+    Part,
+    cartesian_form,
+    climb,
+    far_in_plane,
+    half_plane,
+    stopwatch,
+)
 from study import ngsolve
 
 from surrogate import family_shape
@@ -28,9 +36,9 @@ def solve_by_plane_elements(
     """
     ng = ngsolve()
     mesh = half_plane(ng, family_shape(body).draw(NODES), elements)
-    start = time.process_time()
+    seconds = stopwatch()
     velocities = ng.VectorH1(
         mesh, order=elements.order, dirichlet="body|stream", dirichlety="axis|body|stream"
     )
     flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
-    return Found(2 * climb(ng, flow, reynolds, HALF), flow.space.ndof, time.process_time() - start)
+    return Found(2 * climb(ng, flow, reynolds, HALF), flow.space.ndof, seconds())

@@ -37,7 +37,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
             found = []
             for reynolds in REYNOLDS[:1] if tiny else REYNOLDS:
                 spread = LogNormal(0.2)
-                robust = Robust(reynolds, spread, 0.01, samples=cases) if cases > 1 else reynolds
+                robust = Robust(reynolds, spread, 0.01, cases=cases) if cases > 1 else reynolds
                 found.append(design(Problem(scene, robust, max_length=1.7)))
             rows.append(
                 {

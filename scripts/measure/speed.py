@@ -40,7 +40,7 @@ TABLES = {  # heads and formats
         "{fidelity} | {batch} | {in_turn:.1f} | {vmapped:.1f}",
     ),
     "rival": (
-        "Re | ours | off by | finite elements, CPU | off by | times faster",
+        "Re | ours | off by | finite elements | off by | times faster",
         "{reynolds:g} | {ms:.0f} ms | {error:+.2%} | {rival_s:.2f} s | {rival_error:+.2%}"
         " | {faster:.0f}",
     ),

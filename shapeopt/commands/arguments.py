@@ -104,8 +104,8 @@ def add_problem_arguments(parser: Parser) -> None:
     parser.add_argument(
         "--cvar", type=float, help="0.9: mean of the worst tenth of the cases (0: of all)"
     )
-    parser.add_argument("--cases", type=int, help="samples of the uncertainty, 2 or more (32)")
-    parser.add_argument("--seed", type=int, help="of the samples, from 0 (0)")
+    parser.add_argument("--cases", type=int, help="drawn of the uncertainty, 2 to 4096 (32)")
+    parser.add_argument("--seed", type=int, help="of the cases, from 0 (0)")
     parser.add_argument("--max-length", type=float, help="longest chord in D (no bound)")
     parser.add_argument(
         "--min-thickness", type=float, help="least greatest thickness in D (no bound)"
@@ -182,7 +182,7 @@ def _objective(arguments) -> Objective:
         kind(given["spread"] or 0.0),
         tolerance=given["tolerance"] or 0.0,
         level=given["cvar"] or 0.0,
-        samples=32 if given["cases"] is None else given["cases"],
+        cases=32 if given["cases"] is None else given["cases"],
         seed=given["seed"] or 0,
     )
 

@@ -95,14 +95,14 @@ class Robust:
     ``tolerance`` is the standard deviation of every shape parameter over the width of its range,
     normal and cut off at two deviations; bodies keep so far from the edges that no case leaves the
     trained ranges. ``level`` 0 is the mean, 0.9 the mean of the worst tenth (CVaR, Rockafellar
-    and Uryasev 2000). One ``seed`` draws the same cases for every body (Latin hypercube).
+    and Uryasev 2000). One ``seed`` draws the same ``cases`` for every body (Latin hypercube).
     """
 
     reynolds: float
     spread: LogNormal | Uniform
     tolerance: float = 0.0
     level: float = 0.0
-    samples: int = 32
+    cases: int = 32
     seed: int = 0
 
     def __post_init__(self):
@@ -111,7 +111,7 @@ class Robust:
             raise InvalidInput(f"CVaR level {self.level:g}: from 0 (the mean) to below 1")
         if not 0 <= finite_number("tolerance", self.tolerance) <= 0.1:
             raise InvalidInput(f"tolerance {self.tolerance:g}: from 0 to 0.1 of a range's width")
-        for name, low, high in (("samples", 2, 4096), ("seed", 0, 2**31 - 1)):
+        for name, low, high in (("cases", 2, 4096), ("seed", 0, 2**31 - 1)):
             object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))
 
     @property
@@ -130,14 +130,14 @@ class Robust:
                 f"{100 * kept:.0f} % of it lies within the trained range; at least half must"
             )
         width = np.ptp(scene.family.bounds, axis=1)
-        fractions = latin_hypercube(self.seed, self.samples, 1 + len(width))
-        reynolds = np.full(self.samples, nominal)
+        fractions = latin_hypercube(self.seed, self.cases, 1 + len(width))
+        reynolds = np.full(self.cases, nominal)
         if self.spread.spread:
             place = self._ends(scene)[0] + kept * fractions[:, 0]
             reynolds = self.spread.around(nominal).ppf(place)
         reynolds = np.clip(reynolds, *scene.reynolds)  # rounding alone
         normal = stats.truncnorm(-DEVIATIONS, DEVIATIONS).ppf(fractions[:, 1:])
-        weight = np.full(self.samples, 1 / self.samples)
+        weight = np.full(self.cases, 1 / self.cases)
         shift = self.tolerance * width * normal
         return _scenarios(scene, reynolds, weight, shift, level=self.level)
 

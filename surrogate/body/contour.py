@@ -23,10 +23,12 @@ LOST = 0.2  # D, by which a smoothed contour may be off
 def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     """Read rows of x and y: CSV with any usual delimiter, Selig's or Lednicer's .dat.
 
-    Titles, headers, comments and empty lines are passed over.
+    Titles, headers, comments and empty lines are passed over; decimal commas and Fortran's
+    exponents are read.
 
     Raises:
-      InvalidInput: the file is missing or is not text, or a row is not two finite numbers.
+      InvalidInput: the file is missing or is not text, a row is not two finite numbers, or
+        Lednicer's counts are not those of the rows.
     """
     path = path_of(path)
     try:
@@ -35,17 +37,13 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
         reason = getattr(problem, "strerror", None) or "it is not a text file"
         raise InvalidInput(f"contour {path}: cannot be read ({reason})") from None
     lines = [line.split("#")[0].strip().strip(",;|") for line in lines]
-    rows = [
-        (k, re.split(r"[\s,;|]+", line.replace('"', "")))
-        for k, line in enumerate(lines, start=1)
-        if line
-    ]
+    rows = [(k, _words(line)) for k, line in enumerate(lines, start=1) if line]
     while rows and (_pair(rows[0][1]) is None and (len(rows[0][1]) != 2 or not _told(rows[0][1]))):
         rows = rows[1:]  # titles and headers, a lone number among them
     if not rows:
         raise InvalidInput(
             f"contour {path}: none of its {len(lines)} rows is two finite numbers, x and y; "
-            "columns apart by commas, semicolons, tabs or spaces are read, with decimal points"
+            "columns apart by commas, semicolons, tabs or spaces are read"
         )
     points = []
     for k, words in rows:
@@ -58,6 +56,11 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     if sum(counts) == len(sides) and min(counts) >= 2:  # Lednicer: both sides from nose to tail
         upper = int(counts[0])
         return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
+    if len(points) == len(sides) and _nearly(counts, len(sides)):
+        told = " + ".join(f"{count:g}" for count in counts)
+        raise InvalidInput(
+            f"contour {path}: row {rows[0][0]} counts {told} points, where {len(sides)} follow"
+        )
     return np.array(points)
 
 
@@ -153,6 +156,21 @@ def _farthest(points, smooth):
 def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
     """Whether the closed polygon crosses or touches itself anywhere but where edges meet."""
     return not LinearRing(points).is_simple
+
+
+def _words(line):
+    """Of a row; two columns may have decimal commas, and D in the place of E."""
+    line = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", line.replace('"', ""))
+    columns = re.split(r"[\s;|]+", line)
+    if len(columns) == 2 and re.search(r"\d,\d", line):
+        return [re.sub(r"(?<=\d),(?=\d)", ".", column) for column in columns]
+    return re.split(r"[\s,;|]+", line)
+
+
+def _nearly(counts, points):
+    """Whether two whole numbers are meant as Lednicer's counts of so many points."""
+    whole = all(count == round(count) and count >= 2 for count in counts)
+    return whole and 0.8 < sum(counts) / points < 1.25
 
 
 def _pair(words):

@@ -102,7 +102,7 @@ def _read_record(folder: Path, what: str) -> dict[str, Any]:
     if not isinstance(record, dict) or "format" not in record:
         raise InvalidInput(f"{what}: damaged or not a surrogate")
     if record["format"] != FORMAT:
-        raise InvalidInput(f"{what}: format {record['format']}, this version reads {FORMAT}")
+        raise InvalidInput(f"{what}: format {record['format']!r:.40}, this version reads {FORMAT}")
     for name in ("drag_error_mean", "drag_error_max"):
         error = record.get(name, 0.0)
         if not isinstance(error, int | float) or not 0 <= error < math.inf:
