@@ -2,11 +2,11 @@
 
 import sys
 
-try:
+from shapeopt.commands.entry import loading
+
+with loading():
     from shapeopt.commands.cli import run
     from shapeopt.commands.march import main
-except KeyboardInterrupt:  # nothing has begun
-    sys.exit(130)
 
 if __name__ == "__main__":
     sys.exit(run(main))

@@ -1,35 +1,36 @@
 """Shape optimisation by drag surrogates or by the flow, and the measurement of what pays.
 
-The front door; ``shapeopt.render`` draws what it finds: problem -> search -> runs -> render.
+The front door; ``shapeopt.render`` draws what it finds: problem -> search -> runs -> render. Rooms
+open when they are first asked for, so that a command has begun before libraries are loaded.
 """
 
-from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import Robust, Weighted
-from shapeopt.problem.problem import Problem
-from shapeopt.problem.uncertainty import LogNormal, Uniform
-from shapeopt.runs import load_run, save_run
-from shapeopt.search.design import Design
-from shapeopt.search.designer import Designer
-from shapeopt.search.optimise import optimise, optimise_all
-from shapeopt.search.verify import Verified, verify
+import importlib
+from typing import Any
 
-__all__ = [
-    "Design",
-    "Designer",
-    "LogNormal",
-    "Problem",
-    "Robust",
-    "Station",
-    "Uniform",
-    "Verified",
-    "Weighted",
-    "load_run",
-    "optimise",
-    "optimise_all",
-    "save_run",
-    "verify",
-]
+ROOMS = {
+    "Design": "search.design",
+    "Designer": "search.designer",
+    "LogNormal": "problem.uncertainty",
+    "Problem": "problem.problem",
+    "Robust": "problem.objective",
+    "Station": "problem.constraints",
+    "Uniform": "problem.uncertainty",
+    "Verified": "search.verify",
+    "Weighted": "problem.objective",
+    "load_run": "runs",
+    "optimise": "search.optimise",
+    "optimise_all": "search.optimise",
+    "save_run": "runs",
+    "verify": "search.verify",
+}
+__all__ = list(ROOMS)
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ROOMS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{ROOMS[name]}"), name)

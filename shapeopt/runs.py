@@ -12,7 +12,7 @@ from shapeopt.search.design import Design
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_target, path_of, whole_files
+from surrogate.files import check_target, path_of, strict_json, whole_files
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
@@ -59,6 +59,10 @@ def save_run(
     )
 
     expect("save_run", design, Design, "Design")
+    expect("save_run", surrogate, Surrogate | None, "Surrogate")
+    expect("save_run: name", name, str, "text")
+    if surrogate is not None and surrogate.scene != design.problem.scene:
+        raise InvalidInput("save_run: design and surrogate are of different scenes")
     check_run_folder(folder)
     folder, problem = Path(folder), design.problem
     verified = design.verified if verify else None
@@ -103,10 +107,10 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     try:
         if (folder / RECORD).stat().st_size > LONGEST_RECORD:
             raise ValueError
-        record = json.loads((folder / RECORD).read_text())
+        record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
         scene = Scene.of(record["scene"])
         scene.family.check(scene.family.parameters(record["parameters"]))
-        scene.family.check_all(np.array(record["path"], float))
+        scene.family.check_all(np.array(record["path"]))
         check_reynolds(record["reynolds"], True, scene.dimension)
         drags = [record[name] for name in DRAGS if record.get(name) is not None]
         cases, name = record.get("cases", []), record["surrogate"]

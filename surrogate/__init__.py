@@ -8,7 +8,8 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from surrogate.body.contour import naca4, read_contour  # noqa: E402
+from surrogate.body.contour import naca4  # noqa: E402
+from surrogate.body.contour_file import read_contour  # noqa: E402
 from surrogate.body.family import Family  # noqa: E402
 from surrogate.body.shape import Shape, contour_shape, family_shape  # noqa: E402
 from surrogate.errors import InvalidInput, NotConverged  # noqa: E402

@@ -11,7 +11,8 @@ from surrogate.files import make_folder
 
 def use_compilation_cache() -> None:
     """Keep what JAX compiles in the user's cache folder, where there can be one."""
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    root = Path(os.environ.get("XDG_CACHE_HOME", ""))
+    root = root if root.is_absolute() else Path.home() / ".cache"
     folder = root / "drag-surrogates" / "jax"
     try:
         make_folder(folder)

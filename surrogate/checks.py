@@ -1,12 +1,33 @@
 """Checks at the door that all rooms share: is it a number, is it traced, is it one body."""
 
 import math
+import numbers
 from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
+
+NO_NUMBERS = "bcSUmM"  # kinds of NumPy's types: truth values, complex, text, dates
+
+
+def real_numbers(value: Any) -> Float[np.ndarray, "..."] | None:
+    """Numbers of every kind as floats; None where one is none, is masked, or is being traced."""
+    try:
+        given = value if hasattr(value, "dtype") else np.asarray(value, object)
+        parts = given.ravel() if given.dtype.kind == "O" else [given]
+        if np.ma.is_masked(value) or not all(map(_real, parts)):
+            return None
+        return np.asarray(given).astype(float)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
+def _real(part):
+    kind = np.asarray(part).dtype.kind
+    return isinstance(part, numbers.Number) if kind == "O" else kind not in NO_NUMBERS
 
 
 def finite_number(name: str, value: Any) -> float:
@@ -15,13 +36,10 @@ def finite_number(name: str, value: Any) -> float:
     Raises:
       InvalidInput: it is text, an array, complex or not finite.
     """
-    strange = str | bytes | bool | np.bool_ | np.ma.MaskedArray | None
-    try:
-        if isinstance(value, strange) or np.ndim(value) or np.iscomplexobj(value):
-            raise InvalidInput(f"{name} {value!r}: must be one number")
-        number = float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InvalidInput(f"{name} {value!r}: must be one number") from None
+    found = real_numbers(value)
+    if found is None or found.ndim:
+        raise InvalidInput(f"{name} {value!r}: must be one number")
+    number = float(found)
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")
     return number
@@ -33,7 +51,8 @@ def interval(name: str, value: Any) -> tuple[float, float]:
     Raises:
       InvalidInput: it is anything else.
     """
-    if not isinstance(value, list | tuple | np.ndarray | jax.Array) or len(value) != 2:
+    several = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
+    if not several or len(value) != 2:
         raise InvalidInput(f"{name} {value!r}: must be two numbers, low and high")
     low, high = (finite_number(name, end) for end in value)
     if low > high:
@@ -61,12 +80,23 @@ def expect(name: str, value: Any, kind: Any, wanted: str) -> None:
 
 def one_body(parameters: Any, reynolds: Any, size: int) -> None:
     """Raise InvalidInput unless what JAX traces is one body of so many parameters and one Re."""
-    shapes = np.shape(parameters), np.shape(reynolds)
+    shapes = _shape("body", parameters), _shape("Reynolds number", reynolds)
     if shapes != ((size,), ()):
         raise InvalidInput(
             f"body and Reynolds number: arrays of shapes {shapes[0]} and {shapes[1]}; of shapes "
             f"({size},) and () are needed, and jax.vmap takes batches"
         )
+
+
+def _shape(name, value):
+    """Of real numbers, traced or not."""
+    if isinstance(value, jax.core.Tracer):
+        if value.dtype.kind in NO_NUMBERS:
+            raise InvalidInput(f"{name}: traced as {value.dtype}; real numbers are needed")
+        return value.shape
+    if (found := real_numbers(value)) is None:
+        raise InvalidInput(f"{name} {value!r}: must be numbers, in an array where they are traced")
+    return found.shape
 
 
 def traced(*values: Any) -> bool:

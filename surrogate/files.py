@@ -24,11 +24,12 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """A temporary path beside ``path`` that takes its place when the block succeeds."""
     path = Path(path).resolve()  # a link stays one
     make_folder(path.parent)
+    mode = path.stat().st_mode if path.is_file() else 0o644
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=path.suffix)
     os.close(handle)
     try:
         yield Path(name)
-        Path(name).chmod(0o644)
+        Path(name).chmod(mode)
         os.replace(name, path)
     finally:
         Path(name).unlink(missing_ok=True)
@@ -108,15 +109,35 @@ def path_of(value: Any) -> Path:
     Raises:
       InvalidInput: it is neither.
     """
-    if not isinstance(value, str | os.PathLike) or "\0" in str(value):
+    if not isinstance(value, str | os.PathLike) or not str(value) or "\0" in str(value):
         raise InvalidInput(f"path {value!r}: text or a path is needed")
+    try:
+        str(value).encode()
+        Path(value).is_dir()
+    except UnicodeEncodeError:
+        raise InvalidInput(f"path {value!r}: is not of Unicode's letters") from None
+    except OSError as problem:
+        raise InvalidInput(f"path {value!s:.40}...: {problem.strerror}") from None
     return Path(value)
+
+
+def strict_json(text: str) -> Any:
+    """What a text of JSON says, in which there is no NaN and no infinity.
+
+    Raises:
+      ValueError: it is none.
+    """
+
+    def refuse(word):
+        raise ValueError(word)
+
+    return json.loads(text, parse_constant=refuse)
 
 
 def _has_keys(path, keys):
     """Whether a file is a JSON object with these keys."""
     try:
-        value = json.loads(path.read_text(encoding="utf-8"))
+        value = strict_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(value, dict) and set(keys) <= set(value)

@@ -135,6 +135,7 @@ DAMAGES = {
         "damaged",
     ),
     "not finite": (lambda text: text.replace("10.0", "NaN"), "damaged"),
+    "an altered body": (lambda text: text.replace("[[[2.0", "[[[2.5"), "damaged"),
     "another scene's": (lambda text: text.replace("unbounded", "tunnel:16"), "of another scene"),
 }
 
@@ -150,6 +151,18 @@ def test_damaged_and_foreign_memories_are_refused(tiny_scene, tmp_path, damage, 
     with pytest.raises(InvalidInput, match=words) as refusal:
         Designer(Flow(tiny_scene), file)
     assert str(file) in str(refusal.value)
+
+
+def test_a_design_is_not_lost_with_its_memory(tiny_scene, tmp_path, monkeypatch):
+    designer = Designer(Flow(tiny_scene), tmp_path / "flows.json")
+
+    def full():
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(designer.memory, "save", full)
+    with pytest.warns(UserWarning, match="not kept"):
+        design = designer.design(Problem(tiny_scene, 20.0, max_length=1.5))
+    assert design.kkt_residual <= 1e-3
 
 
 def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path, unchecked):

@@ -1,12 +1,14 @@
 """Careless, hostile and unlucky uses: nothing of the user's is lost, nothing wrong is said."""
 
+import dataclasses
 import json
 import os
-import runpy
 import signal
 import subprocess
 import sys
 import time
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import jax
@@ -15,8 +17,20 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shapeopt import Problem, Weighted, load_run, optimise, save_run, verify
+from shapeopt import (
+    LogNormal,
+    Problem,
+    Robust,
+    Station,
+    Weighted,
+    load_run,
+    optimise,
+    save_run,
+    verify,
+)
 from shapeopt.commands import explore, march, payoff, render
+from shapeopt.commands import optimise as optimise_shape
+from shapeopt.commands.entry import loading
 from shapeopt.payoff.queries import query_stream
 from surrogate import (
     Family,
@@ -30,6 +44,7 @@ from surrogate import (
     naca4,
     read_contour,
     save,
+    train,
 )
 from surrogate.body.contour import smooth_contour
 from surrogate.scene.fidelity import Fidelity
@@ -78,6 +93,22 @@ def test_marches_and_payoffs_leave_strangers_folders(tmp_path):
     (tmp_path / "payoff" / "run-0" / "notes.txt").write_text("mine")
     with pytest.raises(InvalidInput, match=r"run-0: is not empty"):
         payoff.main(["--out", str(tmp_path / "payoff")])
+
+
+def test_marches_and_payoffs_leave_strangers_pictures(tmp_path):
+    for folder, name in (("march", "march.gif"), ("payoff", "shapes.png")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / name).write_text("mine")
+    march_words = ["--aspect", "1", "--reynolds", "20", "--out", str(tmp_path / "march")]
+    for main, words in ((march.main, march_words), (payoff.main, ["--out", f"{tmp_path}/payoff"])):
+        with pytest.raises(InvalidInput, match=r"(march\.gif|shapes\.png): is of another program"):
+            main(words)
+
+
+def test_a_memory_lies_beside_the_run(tmp_path):
+    words = ["--until", "flow", "--reynolds", "20", "--out", f"{tmp_path}/a"]
+    with pytest.raises(InvalidInput, match="name a place beside it"):
+        optimise_shape.main([*words, "--memory", f"{tmp_path}/a/memory.json"])
 
 
 def test_a_page_of_the_users_own_stays(net, tmp_path):
@@ -144,6 +175,7 @@ def test_slopes_and_labels_check_bodies_and_reynolds_numbers(unchecked):
         (BODY, -1.0),
         (BODY, 200.0),
         (CROSSING, 20.0),
+        ([9.0, 0.0, 0.0, 0.0], 20.0),
         (BODY, np.nan),
     ):
         with pytest.raises(InvalidInput):
@@ -180,6 +212,32 @@ WRONG_WORDS = {
     "viscosity": lambda net: Particle(2.0, 1e-300, 1e-4),
     "shape": lambda net: contour_shape(np.ones((12, 2)) * 1j),
     "points": lambda net: contour_shape(np.ones((0, 2))),
+    "masked": lambda net: contour_shape(np.ma.masked_less(ROUND, 0.5)),
+    "aspect, beta2": lambda net: net.scene.family.parameters({}),
+    "aspect '2'": lambda net: net.scene.family.parameters({"aspect": "2"}),
+    "dimension 4": lambda net: family_shape({"aspect": 2}, 0, 4),
+    "count -1": lambda net: net.scene.family.sample(jax.random.key(0), -1),
+    "fidelity": lambda net: Fidelity(None, 8, 3, 4, 4),
+    "range of aspect": lambda net: Family(aspect=np.array(5)),
+    "Reynolds range": lambda net: Scene(reynolds=np.array(40)),
+    "a list of numbers": lambda net: Weighted(np.array(5.0), np.array(1.0)),
+    "preset": lambda net: train(preset=[]),
+    "dimension array": lambda net: Scene(dimension=np.array([2, 3])),
+    "until": lambda net: optimise(Problem(net.scene, 20), net, until=np.array(["a", "b"])),
+    "points -5": lambda net: naca4("0012", -5),
+    "NewtonSettings": lambda net: Flow(net.scene, settings="x"),
+    "too long": lambda net: load("x" * 5000),
+    "pretrained:sip": lambda net: load("pretrained:nope"),
+    "path ''": lambda net: load(""),
+    "Unicode": lambda net: load("\udcff"),
+    "number": lambda net: net.drag(BODY, np.array("20")),
+    "one number": lambda net: net.drag(BODY, np.array(True)),
+    "must be numbers": lambda net: net.drag([2.0, False, 0, 0], 20.0),
+    "jax.numpy array": lambda net: jax.grad(lambda a: net.drag([a, 0.1, 0, 0], 20.0))(2.0),
+    "complex128": lambda net: jax.jit(net.drag)(jnp.array(BODY) + 1j, 20.0),
+    "'20'": lambda net: jax.jit(lambda body: net.drag(body, "20"))(jnp.array(BODY)),
+    "'2'": lambda net: jax.jit(lambda re: net.drag(["2", "0", "0", "0"], re))(20.0),
+    "cylinder": lambda net: verify(Problem(net.scene, 20), BODY, cylinder=[np.inf]),
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),
@@ -195,6 +253,51 @@ def test_wrong_kinds_get_one_clear_line(net, words, unchecked):
     with pytest.raises(InvalidInput, match=words.strip()) as refusal:
         WRONG_WORDS[words](net)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_numbers_of_every_kind_are_numbers(net):
+    plain = float(net.drag(BODY, 20.0))
+    for body, reynolds in (
+        ([Decimal(2), Fraction(1, 10), 0, np.float32(0)], Fraction(20)),
+        (np.array(BODY), np.float16(20)),
+        ((2, np.array(0.1), jnp.array(0.0), 0), np.int8(20)),
+    ):
+        assert net.drag(body, reynolds) == pytest.approx(plain, rel=1e-12)
+    exact = {"max_length": Fraction(9, 5), "trust": Decimal("0.01")}
+    station = [Station(Fraction(1, 2), Decimal("0.3"))]
+    problem = Problem(net.scene, Robust(Decimal(20), LogNormal(Decimal("0.2")), cases=4), **exact)
+    assert optimise(dataclasses.replace(problem, stations=station), net).kkt_residual < 1e-3
+
+
+def test_a_body_that_crosses_itself_has_no_drag_under_jit_either(net):
+    crossing = jnp.array([1.0, -0.3, -0.15, -0.1])  # within the trained ranges
+    with pytest.raises(InvalidInput, match="cross"):
+        net.drag(crossing, 20.0)
+    for extrapolate in (False, True):
+        drag = jax.jit(lambda body, e=extrapolate: net.drag(body, 20.0, extrapolate=e))
+        assert np.isnan(drag(crossing))
+        assert np.isfinite(drag(jnp.array(BODY)))
+
+
+def test_a_scene_takes_the_place_of_scenes_alone(tmp_path):
+    (tmp_path / "notes.txt").write_text("my thesis")
+    with pytest.raises(InvalidInput, match="choose another name"):
+        Scene().write(tmp_path / "notes.txt")
+    assert (tmp_path / "notes.txt").read_text() == "my thesis"
+    for _ in range(2):
+        Scene().write(tmp_path / "scene.toml")
+
+
+def test_a_scene_that_was_altered_is_noticed(net, tmp_path):
+    save(tmp_path / "net", net)
+    path = tmp_path / "net" / "surrogate.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"scene": record["scene"] | {"stream": "tunnel:4"}}))
+    with pytest.raises(InvalidInput, match="scene is not what was saved"):
+        load(tmp_path / "net")
+    path.write_text(json.dumps(record | {"method": np.nan}))
+    with pytest.raises(InvalidInput, match="unreadable"):
+        load(tmp_path / "net")
 
 
 def test_huge_weights_weigh_as_others_do(net):
@@ -265,6 +368,8 @@ FORMATS = {
     "bars": lines(SECTION, " | "),
     "trailing commas": lines(SECTION, ",").replace("\n", ",\n"),
     "quotes": lines(SECTION, '","').replace("\n", '"\n').replace("-", "-"),
+    "comments behind rows": lines(SECTION).replace("\n", " % a point\n"),
+    "minus signs": lines(SECTION).replace("-", "\N{MINUS SIGN}"),
     "comments": "# one\n# two\nx,y\n" + lines(SECTION, ","),
 }
 
@@ -274,6 +379,28 @@ def test_contours_of_every_usual_format_are_read(tmp_path, form):
     (tmp_path / "c.dat").write_text(FORMATS[form])
     found = smooth_contour(read_contour(tmp_path / "c.dat"), 200)
     assert np.abs(found - smooth_contour(SECTION, 200)).max() < 2e-3
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda row, k: row + " 0" if k < 25 else row,
+        lambda row, k: f"P{k} {row}" if k < 15 else row,
+        lambda row, k: row.replace(".", ",").replace(" ", ",") if k < 12 else row,
+        lambda row, k: f"y x\n{row}" if k == 0 else row,
+    ],
+    ids=["third column", "names", "commas", "y first"],
+)
+def test_no_row_of_a_contour_is_dropped_in_silence(tmp_path, spoil):
+    rows = lines(SECTION).splitlines()
+    (tmp_path / "c.dat").write_text("\n".join(spoil(row, k) for k, row in enumerate(rows)))
+    with pytest.raises(InvalidInput, match=r"c\.dat: row \d"):
+        read_contour(tmp_path / "c.dat")
+
+
+def test_a_contour_without_an_end_is_refused():
+    with pytest.raises(InvalidInput, match="is larger than"):
+        read_contour("/dev/zero")
 
 
 def test_counts_that_are_wrong_are_named(tmp_path):
@@ -354,19 +481,29 @@ def test_terminated_in_the_middle_it_ends_with_one_line_and_goes_on(tmp_path):
     assert "Traceback" not in said
 
 
-@pytest.mark.parametrize("script", sorted(path.name for path in (ROOT / "scripts").glob("*.py")))
-def test_an_interrupt_while_libraries_load_is_no_traceback(script, monkeypatch):
-    class Interrupted:
-        def find_spec(self, name, *_):
-            if name.startswith("shapeopt.commands"):
-                raise KeyboardInterrupt
-
-    for name in [name for name in sys.modules if name.startswith("shapeopt.commands")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(sys, "meta_path", [Interrupted(), *sys.meta_path])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(ROOT / "scripts" / script), run_name="__main__")
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_while_libraries_load_is_one_line(ending, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["scripts/any.py"])
+    with pytest.raises(SystemExit) as ended, loading():
+        signal.raise_signal(ending)
     assert ended.value.code == 130
+    assert capsys.readouterr().err == "any.py: interrupted before it began\n"
+    with loading():
+        pass  # nothing is left of it
+
+
+def test_a_script_that_is_interrupted_at_once_says_so_and_no_more():
+    words = ["-X", "importtime", str(ROOT / "scripts" / "predict_drag.py"), "--help"]
+    process = subprocess.Popen([sys.executable, *words], stderr=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if line.split("|")[-1].strip() == "shapeopt.commands.entry":
+            break
+    time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=120)
+    said = [line for line in said.splitlines() if not line.startswith("import time:")]
+    assert said == ["predict_drag.py: interrupted before it began"]
+    assert process.returncode == 130
 
 
 # Words.

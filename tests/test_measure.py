@@ -27,6 +27,7 @@ LONG = {
     "least",
     "shards",
     "space_speed",
+    "trainings_on_devices",
     "trust",
 }  # they start processes, or compile for long
 TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in NAMES]

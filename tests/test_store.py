@@ -149,7 +149,7 @@ RECORDS = {
     "digest": ({"weights_sha256": None}, "is not what was saved"),
     "error": ({"drag_error_mean": "small"}, "drag_error_mean is no number"),
     "negative error": ({"drag_error_mean": -0.1}, "drag_error_mean is no number"),
-    "nan error": ({"drag_error_max": float("nan")}, "drag_error_max is no number"),
+    "nan error": ({"drag_error_max": float("nan")}, "is unreadable"),
 }
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from study import Result, Study, free_port, run_study, table, words
+from study import ACCELERATOR, Result, Study, free_port, platform_of, run_study, table, words
 
 from shapeopt.render.figures import STYLE, plt, save_figure
 from surrogate import NotConverged
@@ -66,7 +66,7 @@ def _solve(fidelity, way, lanes, bodies, tiny, accelerator) -> dict[str, Any]:
         "coordinator": f"localhost:{free_port()}",
         "accelerator": accelerator,
     }
-    environment = os.environ | ({} if accelerator else {"JAX_PLATFORMS": "cpu"})
+    environment = os.environ | platform_of(accelerator)
     children = [
         subprocess.Popen(
             [sys.executable, str(CHILD), json.dumps(asked | {"process": process})],
@@ -137,8 +137,7 @@ def draw(result: Result, path: Path) -> None:
     save_figure(figure, path)
 
 
-OPTIONS = {"--accelerator": {"choices": ["gpu"], "help": "measure there, over lanes and grids"}}
-STUDY = Study("devices", measure, tables, draw, OPTIONS)
+STUDY = Study("devices", measure, tables, draw, {"--accelerator": ACCELERATOR})
 
 if __name__ == "__main__":
     sys.exit(run_study(STUDY))

@@ -103,12 +103,9 @@ def short_block(name: str, record: Result) -> str:
 
 def _training(result: Result) -> str:
     heads = "method | error of Cd: mean | max | of its shape gradient | work, G | time"
-    forms = "{method} | {error_mean} | {error_max} | {gradient} | {work:.0f} | {time}"
-    rows = [
-        row | {"time": "-" if row["seconds"] is None else f"{row['seconds']:.0f} s"}
-        for row in training.summary(result)
-    ]
-    return table(rows, heads, forms)
+    heads += " | with compilation"
+    forms = "{method} | {error_mean} | {error_max} | {gradient} | {work:.0f} | {time} | {first}"
+    return table(training.summary(result), heads, forms)
 
 
 def _accuracy(result: Result) -> str:

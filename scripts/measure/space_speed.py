@@ -5,7 +5,6 @@ python scripts/measure/space_speed.py
 The elements need NGSolve: pip install -e '.[bench]'.
 """
 
-import contextlib
 import dataclasses
 import sys
 import time
@@ -18,9 +17,8 @@ import numpy as np
 from correlations import ellipsoid, oberbeck
 from elements import Elements
 from flattened import MESH, solve_by_elements_in_space
-from jax.experimental.compilation_cache import compilation_cache
 from space import CREEPING, SPHERE, TINY
-from study import Result, Study, medians, run_study, table, words
+from study import Result, Study, cold_cache, medians, megabytes, power_of, run_study, table, words
 
 from surrogate import Family, Fidelity, Flow, InvalidInput, Scene, family_shape
 from surrogate.scene.fidelity import SPACE_FIDELITIES
@@ -69,7 +67,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         result["rival"] = _rival(finest, (COARSE,) if tiny else MESHES)
     except InvalidInput as missing:
         result["missing"] = str(missing)
-    return result | {"orders": {name: _order(result["cells"], name) for name in BODIES}}
+    return result
 
 
 BODIES = {
@@ -93,20 +91,13 @@ def _cells(fidelity: Fidelity, repeats: int) -> dict[str, Any]:
     scene = Scene(family=ROUND, reynolds=(RE, RE), fidelity=fidelity)
     drag, query = Flow(scene).drag, (jnp.array([1.0]), jnp.asarray(RE))
     compiled = jax.jit(drag).lower(*query).compile()
-    memory = compiled.memory_analysis()
     return row | {
         "n": fidelity.cells,
         "cells": int(np.prod(Flow(scene).domain.lattice.shape)),
         "work": solved["sphere"].green_applications,
         "seconds": medians([lambda: compiled(*query)], repeats)[0],
-        "megabytes": (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6,
+        "megabytes": megabytes(compiled),
     }
-
-
-def _order(rows: Sequence[dict[str, Any]], name: str) -> float | None:
-    """With which the error falls from grid to grid, fitted; one grid alone does not tell."""
-    logs = np.log([[row["n"], abs(row[name])] for row in rows]).T
-    return -float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
 
 
 def _levels(levels: Sequence[Fidelity], numbers: Sequence[float], repeats: int) -> Rows:
@@ -124,11 +115,7 @@ def _levels(levels: Sequence[Fidelity], numbers: Sequence[float], repeats: int) 
 
 def compiling(call: Any, *arguments: Any) -> float:
     """Seconds of compiling, with nothing kept from before."""
-    with contextlib.ExitStack() as stack:
-        jax.config.update("jax_enable_compilation_cache", False)
-        compilation_cache.reset_cache()
-        stack.callback(compilation_cache.reset_cache)
-        stack.callback(jax.config.update, "jax_enable_compilation_cache", True)
+    with cold_cache():
         start = time.perf_counter()
         call.lower(*arguments).compile()
         return time.perf_counter() - start
@@ -160,11 +147,10 @@ def tables(result: Result) -> str:
     ]
     result = {**result, "levels": levels}
     parts = [table(result[name], *texts) for name, texts in TABLES.items() if result[name]]
-    form = (
-        "The order of the ellipsoid's error is {ellipsoid:.1f}; what stays of the sphere's is the"
-    )
-    form += " window's."
-    return "\n\n".join([*parts, f"{words(form, **result['orders'])} {result['missing']}".strip()])
+    power = power_of(result["cells"], "n", "ellipsoid")
+    form = "The ellipsoid's error goes as cells per D to the power {power:.1f}; what stays of the "
+    told = words(f"{form}sphere's is the window's.", power=power)
+    return "\n\n".join([*parts, f"{told} {result['missing']}".strip()])
 
 
 STUDY = Study("space_speed", measure, tables)

@@ -15,7 +15,7 @@ import numpy as np
 from elements import Elements
 from flow import REFERENCES
 from plane import ELEMENTS, solve_by_plane_elements
-from study import TINY, Result, Study, medians, run_study, table, words
+from study import TINY, Result, Study, medians, megabytes, power_of, run_study, table, words
 
 from surrogate import FIDELITIES, Family, Fidelity, Flow, InvalidInput, Scene
 from surrogate.training.samples import held_out_samples
@@ -66,7 +66,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         result["rival"] = list(_rival(standard, numbers, repeats, mesh))
     except InvalidInput as missing:
         result["missing"] = str(missing)
-    return result | {"power": _power(result["cells"])}
+    return result | {"power": power_of(result["cells"], "cells", "seconds")}
 
 
 def _cells(grids: list[Fidelity], repeats: int) -> Rows:
@@ -75,19 +75,12 @@ def _cells(grids: list[Fidelity], repeats: int) -> Rows:
         flow = Flow(Scene(family=ROUND, fidelity=fidelity))
         query = jnp.array([1.0]), jnp.asarray(10.0)
         compiled = jax.jit(flow.drag).lower(*query).compile()
-        memory = compiled.memory_analysis()
         yield {
             "n": fidelity.cells,
             "cells": int(np.prod(flow.domain.lattice.shape)),
             "seconds": medians([lambda call=compiled, query=query: call(*query)], repeats)[0],
-            "megabytes": (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6,
+            "megabytes": megabytes(compiled),
         }
-
-
-def _power(rows: list[dict[str, Any]]) -> float | None:
-    """Of the cells, with which the time grows; one grid alone does not tell."""
-    logs = np.log([[row["cells"], row["seconds"]] for row in rows]).T
-    return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
 
 
 def _gradients(fidelity: Fidelity, numbers: Sequence[float], repeats: int) -> Rows:

@@ -14,14 +14,16 @@ import re
 import shlex
 import socket
 import string
+import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
 
 from shapeopt.commands.cli import Parser, emit, run
 from shapeopt.render.tables import markdown
@@ -114,6 +116,23 @@ def ngsolve() -> Any:
         raise InvalidInput("the rival needs NGSolve: pip install -e '.[bench]'") from None
 
 
+ACCELERATOR = {"choices": ["gpu", "cpu"], "help": "measure there; cpu tries the same script"}
+
+
+def platform_of(accelerator: str | None) -> dict[str, str]:
+    """Environment in which JAX works there, or on the processor; told by a process of its own.
+
+    Raises:
+      InvalidInput: there is no such accelerator.
+    """
+    if accelerator != "gpu":
+        return {"JAX_PLATFORMS": "cpu"}
+    ask = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
+    if (found := subprocess.run(ask, capture_output=True, text=True).stdout.strip()) != "gpu":
+        raise InvalidInput(f"--accelerator gpu: JAX finds {found or 'nothing'} alone")
+    return {}
+
+
 def free_port() -> int:
     """Of this machine, for processes that are to find each other."""
     with socket.socket() as probe:
@@ -171,6 +190,31 @@ def medians(calls: Sequence[Callable[[], Any]], repeats: int = 7) -> list[float]
             jax.block_until_ready(call())
             row[k] = time.perf_counter() - start
     return np.median(seconds[1:], axis=0).tolist()
+
+
+@contextlib.contextmanager
+def cold_cache() -> Iterator[None]:
+    """What was compiled before is not found, and nothing is kept."""
+    before = jax.config.jax_enable_compilation_cache
+    jax.config.update("jax_enable_compilation_cache", False)
+    compilation_cache.reset_cache()
+    try:
+        yield
+    finally:
+        jax.config.update("jax_enable_compilation_cache", before)
+        compilation_cache.reset_cache()
+
+
+def megabytes(compiled: Any) -> float:
+    """Memory of a compiled call, its answers included."""
+    memory = compiled.memory_analysis()
+    return (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6
+
+
+def power_of(rows: Sequence[Mapping[str, Any]], x: str, y: str) -> float | None:
+    """Of x, with which |y| goes, fitted; one row alone does not tell."""
+    logs = np.log([[row[x], abs(row[y])] for row in rows]).T
+    return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
 
 
 def _machine():

@@ -18,7 +18,7 @@ import jax
 import numpy as np
 from gradients import adjoint_slopes, distance
 from rivals import Fit, Solved, rivals
-from study import TINY, Result, Study, run_study, table
+from study import TINY, Result, Study, cold_cache, run_study, table
 
 from shapeopt.render.figures import STYLE, plt, save_figure
 from shapeopt.search.memory import Memory
@@ -26,7 +26,7 @@ from surrogate import Flow, NotConverged, Surrogate
 from surrogate.checks import whole_number
 from surrogate.flow.steps import Labels
 from surrogate.model.inputs import scene_inputs
-from surrogate.training.loop import Bench, Trained, run_training
+from surrogate.training.loop import Bench, Trained, make_bench, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import PRESETS, Plan, compared_plans
 from surrogate.training.samples import Samples, held_out_samples, training_samples
@@ -74,10 +74,20 @@ def _rows(plans: Mapping[str, Plan], folder: Path) -> Iterator[Row]:
     flow, unseen = Flow(most.scene), held_out_samples(most.scene, most.seed, most.held_out)
     truth = Truth(unseen, flow.labels(*unseen), adjoint_slopes(flow, unseen.head(GRADIENTS)))
     for name, surrogate in surrogates.items():
-        yield {"method": name, "seed": most.seed} | learned(truth, surrogate)
+        compile_s = compile_seconds(plans[name]) if most.seed == 0 else None
+        row = {"method": name, "seed": most.seed, "compile_s": compile_s}
+        yield row | learned(truth, surrogate)
     solved, work = solved_samples(flow, training_samples(most.scene, most.seed, most.samples))
     for name, fit in rivals().items():
         yield {"method": name, "seed": most.seed} | _fitted(truth, solved, work, fit)
+
+
+def compile_seconds(plan: Plan) -> float:
+    """What compiling a training takes where nothing is kept of an earlier one."""
+    short = dataclasses.replace(plan, held_out=4, iterations=1, report_every=1, budget_s=None)
+    with cold_cache():
+        bench = make_bench(short)
+        return bench.compile_s + run_training(short, bench).compile_s
 
 
 class Truth(NamedTuple):
@@ -133,7 +143,7 @@ def _fitted(truth: Truth, solved: Solved, work: int, fit: Fit) -> Row:
         for way in (1, -1)
     ]
     gradients = drags[: few.count, None] * (logs[0] - logs[1]) / (2e-3 * scene_slopes)
-    costs = {"green_applications": work, "seconds": None, "setup_s": None}
+    costs = {"green_applications": work, "seconds": None, "setup_s": None, "compile_s": None}
     return _errors(truth, drags, gradients, history) | costs
 
 
@@ -182,12 +192,19 @@ def summary(result: Result) -> list[Row]:
     """A row of words a method: means over the seeds with half the spread; times of the first."""
     rows = []
     for method, mine in by_method(result).items():
-        row = {"method": method, "seconds": mine[0]["seconds"]}
+        row = {"method": method} | _times(mine[0]["seconds"], mine[0]["compile_s"])
         row["work"] = np.mean([one["green_applications"] for one in mine])
         for key in ("error_mean", "error_p95", "error_max", "gradient"):
             row[key] = _spread([one[key] for one in mine])
         rows.append(row | {f"price{k}": _price(mine, mark) for k, mark in enumerate(MARKS)})
     return rows
+
+
+def _times(seconds: float | None, compile_s: float | None) -> dict[str, str]:
+    """Of a training, without and with what is compiled first; rivals compile nothing."""
+    if seconds is None:
+        return {"time": "-", "first": "-"}
+    return {"time": f"{seconds:.0f} s", "first": f"{seconds + compile_s:.0f} s"}
 
 
 def _spread(values: list[float | None]) -> str:
@@ -207,9 +224,9 @@ def _price(mine: list[Row], mark: float) -> str:
 
 
 def tables(result: Result) -> str:
-    heads = "method | drag: mean | 95 % | max | gradient | G | time"
+    heads = "method | drag: mean | 95 % | max | gradient | G | time | with compilation"
     forms = "{method} | {error_mean} | {error_p95} | {error_max} | {gradient}"
-    forms += " | {work:.0f} | {seconds:.0f} s"
+    forms += " | {work:.0f} | {time} | {first}"
     for k, mark in enumerate(MARKS):
         heads, forms = f"{heads} | G (time) to {100 * mark:g} %", f"{forms} | {{price{k}}}"
     return table(summary(result), heads, forms)

@@ -7,7 +7,8 @@ from shapeopt.problem.constraints import Station
 from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
-from surrogate.body.contour import naca4, read_contour
+from surrogate.body.contour import naca4
+from surrogate.body.contour_file import read_contour
 from surrogate.body.family import DEFAULT
 from surrogate.body.form import PARAMETERS
 from surrogate.body.outline import ASPECTS, FLATNESSES

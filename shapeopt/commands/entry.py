@@ -1,10 +1,13 @@
-"""``drag-surrogates COMMAND ...``: the commands of an installed package."""
+"""How commands start; and ``drag-surrogates COMMAND ...``, those of an installed package."""
 
+import contextlib
 import importlib
+import signal
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
-from shapeopt.commands.cli import BAD_INPUT, DONE, run
-
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130  # of cli's statuses, which is not loaded yet
 COMMANDS = {
     "solve": "drag of one body by the flow solver",
     "train": "train a drag surrogate",
@@ -18,12 +21,36 @@ COMMANDS = {
 }
 
 
+@contextlib.contextmanager
+def loading() -> Iterator[None]:
+    """Ctrl-C and SIGTERM wait while libraries load, some of which they would crash; then they end.
+
+    Where signals cannot wait they do as ever.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    ends = {signal.SIGINT, signal.SIGTERM}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ends)
+    try:
+        yield
+        if signal.sigpending() & ends:
+            signal.sigwait(ends)
+            print(f"{Path(sys.argv[0]).name}: interrupted before it began", file=sys.stderr)
+            sys.exit(INTERRUPTED)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def main() -> int:
     """Run a command by its name."""
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     if name in COMMANDS:
         sys.argv = [f"drag-surrogates {name}", *sys.argv[2:]]
-        return run(importlib.import_module(f"shapeopt.commands.{name}").main)
+        with loading():
+            run = importlib.import_module("shapeopt.commands.cli").run
+            command = importlib.import_module(f"shapeopt.commands.{name}").main
+        return run(command)
     usage = "usage: drag-surrogates COMMAND ...\n\n" + "\n".join(
         f"  {command:10}{what}" for command, what in COMMANDS.items()
     )

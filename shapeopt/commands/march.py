@@ -15,6 +15,7 @@ import numpy as np
 from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
 from shapeopt.commands.cli import Parser, emit, finite
 from shapeopt.render.pictures import render_march
+from shapeopt.render.signature import check_picture
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, whole_file
@@ -58,6 +59,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             f"{THINNEST[2]:g} cells thick, can be marched"
         )
     check_target(out, "march.json", ("blockage", "gif"), ("march.gif",), ("march.gif",))
+    check_picture(out / "march.gif", ".gif")
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {

@@ -26,6 +26,7 @@ from shapeopt.runs import check_run_folder, save_run
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
 from surrogate.errors import InvalidInput
+from surrogate.files import path_of
 from surrogate.flow.flow import Flow
 from surrogate.progress import progress_bar
 
@@ -40,20 +41,24 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         raise InvalidInput("--until surrogate: there is none; --surrogate none ends on the flow")
     if arguments.memory and surrogate is not None and arguments.until != "flow":
         raise InvalidInput("--memory: keeps flows, which --until flow or --surrogate none asks for")
+    if arguments.memory and _within(arguments.memory, arguments.out):
+        raise InvalidInput("--memory: lies in the folder of the run, --out; name a place beside it")
     problem = problem_of(arguments, surrogate)
     candidates(problem)  # refuses what cannot be met before any work is done
-    if surrogate is None or arguments.until == "flow":
+    model = surrogate or Flow(problem.scene)
+    on_flow = surrogate is None or arguments.until == "flow"
+    if on_flow:
+        designer = Designer(model, arguments.memory, devices)
         print(problem.scene.explain(), file=sys.stderr)
     with progress_bar("shape optimisation") as progress:
         progress(0.05, "searching")
-        model = surrogate or Flow(problem.scene)
-        if surrogate is None or arguments.until == "flow":
+        if on_flow:
 
             def report(body, flows):
                 told = f"{flows} flows: {body.value:.4f}, KKT residual {body.kkt_residual:.1e}"
                 progress(0.5 - 0.45 / (1 + flows / 8), told)
 
-            design = Designer(model, arguments.memory, devices).design(problem, report)
+            design = designer.design(problem, report)
         else:
             design = optimise(problem, model)
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
@@ -61,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         progress(1.0, f"{verified.objective:.4f} verified")
     try:
         record = save_run(arguments.out, design, surrogate, arguments.surrogate)
-    except OSError:  # what was found is told all the same
+    except (OSError, InvalidInput):  # what was found is told all the same
         found = problem.scene.family.named(design.parameters)
         told = {"parameters": found, "cd_verified": verified.objective}
         emit(told, arguments.json, f"not written: {found}, Cd {verified.objective:.4f} verified")
@@ -69,6 +74,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     hidden = ("scene", "path", "command", "surrogate")
     result = {key: value for key, value in record.items() if key not in hidden}
     return emit(result, arguments.json, _text(record, problem, arguments.out))
+
+
+def _within(file: str, folder: str) -> bool:
+    return path_of(file).resolve().parent == path_of(folder).resolve()
 
 
 def _text(r: dict[str, Any], problem: Problem, out: str) -> str:

@@ -26,6 +26,7 @@ from shapeopt.problem.objective import Robust
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal
 from shapeopt.render.sheets import before_and_after, render_panels
+from shapeopt.render.signature import check_picture
 from shapeopt.runs import check_run_folder, load_run, save_run
 from shapeopt.search.optimise import optimise
 from surrogate.checks import whole_number
@@ -55,6 +56,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     check_target(out, RECORD, ("payoff", "queries"), PICTURES, _ours(arguments))
     for k in (0, PLAIN[preset] - 1):
         check_run_folder(out / f"run-{k}")
+    for picture in PICTURES:
+        check_picture(out / picture, ".png")
     scene = Scene.read(arguments.scene) if arguments.scene else Scene()
     queries = [Problem(scene, reynolds) for reynolds in _plain_reynolds(scene, PLAIN[preset])]
     count = QUERIES[preset] if arguments.queries is None else arguments.queries

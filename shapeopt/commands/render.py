@@ -91,7 +91,10 @@ def _evolution(record, out):
     path = np.array(record["path"])
     captions = [f"Re {record['reynolds']:g}, step {k}" for k in range(len(path))]
     if record["surrogate"] != "none":
-        network = load(record["surrogate"]).network
+        surrogate = load(record["surrogate"])
+        if surrogate.scene != run_scene(record):
+            raise InvalidInput(f"{record['surrogate']}: is of another scene than its run")
+        network = surrogate.network
         reynolds = jnp.asarray(record["reynolds"])
         drags = jax.vmap(network.drag, in_axes=(0, None))(jnp.asarray(path), reynolds)
         captions = [f"{c}, Cd {d:.4f} (surrogate)" for c, d in zip(captions, drags, strict=True)]

@@ -49,14 +49,14 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     with as_one():
         record = carry_out(plan, out, first(), devices).record
     keys = ("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s")
-    result = {key: record[key] for key in (*keys, "weights")}
+    result = {key: record[key] for key in (*keys, "weights", "compile_s")}
     result |= {"out": str(out), "foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
     text = (
         f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
         f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
         f"{result['green_applications']} applications of G (foreseen "
         f"{foreseen.green_applications:.0f}), {record['setup_s'] + result['train_s']:.1f} s "
-        f"(foreseen {seconds:.1f}) -> {out}"
+        f"(foreseen {seconds:.1f}) and {record['compile_s']:.1f} s of compiling -> {out}"
     )
     return emit(result, a.json, text) if first() else result
 

@@ -20,6 +20,7 @@ from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
 DEVIATIONS = 2.0  # where the normal changes of shape are cut off
+FLOATS = {"reynolds": "Reynolds number", "level": "CVaR level", "tolerance": "tolerance"}
 LEAST_KEPT = 0.5 - 1e-6  # of the spread's probability that must lie in the trained range
 
 
@@ -66,6 +67,8 @@ class Weighted:
         for name in ("reynolds", "weights"):
             values = getattr(self, name)
             expect(name, values, list | tuple | np.ndarray | jax.Array, "list of numbers")
+            if np.ndim(values) != 1:
+                raise InvalidInput(f"{name} {values!r}: a list of numbers is needed")
             object.__setattr__(self, name, tuple(finite_number(name, one) for one in values))
         if len(self.reynolds) != len(self.weights) or not self.reynolds:
             raise InvalidInput(
@@ -107,9 +110,11 @@ class Robust:
 
     def __post_init__(self):
         expect("spread", self.spread, LogNormal | Uniform, "distribution, as LogNormal(0.2)")
-        if not 0 <= finite_number("CVaR level", self.level) < 1:
+        for name, told in FLOATS.items():
+            object.__setattr__(self, name, finite_number(told, getattr(self, name)))
+        if not 0 <= self.level < 1:
             raise InvalidInput(f"CVaR level {self.level:g}: from 0 (the mean) to below 1")
-        if not 0 <= finite_number("tolerance", self.tolerance) <= 0.1:
+        if not 0 <= self.tolerance <= 0.1:
             raise InvalidInput(f"tolerance {self.tolerance:g}: from 0 to 0.1 of a range's width")
         for name, low, high in (("cases", 2, 4096), ("seed", 0, 2**31 - 1)):
             object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))

@@ -52,22 +52,13 @@ class Problem:
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
-        for station in self.stations:
-            expect("stations", station, Station, "Station(x, thickness)")
-            finite_number("station x/c", station.x)
+        object.__setattr__(self, "stations", tuple(map(_station, self.stations)))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
-        lengths: dict[str, Any] = {
-            name: getattr(self, name)
-            for name in ("max_length", "min_thickness", "max_thickness", "min_radius")
-        }
-        lengths |= {f"thickness at {s.x:g} c": s.thickness for s in self.stations}
-        for name, bound in lengths.items():
-            if bound is not None and not finite_number(name, bound) > 0:
-                raise InvalidInput(f"{name} {bound:g}: must be a finite length above 0, in D")
-        for station in self.stations:
-            if not 0 < finite_number("station x/c", station.x) < 1:
-                raise InvalidInput(f"station x/c = {station.x:g}: between 0 (nose) and 1 (tail)")
-        if not 0 <= finite_number("trust", self.trust) < 0.5:
+        for name in ("max_length", "min_thickness", "max_thickness", "min_radius"):
+            if (bound := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _length(name, bound))
+        object.__setattr__(self, "trust", finite_number("trust", self.trust))
+        if not 0 <= self.trust < 0.5:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
         self._check_ranges()
 
@@ -92,11 +83,11 @@ class Problem:
             low,
             high,
             self.scenarios.shift,
-            np.asarray(float(longest)),
-            np.asarray(float(self.min_thickness or 0.0)),
+            np.asarray(longest),
+            np.asarray(self.min_thickness or 0.0),
             np.asarray(bounds, float),
             np.array(self.stations, float).reshape(-1, 2),
-            np.asarray(float(self.min_radius or 0.0)),
+            np.asarray(self.min_radius or 0.0),
             self.scene.family.form,
         )
 
@@ -128,3 +119,20 @@ class Problem:
                     f"{name}: its range and trust {self.trust:g} (or the tolerance) contradict "
                     "each other; relax one of them"
                 )
+
+
+def _station(given: Any) -> Station:
+    """A station of plain floats."""
+    expect("stations", given, Station, "Station(x, thickness)")
+    x = finite_number("station x/c", given.x)
+    if not 0 < x < 1:
+        raise InvalidInput(f"station x/c = {x:g}: between 0 (nose) and 1 (tail)")
+    return Station(x, _length(f"thickness at {x:g} c", given.thickness))
+
+
+def _length(name: str, given: Any) -> float:
+    """Above 0, as a float."""
+    length = finite_number(name, given)
+    if not length > 0:
+        raise InvalidInput(f"{name} {length:g}: must be a finite length above 0, in D")
+    return length

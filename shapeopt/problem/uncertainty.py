@@ -18,7 +18,8 @@ class LogNormal:
     spread: float
 
     def __post_init__(self):
-        if not 0 <= finite_number("spread", self.spread) <= 2:
+        object.__setattr__(self, "spread", finite_number("spread", self.spread))
+        if not 0 <= self.spread <= 2:
             raise InvalidInput(f"spread {self.spread:g}: from 0 to 2, of log Re")
 
     def around(self, nominal: float) -> Any:
@@ -33,7 +34,8 @@ class Uniform:
     spread: float
 
     def __post_init__(self):
-        if not 0 <= finite_number("spread", self.spread) < 1:
+        object.__setattr__(self, "spread", finite_number("spread", self.spread))
+        if not 0 <= self.spread < 1:
             raise InvalidInput(f"spread {self.spread:g}: from 0 to below 1, of Re")
 
     def around(self, nominal: float) -> Any:

@@ -6,6 +6,7 @@ model promises nothing better anywhere. Alexandrov and Lewis 2001, with memory.
 """
 
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -92,7 +93,7 @@ class Designer:
     def design(self, problem: Problem, report: Report = lambda body, flows: None) -> Design:
         """The flow's own optimum of a problem; ``report(body, flows)`` hears of every body solved.
 
-        Flows are kept whatever comes of the design.
+        Flows are kept whatever comes of the design; where they cannot be, a warning says so.
 
         Raises:
           InvalidInput: no body satisfies the constraints, or the problem is of another scene.
@@ -105,7 +106,7 @@ class Designer:
         try:
             solved, calls = self._search(problem, report)
         finally:
-            memory.save()
+            self._keep()
         best = min(solved, key=_preference)
         if best.kkt_residual > WIGGLE:
             raise NotConverged(
@@ -128,6 +129,13 @@ class Designer:
             green_applications=memory.green_applications - before[1],
             seconds=time.perf_counter() - begin,
         )
+
+    def _keep(self) -> None:
+        """Put flows into the file; where that fails the design is not lost."""
+        try:
+            self.memory.save()
+        except (OSError, InvalidInput) as problem:
+            warnings.warn(f"the flows of this design were not kept: {problem}", stacklevel=3)
 
     def _search(self, problem: Problem, report: Report) -> tuple[list[Solved], int]:
         """Bodies that were solved on the way to an optimum, and drags asked of models."""

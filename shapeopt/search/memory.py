@@ -1,5 +1,6 @@
 """What the flow has told so far: drags with slopes, kept between designs, in a file if asked."""
 
+import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_file, locked, whole_file
+from surrogate.files import check_file, locked, strict_json, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.flow.steps import Slope
 from surrogate.model.inputs import scene_inputs
@@ -116,13 +117,19 @@ class Memory:
             flows = [
                 [t.parameters.tolist(), t.reynolds, t.drag, t.slopes.tolist()] for t in self.told
             ]
-            record = {"kind": KIND, "scene": self.flow.scene.record, "flows": flows}
+            record = {"kind": KIND, "scene": self.flow.scene.record, "sha256": _digest(flows)}
+            record["flows"] = flows
             with whole_file(self.file) as part:
                 part.write_text(json.dumps(record) + "\n")
 
 
 def _body(parameters, reynolds):
     return (*np.asarray(parameters, float).tolist(), float(reynolds))
+
+
+def _digest(flows):
+    """Of what was told, by which a number that was altered is noticed."""
+    return hashlib.sha256(json.dumps(flows).encode()).hexdigest()
 
 
 def _read(file: Path, flow: Flow) -> list[Told]:
@@ -132,8 +139,11 @@ def _read(file: Path, flow: Flow) -> list[Told]:
       InvalidInput: it is damaged, foreign, or of another scene.
     """
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
+        record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
+            raise ValueError
+        right = _digest(record["flows"])
+        if record.get("sha256", right) != right:  # older files have none
             raise ValueError
         told = [Told(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
         size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]

@@ -29,7 +29,7 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
     """
     check_model(model)
     check_problem(problem, model.scene)
-    if until not in (None, "surrogate", "flow"):
+    if not isinstance(until, str | None) or until not in (None, "surrogate", "flow"):
         raise InvalidInput(f"until {until!r}: 'surrogate' or 'flow'")
     if isinstance(model, Flow) and until == "surrogate":
         raise InvalidInput("until 'surrogate': the model is the flow itself")

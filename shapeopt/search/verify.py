@@ -70,7 +70,8 @@ def verify(
     flow, scenarios = Flow(problem.scene), problem.scenarios
     parameters = problem.scene.family.check(parameters)
     cylinder = cylinder_drags(problem) if cylinder is None else np.asarray(cylinder)
-    if cylinder.shape != scenarios.weight.shape or not np.all(cylinder > 0):
+    sound = np.all((cylinder > 0) & np.isfinite(cylinder))
+    if cylinder.shape != scenarios.weight.shape or not sound:
         raise InvalidInput(f"cylinder: {cylinder}; a drag above 0 of every case is needed")
     solutions = tuple(
         flow.solve(parameters + shift, reynolds, estimate=estimate, allow_unsteady=True)

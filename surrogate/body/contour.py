@@ -1,7 +1,4 @@
-"""Any closed contour: read it, check it, and give it smooth markers at equidistant t."""
-
-import re
-from pathlib import Path
+"""Any closed contour: check it, and give it smooth markers at equidistant t."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,60 +9,16 @@ from shapely import LinearRing
 
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import AREA, moments
+from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import path_of
 
 FINE = 4096  # points of the intermediate resampling
-FAR = 8.0  # sizes from the body, at which a first row is none of it
 LOST = 0.2  # D, by which a smoothed contour may be off
-
-
-def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
-    """Read rows of x and y: CSV with any usual delimiter, Selig's or Lednicer's .dat.
-
-    Titles, headers, comments and empty lines are passed over; decimal commas and Fortran's
-    exponents are read.
-
-    Raises:
-      InvalidInput: the file is missing or is not text, a row is not two finite numbers, or
-        Lednicer's counts are not those of the rows.
-    """
-    path = path_of(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as problem:
-        reason = getattr(problem, "strerror", None) or "it is not a text file"
-        raise InvalidInput(f"contour {path}: cannot be read ({reason})") from None
-    lines = [line.split("#")[0].strip().strip(",;|") for line in lines]
-    rows = [(k, _words(line)) for k, line in enumerate(lines, start=1) if line]
-    while rows and (_pair(rows[0][1]) is None and (len(rows[0][1]) != 2 or not _told(rows[0][1]))):
-        rows = rows[1:]  # titles and headers, a lone number among them
-    if not rows:
-        raise InvalidInput(
-            f"contour {path}: none of its {len(lines)} rows is two finite numbers, x and y; "
-            "columns apart by commas, semicolons, tabs or spaces are read"
-        )
-    points = []
-    for k, words in rows:
-        if (pair := _pair(words)) is None:
-            raise InvalidInput(f"contour {path}: row {k} must be two finite numbers, x and y")
-        points.append(pair)
-    counts, sides = points[0], np.array(points[1:]).reshape(-1, 2)
-    if len(sides) and np.abs(counts - sides.mean(axis=0)).max() > FAR * np.ptp(sides):
-        points = points[1:]  # numbers that stand so far off are a title, or Lednicer's counts
-    if sum(counts) == len(sides) and min(counts) >= 2:  # Lednicer: both sides from nose to tail
-        upper = int(counts[0])
-        return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
-    if len(points) == len(sides) and _nearly(counts, len(sides)):
-        told = " + ".join(f"{count:g}" for count in counts)
-        raise InvalidInput(
-            f"contour {path}: row {rows[0][0]} counts {told} points, where {len(sides)} follow"
-        )
-    return np.array(points)
 
 
 def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
     """NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
+    points = whole_number("points", points, 8, 10**6)
     if not isinstance(code, str) or len(code) != 4 or not code.isdecimal() or code[2:] == "00":
         raise InvalidInput(
             f"NACA {code}: four digits with a thickness above 00 are needed, as 0012"
@@ -107,6 +60,8 @@ def smooth_contour(
     Raises:
       InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
     """
+    if np.ma.is_masked(points):
+        raise InvalidInput("contour: some of its points are masked; leave them out")
     try:
         points = np.asarray(points)
     except ValueError:
@@ -156,38 +111,6 @@ def _farthest(points, smooth):
 def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
     """Whether the closed polygon crosses or touches itself anywhere but where edges meet."""
     return not LinearRing(points).is_simple
-
-
-def _words(line):
-    """Of a row; two columns may have decimal commas, and D in the place of E."""
-    line = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", line.replace('"', ""))
-    columns = re.split(r"[\s;|]+", line)
-    if len(columns) == 2 and re.search(r"\d,\d", line):
-        return [re.sub(r"(?<=\d),(?=\d)", ".", column) for column in columns]
-    return re.split(r"[\s,;|]+", line)
-
-
-def _nearly(counts, points):
-    """Whether two whole numbers are meant as Lednicer's counts of so many points."""
-    whole = all(count == round(count) and count >= 2 for count in counts)
-    return whole and 0.8 < sum(counts) / points < 1.25
-
-
-def _pair(words):
-    """Two finite numbers, or None."""
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        return None
-    return values if len(values) == 2 and np.all(np.isfinite(values)) else None
-
-
-def _told(words):
-    """Whether words are numbers at all, if only nan: a row that is wrong, not a title."""
-    try:
-        return bool([float(word) for word in words])
-    except ValueError:
-        return False
 
 
 def _distinct(points):

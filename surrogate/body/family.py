@@ -16,7 +16,7 @@ from surrogate.arrays import AnyArray, Body
 from surrogate.body.form import PARAMETERS, Form
 from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, opening
 from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
-from surrogate.checks import interval
+from surrogate.checks import expect, finite_number, interval, real_numbers, whole_number
 from surrogate.errors import InvalidInput
 
 BETAS = {"beta2": (-0.3, 0.3), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
@@ -42,8 +42,7 @@ class Family:
     dimension: int
 
     def __init__(self, /, dimension: int = 2, **ranges: Range | Any):
-        if dimension not in (2, 3):
-            raise InvalidInput(f"dimension {dimension!r}: 2, in the plane, or 3, in space")
+        dimension = whole_number("dimension", dimension, 2, 3)
         ranges = ranges or DEFAULT[dimension]
         for name in ranges:
             if name not in PARAMETERS:
@@ -62,7 +61,7 @@ class Family:
                     f"range of {name} {low:g} to {high:g}: from {least:g} to {most:g}"
                 )
         object.__setattr__(self, "ranges", tuple(ordered))
-        object.__setattr__(self, "dimension", int(dimension))
+        object.__setattr__(self, "dimension", dimension)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -163,15 +162,19 @@ class Family:
         """The array of parameters given by name; betas not named are zero, flatness 1.
 
         Raises:
-          InvalidInput: a name is not the family's.
+          InvalidInput: a name is not the family's, the aspect is missing, or a value is no number.
         """
+        expect("body", named, Mapping, "table of parameters, as {'aspect': 2}")
+        if "aspect" not in named:
+            raise InvalidInput(f"body: has no aspect; {self._wanted}")
+        values = {name: finite_number(name, value) for name, value in named.items()}
         usual = {"flatness": 1.0}
-        foreign = [n for n in named if n not in self.names and named[n] != usual.get(n, 0.0)]
+        foreign = [n for n in values if n not in self.names and values[n] != usual.get(n, 0.0)]
         if foreign:
             raise InvalidInput(
                 f"body: {foreign[0]} is none of the family's {', '.join(self.names)}"
             )
-        return np.array([float(named.get(n, usual.get(n, 0.0))) for n in self.names])
+        return np.array([values.get(n, usual.get(n, 0.0)) for n in self.names])
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
         """Uniform in the bounds; members that close on themselves are drawn again.
@@ -179,6 +182,7 @@ class Family:
         Raises:
           InvalidInput: nearly all bodies in these bounds cross themselves.
         """
+        count = whole_number("count", count, 0, 10**7)
         low, high = self.bounds.T
         size, found, total = 4 * count + 64, [], 0
         for attempt in itertools.count():
@@ -222,15 +226,11 @@ class Family:
         Raises:
           InvalidInput: they are none.
         """
-        try:
-            values = np.asarray(parameters)
-        except (ValueError, TypeError):
-            values = np.empty((), object)
-        if np.ma.is_masked(parameters):
-            raise InvalidInput(f"body {parameters!r}: some of it is masked; {self._wanted}")
-        if values.dtype.kind not in "iuf":
-            raise InvalidInput(f"body {parameters!r}: must be numbers, {self._wanted}")
-        values = values.astype(float)
+        if (values := real_numbers(parameters)) is None:
+            raise InvalidInput(
+                f"body {parameters!r}: must be numbers, none masked, and a jax.numpy array where "
+                f"they are traced; {self._wanted}"
+            )
         if values.ndim == 2:
             raise InvalidInput(f"body: a batch of {len(values)}; jax.vmap takes batches, one here")
         if values.shape != (len(self.names),):
@@ -245,7 +245,9 @@ class Family:
         Raises:
           InvalidInput: they are not as many numbers as the family has, or one describes no body.
         """
-        values = np.asarray(bodies, float)
+        values = real_numbers(bodies)
+        if values is None:
+            raise InvalidInput(f"bodies: must be arrays of real numbers; of each {self._wanted}")
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
         least = np.asarray(jax.vmap(lambda p: opening(p, self.form))(jnp.asarray(values)))

@@ -13,7 +13,7 @@ from surrogate.body.contour import smooth_contour
 from surrogate.body.form import PARAMETERS, Form
 from surrogate.body.outline import check_body, family_markers
 from surrogate.body.solid import Skin, half_axes, skin
-from surrogate.checks import expect, finite_number
+from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 NODES = 400  # of the contour that a reach is measured on
@@ -75,6 +75,7 @@ def family_shape(
         raise InvalidInput(f"body: {told}; {', '.join(PARAMETERS)}")
     named = {name: finite_number(name, value) for name, value in parameters.items()}
     named = {name: named[name] for name in PARAMETERS if name in named}
+    dimension = whole_number("dimension", dimension, 2, 3)
     check_body(named, dimension)
     turn = _incidence(incidence)
     if turn and dimension == 3:

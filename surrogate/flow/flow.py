@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.outline import LEAST_OPENING, opening
 from surrogate.body.shape import Shape, family_shape
-from surrogate.checks import one_body, traced
+from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices, deal_bodies
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.check.trust import Forces, Trust, judge
@@ -51,6 +51,7 @@ class Flow:
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
             raise InvalidInput(f"flow: {self.scene!r} is no Scene")
+        expect("flow", self.settings, NewtonSettings, "NewtonSettings")
 
     @functools.cached_property
     def domain(self) -> Domain:
@@ -131,6 +132,10 @@ class Flow:
             raise InvalidInput(f"{len(parameters)} bodies, Reynolds numbers {reynolds.shape}")
         for extreme in (reynolds.min(), reynolds.max()) if reynolds.size else ():
             self._check_reynolds(extreme, True)
+        if np.any(_reaches(self, parameters) > self.domain.reach):
+            raise InvalidInput(
+                "bodies: one reaches beyond those that the scene's grid was made for"
+            )
         devices = devices or choose_devices()
         deal = deal_bodies(devices, hardness(parameters, reynolds))
         found = all_solver(self, devices, slopes)(*devices.share((deal, parameters, reynolds)))
@@ -240,6 +245,11 @@ class Flow:
                 f"{highest:g}; a Scene that reaches further would do"
             )
         return value
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _reaches(flow: Flow, parameters: Float[Array, "bodies parameters"]) -> Float[Array, "bodies _"]:
+    return jax.vmap(flow._reach)(parameters)
 
 
 def _fit(scene: Scene, shape: Shape, fidelity: Fidelity, reynolds: float) -> Domain:

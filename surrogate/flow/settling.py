@@ -72,6 +72,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
       InvalidInput: the body is of the plane, or moves too slowly or fast for a steady flow.
       NotConverged: a flow was not found, or no balance.
     """
+    expect("settling", flow, Flow, "Flow")
     expect("settling", shape, Shape, "Shape; family_shape(..., dimension=3) makes one")
     expect("settling", particle, Particle, "Particle(density_ratio, viscosity, size)")
     if shape.dimension != 3:

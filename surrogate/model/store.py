@@ -13,7 +13,7 @@ import numpy as np
 
 from surrogate.checks import expect, whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import check_target, path_of, whole_files
+from surrogate.files import check_target, path_of, strict_json, whole_files
 from surrogate.flow.grid.domain import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
@@ -45,7 +45,8 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
             "format": FORMAT,
             "scene": surrogate.scene.record,
             "sizes": [int(layer.weight.shape[0]) for layer in surrogate.network.layers],
-            "weights_sha256": _digest(part / WEIGHTS),
+            "weights_sha256": _digest((part / WEIGHTS).read_bytes()),
+            "scene_sha256": _digest(_told(surrogate.scene.record)),
             "versions": versions(),
         }
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
@@ -64,12 +65,14 @@ def load(name: str | Path) -> Surrogate:
     Raises:
       InvalidInput: it is missing, damaged, or not a surrogate.
     """
-    path_of(name)
+    folder = path_of(name)
     kind, _, method = str(name).partition(":")
-    folder = PRETRAINED / (method or BEST) if kind == "pretrained" else Path(name)
+    if kind == "pretrained":
+        folder = PRETRAINED / (method or BEST)
     what = f"surrogate {folder}"
     if not folder.is_dir():
-        raise InvalidInput(f"{what}: no such folder, nor pretrained, which ships")
+        shipped = ", ".join(f"pretrained:{one.name}" for one in sorted(PRETRAINED.iterdir()))
+        raise InvalidInput(f"surrogate {name}: no such folder; pretrained ships, and {shipped}")
     record = _read_record(folder, what)
     try:
         scene = Scene.of(record["scene"])
@@ -85,8 +88,11 @@ def load(name: str | Path) -> Surrogate:
         )
     blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
-    if _digest(folder / WEIGHTS) != record.get("weights_sha256"):
+    if _digest((folder / WEIGHTS).read_bytes()) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
+    saved = _digest(_told(record["scene"]))
+    if record.get("scene_sha256", saved) != saved:  # older records have none
+        raise InvalidInput(f"{what}: damaged, its scene is not what was saved")
     _check_numbers(network, scene, what)
     return Surrogate(network, scene, record)
 
@@ -96,7 +102,7 @@ def _read_record(folder: Path, what: str) -> dict[str, Any]:
     if path.is_file() and path.stat().st_size > LONGEST_RECORD:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is too large")
     try:
-        record = json.loads(path.read_text(encoding="utf-8"))
+        record = strict_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is unreadable") from None
     if not isinstance(record, dict) or "format" not in record:
@@ -122,5 +128,9 @@ def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
         raise InvalidInput(f"{what}: damaged, its weights are of other ranges than its scene")
 
 
-def _digest(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def _told(scene):
+    return json.dumps(scene, sort_keys=True).encode()
+
+
+def _digest(content):
+    return hashlib.sha256(content).hexdigest()

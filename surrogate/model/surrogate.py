@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import Body, Number
+from surrogate.body.outline import LEAST_OPENING, opening
 from surrogate.checks import finite_number, one_body, traced
 from surrogate.errors import InvalidInput
 from surrogate.model.network import DragNetwork
@@ -33,7 +34,7 @@ class Surrogate:
         """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
 
         For jit, vmap and jax.grad in both arguments. Under a transformation, what lies outside
-        the trained ranges is NaN unless ``extrapolate``.
+        the trained ranges is NaN unless ``extrapolate``, and a body that crosses itself always.
 
         Raises:
           InvalidInput: no such body or Reynolds number, or outside the trained ranges.
@@ -50,12 +51,12 @@ class Surrogate:
             if not 0 < float(cd) < np.inf:
                 raise InvalidInput(f"surrogate: its weights give Cd {float(cd):g}; it is damaged")
             return cd
-        if extrapolate:
-            return cd
         low, high = self._bounds.T
         values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
         inside = jnp.maximum(low - values, values - high) <= SLACK * (high - low + 1)
-        return cd * jnp.where(jnp.all(inside), 1.0, jnp.nan)  # so is its gradient
+        known = jnp.all(inside) | extrapolate
+        known &= opening(values[:-1], self.scene.family.form) >= LEAST_OPENING
+        return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
 
     def knows(self, parameters: Body, reynolds: Number) -> bool:
         """Whether body and Reynolds number lie within the trained ranges.

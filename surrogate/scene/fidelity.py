@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from surrogate.checks import finite_number, whole_number
+from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 LONGEST_WINDOW = 40.0  # downstream, in D
@@ -30,6 +30,7 @@ class Fidelity:
     promise: float = 0.015
 
     def __post_init__(self):
+        expect("fidelity", self.name, str, "name")
         plain = {
             "cells": whole_number("cells per D", self.cells, 3, MOST_CELLS),
             "harmonics": whole_number("harmonics", self.harmonics, 1, 31),

@@ -66,7 +66,8 @@ class Scene:
             put("family", Family(dimension=2 if self.dimension is None else self.dimension))
         if not isinstance(self.family, Family):
             raise InvalidInput(f"scene: {self.family!r} is no family; Family(aspect=(1, 5)) is")
-        if self.dimension not in (None, self.family.dimension):
+        given = self.family.dimension if self.dimension is None else self.dimension
+        if whole_number("dimension", given, 2, 3) != self.family.dimension:
             raise InvalidInput(
                 f"scene: dimension {self.dimension!r}, but a family of dimension "
                 f"{self.family.dimension}; Family(dimension=...) sets it"
@@ -133,9 +134,15 @@ class Scene:
         }
 
     def write(self, path: str | Path) -> None:
-        """Keep the scene as a TOML file, whole or not at all."""
+        """Keep the scene as a TOML file, whole or not at all.
+
+        Raises:
+          InvalidInput: a folder is there, or a file that is no scene.
+        """
         if path_of(path).is_dir():
             raise InvalidInput(f"{path}: is a folder; a file is needed")
+        if Path(path).is_file() and not _is_scene(path):
+            raise InvalidInput(f"{path}: is of another program; choose another name")
         plain = self.record
         family, fidelity = plain.pop("family"), plain.pop("fidelity")
         tables = {"family": family}
@@ -271,3 +278,11 @@ def _toml(table):
         return repr(value)
 
     return [f"{name} = {text(value)}" for name, value in table.items()]
+
+
+def _is_scene(path):
+    try:
+        Scene.read(path)
+    except InvalidInput:
+        return False
+    return True

@@ -49,13 +49,15 @@ class Point(NamedTuple):
 class Trained:
     """A finished training; ``stopped`` says why it ended early, if it did.
 
-    ``waiting`` are applications of G that idle devices and lanes could have done.
+    ``waiting`` are applications of G that idle devices and lanes could have done, ``compile_s``
+    what compiling the update took.
     """
 
     network: DragNetwork
     history: tuple[Point, ...]
     stopped: str | None
     waiting: int
+    compile_s: float
 
 
 class Stage(NamedTuple):
@@ -74,7 +76,7 @@ class Stage(NamedTuple):
 class Bench(NamedTuple):
     """What all methods share: physics of the samples, held-out bodies, initial network.
 
-    ``setup_s`` is the time the preparation of the samples took, compilation excluded.
+    ``setup_s`` is the time the preparation of the samples took, ``compile_s`` that of compiling it.
     """
 
     physics: Physics
@@ -82,6 +84,7 @@ class Bench(NamedTuple):
     labels: Labels
     network: DragNetwork
     setup_s: float
+    compile_s: float
 
 
 def make_bench(plan: Plan, devices: Devices | None = None) -> Bench:
@@ -98,13 +101,14 @@ def make_bench(plan: Plan, devices: Devices | None = None) -> Bench:
     devices = devices or choose_devices()
     labels = flow.labels(*held_out, devices)
     samples, deal = devices.share((samples, deal_samples(samples, devices)))
-    prepare = prepare_physics.lower(flow, samples, deal).compile(devices.options)
     start = time.perf_counter()
+    prepare = prepare_physics.lower(flow, samples, deal).compile(devices.options)
+    compiled = time.perf_counter()
     physics = jax.block_until_ready(prepare(samples, deal))
-    setup_s = time.perf_counter() - start
+    seconds = time.perf_counter() - compiled, compiled - start
     oseen = np.asarray(physics.tractions)
     network = make_network(plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen)
-    return Bench(physics, *devices.share((held_out, labels, network)), setup_s)
+    return Bench(physics, *devices.share((held_out, labels, network)), *seconds)
 
 
 def run_training(
@@ -138,7 +142,9 @@ def run_training(
         np.zeros((_points(plan) + 1, len(Point._fields))),
     )
     run = (checkpoint and load_checkpoint(checkpoint, plan, fresh, deal)) or fresh
+    start = time.perf_counter()
     update = compiled_update(method, run, physics, batches(0))
+    compile_s = time.perf_counter() - start
     clock, saved, stopped, good = _Clock(float(run.seconds)), time.perf_counter(), None, run
     while int(run.iteration) < plan.iterations:
         done = _done(plan, int(run.iteration), clock)
@@ -179,7 +185,8 @@ def run_training(
     history = _history(run)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
-    return Trained(jax.tree.map(np.asarray, run.network), history, stopped, int(run.waiting))
+    network = jax.tree.map(np.asarray, run.network)
+    return Trained(network, history, stopped, int(run.waiting), compile_s)
 
 
 def compiled_update(method: Method, run: Stage, physics: Physics, batch: Batch) -> Callable:

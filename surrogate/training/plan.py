@@ -104,9 +104,9 @@ def make_plan(
     Raises:
       InvalidInput: no such method or preset, or a number that makes no sense.
     """
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise InvalidInput(f"method {method!r}: one of {', '.join(METHODS)}")
-    if preset not in PRESETS:
+    if not isinstance(preset, str) or preset not in PRESETS:
         raise InvalidInput(f"preset {preset!r}: one of {', '.join(PRESETS)}")
     chosen = PRESETS[preset]
     if scene is not None and not isinstance(scene, Scene):

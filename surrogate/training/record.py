@@ -20,6 +20,7 @@ def surrogate_of(plan: Plan, trained: Trained, bench: Bench) -> Surrogate:
         "weights": int(trained.network.weights.size),
         "command": command_line(),
         "setup_s": bench.setup_s,
+        "compile_s": bench.compile_s + trained.compile_s,
         "devices": bench.physics.deal.devices.count,
         "waiting": trained.waiting,
         "published": plan.published,

@@ -1,0 +1,116 @@
+"""Contours as files have them: CSV in its many ways, Selig's and Lednicer's coordinates."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
+from surrogate.errors import InvalidInput
+from surrogate.files import path_of
+
+FAR = 8.0  # sizes from the body, at which a first row is none of it
+TITLES = 5  # rows of titles and headers, at most
+LARGEST = 1 << 27  # bytes of a file
+
+
+def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
+    """Read rows of x and y: CSV with any usual delimiter, Selig's or Lednicer's .dat.
+
+    Titles, headers, comments and empty lines are passed over; decimal commas and Fortran's
+    exponents are read.
+
+    Raises:
+      InvalidInput: the file is missing or is not text, a row is not two finite numbers, or
+        Lednicer's counts are not those of the rows.
+    """
+    path = path_of(path)
+    lines = [_bare(line) for line in _text(path).splitlines()]
+    rows = [(k, _words(line)) for k, line in enumerate(lines, start=1) if line]
+    count = len(rows)
+    while rows and _is_title(rows[0][1]) and count - len(rows) < TITLES:
+        if rows[0][1][:2] in (["y", "x"], ["Y", "X"]):
+            raise InvalidInput(f"contour {path}: row {rows[0][0]} names y first; x comes first")
+        rows = rows[1:]
+    if not rows:
+        raise InvalidInput(
+            f"contour {path}: none of its {len(lines)} rows is two finite numbers, x and y; "
+            "columns apart by commas, semicolons, tabs or spaces are read"
+        )
+    points = []
+    for k, words in rows:
+        if (pair := _pair(words)) is None:
+            raise InvalidInput(f"contour {path}: row {k} must be two finite numbers, x and y")
+        points.append(pair)
+    counts, sides = points[0], np.array(points[1:]).reshape(-1, 2)
+    if len(sides) and np.abs(counts - sides.mean(axis=0)).max() > FAR * np.ptp(sides):
+        points = points[1:]  # numbers that stand so far off are a title, or Lednicer's counts
+    if sum(counts) == len(sides) and min(counts) >= 2:  # Lednicer: both sides from nose to tail
+        upper = int(counts[0])
+        return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
+    if len(points) == len(sides) and _nearly(counts, len(sides)):
+        told = " + ".join(f"{count:g}" for count in counts)
+        raise InvalidInput(
+            f"contour {path}: row {rows[0][0]} counts {told} points, where {len(sides)} follow"
+        )
+    return np.array(points)
+
+
+def _text(path):
+    """Of a file that is not endless; in UTF-16 where it says so."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
+    except OSError as problem:
+        raise InvalidInput(f"contour {path}: cannot be read ({problem.strerror})") from None
+    if len(content) > LARGEST:
+        raise InvalidInput(f"contour {path}: is larger than {LARGEST >> 20} MiB")
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", "replace")
+    if b"\0" in content:
+        raise InvalidInput(f"contour {path}: cannot be read (it is not a text file)")
+    return content.decode("utf-8-sig", "replace")  # titles may be of other letters
+
+
+def _bare(line):
+    """A row without comments, with plain minus signs."""
+    line = re.split(r"#|%|!|//", line)[0].replace("\N{MINUS SIGN}", "-")
+    return line.strip().strip(",;|").strip()
+
+
+def _is_title(words):
+    """Titles and headers, a lone number among them; other rows of numbers are wrong ones."""
+    return _pair(words) is None and (len(words) == 1 or not _told(words))
+
+
+def _words(line):
+    """Of a row; two columns may have decimal commas, and D in the place of E."""
+    line = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", line.replace('"', ""))
+    columns = re.split(r"[\s;|]+", line)
+    if len(columns) == 2 and re.search(r"\d,\d", line):
+        return [re.sub(r"(?<=\d),(?=\d)", ".", column) for column in columns]
+    return re.split(r"[\s,;|]+", line)
+
+
+def _nearly(counts, points):
+    """Whether two whole numbers are meant as Lednicer's counts of so many points."""
+    whole = all(count == round(count) and count >= 2 for count in counts)
+    return whole and 0.8 < sum(counts) / points < 1.25
+
+
+def _pair(words):
+    """Two finite numbers, or None."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        return None
+    return values if len(values) == 2 and np.all(np.isfinite(values)) else None
+
+
+def _told(words):
+    """Whether words are numbers at all, if only nan."""
+    try:
+        return bool([float(word) for word in words])
+    except ValueError:
+        return False
