@@ -264,9 +264,9 @@ def test_numbers_of_every_kind_are_numbers(net):
     ):
         assert net.drag(body, reynolds) == pytest.approx(plain, rel=1e-12)
     exact = {"max_length": Fraction(9, 5), "trust": Decimal("0.01")}
-    station = [Station(Fraction(1, 2), Decimal("0.3"))]
+    stations = (Station(Fraction(1, 2), Decimal("0.3")),)
     problem = Problem(net.scene, Robust(Decimal(20), LogNormal(Decimal("0.2")), cases=4), **exact)
-    assert optimise(dataclasses.replace(problem, stations=station), net).kkt_residual < 1e-3
+    assert optimise(dataclasses.replace(problem, stations=stations), net).kkt_residual < 1e-3
 
 
 def test_a_body_that_crosses_itself_has_no_drag_under_jit_either(net):

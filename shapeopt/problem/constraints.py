@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Number
 from surrogate.body.family import ROOMY
 from surrogate.body.form import Form
 from surrogate.body.measures import chord, least, radii, thickness, thickness_at, thicknesses
@@ -17,8 +17,8 @@ from surrogate.body.outline import opening
 class Station(NamedTuple):
     """At x/c (0 the nose, 1 the tail) the body is at least ``thickness`` D thick."""
 
-    x: float
-    thickness: float
+    x: Number
+    thickness: Number
 
 
 class Limits(eqx.Module):

@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float
 from scipy import stats
 
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Number
 from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
@@ -101,10 +101,10 @@ class Robust:
     and Uryasev 2000). One ``seed`` draws the same ``cases`` for every body (Latin hypercube).
     """
 
-    reynolds: float
+    reynolds: Number
     spread: LogNormal | Uniform
-    tolerance: float = 0.0
-    level: float = 0.0
+    tolerance: Number = 0.0
+    level: Number = 0.0
     cases: int = 32
     seed: int = 0
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from surrogate.arrays import Number
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
@@ -15,7 +16,7 @@ from surrogate.errors import InvalidInput
 class LogNormal:
     """log Re is normal about the log of the nominal Re, with standard deviation ``spread``."""
 
-    spread: float
+    spread: Number
 
     def __post_init__(self):
         object.__setattr__(self, "spread", finite_number("spread", self.spread))
@@ -31,7 +32,7 @@ class LogNormal:
 class Uniform:
     """Re is uniform within the relative ``spread`` on both sides of the nominal Re."""
 
-    spread: float
+    spread: Number
 
     def __post_init__(self):
         object.__setattr__(self, "spread", finite_number("spread", self.spread))

@@ -13,7 +13,7 @@ from scipy.optimize import lsq_linear
 from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, Body
-from surrogate.body.form import PARAMETERS, Form
+from surrogate.body.form import PARAMETERS, Form, check_dimension
 from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, opening
 from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
 from surrogate.checks import expect, finite_number, interval, real_numbers, whole_number
@@ -42,7 +42,7 @@ class Family:
     dimension: int
 
     def __init__(self, /, dimension: int = 2, **ranges: Range | Any):
-        dimension = whole_number("dimension", dimension, 2, 3)
+        dimension = check_dimension(dimension)
         ranges = ranges or DEFAULT[dimension]
         for name in ranges:
             if name not in PARAMETERS:

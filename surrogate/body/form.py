@@ -1,14 +1,32 @@
 """What the numbers of a body mean: the names of its parameters, in the plane or in space."""
 
 import dataclasses
+from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.errors import InvalidInput
 
 PARAMETERS = ("aspect", "flatness", *(f"beta{k}" for k in range(2, 13)))
 RATIOS = ("aspect", "flatness")  # whose logarithms the drag varies smoothly with
+
+
+def check_dimension(value: Any) -> int:
+    """2 or 3.
+
+    Raises:
+      InvalidInput: it is anything else.
+    """
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | np.number)
+        or value not in (2, 3)
+    ):
+        raise InvalidInput(f"dimension {value!r}: 2, in the plane, or 3, in space")
+    return int(value)
 
 
 @dataclasses.dataclass(frozen=True)

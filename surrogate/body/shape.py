@@ -10,10 +10,10 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.contour import smooth_contour
-from surrogate.body.form import PARAMETERS, Form
+from surrogate.body.form import PARAMETERS, Form, check_dimension
 from surrogate.body.outline import check_body, family_markers
 from surrogate.body.solid import Skin, half_axes, skin
-from surrogate.checks import expect, finite_number, whole_number
+from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 
 NODES = 400  # of the contour that a reach is measured on
@@ -75,7 +75,7 @@ def family_shape(
         raise InvalidInput(f"body: {told}; {', '.join(PARAMETERS)}")
     named = {name: finite_number(name, value) for name, value in parameters.items()}
     named = {name: named[name] for name in PARAMETERS if name in named}
-    dimension = whole_number("dimension", dimension, 2, 3)
+    dimension = check_dimension(dimension)
     check_body(named, dimension)
     turn = _incidence(incidence)
     if turn and dimension == 3:

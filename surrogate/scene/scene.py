@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from surrogate.body.family import Family
+from surrogate.body.form import check_dimension
 from surrogate.checks import finite_number, interval, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file
@@ -67,7 +68,7 @@ class Scene:
         if not isinstance(self.family, Family):
             raise InvalidInput(f"scene: {self.family!r} is no family; Family(aspect=(1, 5)) is")
         given = self.family.dimension if self.dimension is None else self.dimension
-        if whole_number("dimension", given, 2, 3) != self.family.dimension:
+        if check_dimension(given) != self.family.dimension:
             raise InvalidInput(
                 f"scene: dimension {self.dimension!r}, but a family of dimension "
                 f"{self.family.dimension}; Family(dimension=...) sets it"
