@@ -5,6 +5,7 @@ open when they are first asked for, so that a command has begun before libraries
 """
 
 import importlib
+import importlib.util
 from typing import Any
 
 ROOMS = {
@@ -31,6 +32,8 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    if name not in ROOMS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{ROOMS[name]}"), name)
+    if name in ROOMS:
+        return getattr(importlib.import_module(f"{__name__}.{ROOMS[name]}"), name)
+    if importlib.util.find_spec(f"{__name__}.{name}") is not None:
+        return importlib.import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,7 +1,6 @@
 """Checks at the door that all rooms share: is it a number, is it traced, is it one body."""
 
 import math
-import numbers
 from typing import Any
 
 import jax
@@ -10,24 +9,35 @@ from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
 
+LONGEST = 120  # letters of what is refused
 NO_NUMBERS = "bcSUmM"  # kinds of NumPy's types: truth values, complex, text, dates
 
 
 def real_numbers(value: Any) -> Float[np.ndarray, "..."] | None:
     """Numbers of every kind as floats; None where one is none, is masked, or is being traced."""
     try:
-        given = value if hasattr(value, "dtype") else np.asarray(value, object)
+        given = value if isinstance(_dtype(value), np.dtype) else np.asarray(value, object)
         parts = given.ravel() if given.dtype.kind == "O" else [given]
         if np.ma.is_masked(value) or not all(map(_real, parts)):
             return None
         return np.asarray(given).astype(float)
-    except (TypeError, ValueError, OverflowError):
+    except (TypeError, ValueError, OverflowError, AttributeError):
         return None
 
 
 def _real(part):
     kind = np.asarray(part).dtype.kind
-    return isinstance(part, numbers.Number) if kind == "O" else kind not in NO_NUMBERS
+    return hasattr(part, "__float__") if kind == "O" else kind not in NO_NUMBERS
+
+
+def _dtype(value):
+    return getattr(value, "dtype", None)
+
+
+def shown(value: Any) -> str:
+    """What came in, in one line that is not too long."""
+    words = " ".join(repr(value).split())
+    return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."
 
 
 def finite_number(name: str, value: Any) -> float:
@@ -38,7 +48,7 @@ def finite_number(name: str, value: Any) -> float:
     """
     found = real_numbers(value)
     if found is None or found.ndim:
-        raise InvalidInput(f"{name} {value!r}: must be one number")
+        raise InvalidInput(f"{name} {shown(value)}: must be one number")
     number = float(found)
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")
@@ -53,7 +63,7 @@ def interval(name: str, value: Any) -> tuple[float, float]:
     """
     several = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
     if not several or len(value) != 2:
-        raise InvalidInput(f"{name} {value!r}: must be two numbers, low and high")
+        raise InvalidInput(f"{name} {shown(value)}: must be two numbers, low and high")
     low, high = (finite_number(name, end) for end in value)
     if low > high:
         raise InvalidInput(f"{name} {low:g} to {high:g}: low must not be above high")
@@ -75,7 +85,7 @@ def whole_number(name: str, value: Any, low: int, high: int) -> int:
 def expect(name: str, value: Any, kind: Any, wanted: str) -> None:
     """Raise InvalidInput, saying what is ``wanted``, unless the value is of this kind."""
     if not isinstance(value, kind):
-        raise InvalidInput(f"{name}: {value!r} is no {wanted}")
+        raise InvalidInput(f"{name}: {shown(value)} is no {wanted}")
 
 
 def one_body(parameters: Any, reynolds: Any, size: int) -> None:
@@ -91,11 +101,13 @@ def one_body(parameters: Any, reynolds: Any, size: int) -> None:
 def _shape(name, value):
     """Of real numbers, traced or not."""
     if isinstance(value, jax.core.Tracer):
-        if value.dtype.kind in NO_NUMBERS:
+        if getattr(value.dtype, "kind", "S") in NO_NUMBERS:  # keys have a type of their own
             raise InvalidInput(f"{name}: traced as {value.dtype}; real numbers are needed")
         return value.shape
     if (found := real_numbers(value)) is None:
-        raise InvalidInput(f"{name} {value!r}: must be numbers, in an array where they are traced")
+        raise InvalidInput(
+            f"{name} {shown(value)}: must be numbers, in an array where they are traced"
+        )
     return found.shape
 
 

@@ -32,6 +32,7 @@ from shapeopt.commands import explore, march, payoff, render
 from shapeopt.commands import optimise as optimise_shape
 from shapeopt.commands.entry import loading
 from shapeopt.payoff.queries import query_stream
+from shapeopt.render.figures import plt, save_figure
 from surrogate import (
     Family,
     Flow,
@@ -141,6 +142,15 @@ def test_pictures_of_the_users_own_stay(designed, tmp_path, name):
             assert picture.info["Source"] == "drag-surrogates"
 
 
+def test_other_formats_are_not_signed(tmp_path):
+    for name in ("figure.svg", "figure.pdf", "figure.jpg", "figure.PNG"):
+        save_figure(plt.figure(figsize=(1, 1)), tmp_path / name)
+        signed = (tmp_path / name).read_bytes()[-64:].count(b"drag-surrogates")
+        assert signed == (name == "figure.PNG")
+    for name in ("figure.jpg", "figure.PNG"):
+        Image.open(tmp_path / name).load()
+
+
 def test_a_link_stays_a_link(tmp_path):
     from surrogate.files import whole_file
 
@@ -231,6 +241,8 @@ WRONG_WORDS = {
     "path ''": lambda net: load(""),
     "Unicode": lambda net: load("\udcff"),
     "number": lambda net: net.drag(BODY, np.array("20")),
+    "body": lambda net: net.drag(jax.random.key(0), 20.0),
+    "traced as key": lambda net: jax.jit(lambda key: net.drag(key, 20.0))(jax.random.key(0)),
     "one number": lambda net: net.drag(BODY, np.array(True)),
     "must be numbers": lambda net: net.drag([2.0, False, 0, 0], 20.0),
     "jax.numpy array": lambda net: jax.grad(lambda a: net.drag([a, 0.1, 0, 0], 20.0))(2.0),

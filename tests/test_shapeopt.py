@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import pickle
 
 import jax.numpy as jnp
 import numpy as np
@@ -167,6 +168,13 @@ def test_an_optimum_carries_the_flows_status_and_estimated_error(designed):
     assert design.drag == pytest.approx(
         float(Flow(design.problem.scene).drag(design.parameters, 20.0))
     )
+
+
+def test_a_design_is_pickled_without_its_flows(designed):
+    assert designed.status
+    copy = pickle.loads(pickle.dumps(designed))
+    assert copy.objective == designed.objective
+    assert "verified" not in vars(copy)
 
 
 def test_a_run_is_saved_and_loaded_and_strangers_files_stay(designed, tmp_path):

@@ -31,6 +31,7 @@ def loading() -> Iterator[None]:
         yield
         return
     ends = {signal.SIGINT, signal.SIGTERM}
+    ends = {end for end in ends if signal.getsignal(end) is not signal.SIG_IGN}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ends)
     try:
         yield

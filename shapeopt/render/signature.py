@@ -16,14 +16,14 @@ COMMENT = b"\x21\xfe" + bytes([len(NAME)]) + NAME + b"\0"  # of a GIF, whose las
 
 @contextmanager
 def whole_picture(path: str | Path) -> Iterator[Path]:
-    """A ``whole_file`` for a PNG or GIF, which is signed when the block succeeds."""
+    """A ``whole_file``, which is signed when the block succeeds where it is a PNG or GIF."""
     with whole_file(path) as part:
         yield part
         data = part.read_bytes()
-        if part.suffix == ".png":
+        if data.startswith(b"\x89PNG"):
             ends = struct.pack(">I", len(TEXT) - 4), struct.pack(">I", zlib.crc32(TEXT))
             data = data[:-12] + ends[0] + TEXT + ends[1] + data[-12:]
-        else:
+        elif data.startswith(b"GIF8"):
             data = data[:-1] + COMMENT + data[-1:]
         part.write_bytes(data)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from typing import Any
 
 from jaxtyping import Float
 
@@ -31,6 +32,9 @@ class Design:
     flows: int
     green_applications: int
     seconds: float
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "verified"}
 
     @functools.cached_property
     def verified(self) -> Verified:

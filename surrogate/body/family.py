@@ -16,7 +16,7 @@ from surrogate.arrays import AnyArray, Body
 from surrogate.body.form import PARAMETERS, Form, check_dimension
 from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, opening
 from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
-from surrogate.checks import expect, finite_number, interval, real_numbers, whole_number
+from surrogate.checks import expect, finite_number, interval, real_numbers, shown, whole_number
 from surrogate.errors import InvalidInput
 
 BETAS = {"beta2": (-0.3, 0.3), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
@@ -228,7 +228,7 @@ class Family:
         """
         if (values := real_numbers(parameters)) is None:
             raise InvalidInput(
-                f"body {parameters!r}: must be numbers, none masked, and a jax.numpy array where "
+                f"body {shown(parameters)}: must be numbers, none masked, and a jax.numpy array where "
                 f"they are traced; {self._wanted}"
             )
         if values.ndim == 2:

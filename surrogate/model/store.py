@@ -72,7 +72,7 @@ def load(name: str | Path) -> Surrogate:
     what = f"surrogate {folder}"
     if not folder.is_dir():
         shipped = ", ".join(f"pretrained:{one.name}" for one in sorted(PRETRAINED.iterdir()))
-        raise InvalidInput(f"surrogate {name}: no such folder; pretrained ships, and {shipped}")
+        raise InvalidInput(f"surrogate {name}: no such folder; what ships: pretrained, {shipped}")
     record = _read_record(folder, what)
     try:
         scene = Scene.of(record["scene"])

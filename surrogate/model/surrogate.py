@@ -54,7 +54,7 @@ class Surrogate:
         low, high = self._bounds.T
         values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
         inside = jnp.maximum(low - values, values - high) <= SLACK * (high - low + 1)
-        known = jnp.all(inside) | extrapolate
+        known = jnp.all(inside) | bool(extrapolate)
         known &= opening(values[:-1], self.scene.family.form) >= LEAST_OPENING
         return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
 
