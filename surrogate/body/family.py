@@ -228,8 +228,8 @@ class Family:
         """
         if (values := real_numbers(parameters)) is None:
             raise InvalidInput(
-                f"body {shown(parameters)}: must be numbers, none masked, and a jax.numpy array where "
-                f"they are traced; {self._wanted}"
+                f"body {shown(parameters)}: must be numbers, none masked, and a jax.numpy array "
+                f"where they are traced; {self._wanted}"
             )
         if values.ndim == 2:
             raise InvalidInput(f"body: a batch of {len(values)}; jax.vmap takes batches, one here")
