@@ -1,5 +1,6 @@
 """Files that are written whole or not at all; nothing of the user's is ever deleted."""
 
+import hashlib
 import json
 import os
 import shutil
@@ -132,6 +133,11 @@ def strict_json(text: str) -> Any:
         raise ValueError(word)
 
     return json.loads(text, parse_constant=refuse)
+
+
+def json_digest(value: Any) -> str:
+    """Of what JSON can say, by which an altered letter is noticed."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 
 def _has_keys(path, keys):

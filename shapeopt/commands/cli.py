@@ -15,10 +15,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from shapeopt.commands.entry import BAD_INPUT, DONE, INTERRUPTED
 from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 
-DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, LOST, INTERRUPTED = 0, 2, 3, 4, 5, 130
+NOT_CONVERGED, NOT_WRITTEN, LOST = 3, 4, 5
 STATUSES = (
     "exit status: 0 done, 2 bad input, 3 not converged, 4 not written, 5 a process lost, "
     "130 interrupted"

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130  # of cli's statuses, which is not loaded yet
+DONE, BAD_INPUT, INTERRUPTED = 0, 2, 130  # statuses; cli has the others
 COMMANDS = {
     "solve": "drag of one body by the flow solver",
     "train": "train a drag surrogate",

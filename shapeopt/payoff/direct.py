@@ -62,14 +62,13 @@ def design_directly(
 
 
 def nearest_answer(
-    problem: Problem, answered: list[tuple[Problem, Design]]
+    problem: Problem, answered: list[Design]
 ) -> Float[AnyArray, " parameters"] | None:
     """The answer to the most similar query before: nearest in log Re and in what is bounded."""
     if not answered:
         return None
 
-    def away(pair):
-        other = pair[0]
+    def away(design):
         lengths = [
             (
                 a.max_length or 3.0,
@@ -77,8 +76,8 @@ def nearest_answer(
                 a.max_thickness or 1.0,
                 np.log(a.objective.nominal),
             )
-            for a in (problem, other)
+            for a in (problem, design.problem)
         ]
         return float(np.linalg.norm(np.subtract(*lengths)))
 
-    return min(answered, key=away)[1].parameters
+    return min(answered, key=away).parameters

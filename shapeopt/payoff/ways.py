@@ -17,13 +17,11 @@ Answer = Callable[[Problem], Design]
 
 def rivals(queries: list[Problem], flow: Flow) -> list[Way]:
     """What trains nothing: SLSQP afresh, SLSQP from the nearest answer, and growing kriging."""
-    answered: list[tuple[Problem, Design]] = []
+    answered: list[Design] = []
 
     def warm(problem):
-        answered.append(
-            (problem, design_directly(problem, flow, nearest_answer(problem, answered)))
-        )
-        return answered[-1][1]
+        answered.append(design_directly(problem, flow, nearest_answer(problem, answered)))
+        return answered[-1]
 
     growing = Designer(flow)
     return [

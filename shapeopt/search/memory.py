@@ -1,6 +1,5 @@
 """What the flow has told so far: drags with slopes, kept between designs, in a file if asked."""
 
-import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_file, locked, strict_json, whole_file
+from surrogate.files import check_file, json_digest, locked, strict_json, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.flow.steps import Slope
 from surrogate.model.inputs import scene_inputs
@@ -117,7 +116,7 @@ class Memory:
             flows = [
                 [t.parameters.tolist(), t.reynolds, t.drag, t.slopes.tolist()] for t in self.told
             ]
-            record = {"kind": KIND, "scene": self.flow.scene.record, "sha256": _digest(flows)}
+            record = {"kind": KIND, "scene": self.flow.scene.record, "sha256": json_digest(flows)}
             record["flows"] = flows
             with whole_file(self.file) as part:
                 part.write_text(json.dumps(record) + "\n")
@@ -125,11 +124,6 @@ class Memory:
 
 def _body(parameters, reynolds):
     return (*np.asarray(parameters, float).tolist(), float(reynolds))
-
-
-def _digest(flows):
-    """Of what was told, by which a number that was altered is noticed."""
-    return hashlib.sha256(json.dumps(flows).encode()).hexdigest()
 
 
 def _read(file: Path, flow: Flow) -> list[Told]:
@@ -142,7 +136,7 @@ def _read(file: Path, flow: Flow) -> list[Told]:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        right = _digest(record["flows"])
+        right = json_digest(record["flows"])
         if record.get("sha256", right) != right:  # older files have none
             raise ValueError
         told = [Told(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]

@@ -79,7 +79,8 @@ class Flow:
         """
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
-        one_body(parameters, reynolds, len(self.scene.family.names))
+        else:
+            one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
         cd, info = drag_and_status(self, jnp.asarray(parameters, float), re)
         if traced(parameters, reynolds):

@@ -13,7 +13,7 @@ import numpy as np
 
 from surrogate.checks import expect, whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import check_target, path_of, strict_json, whole_files
+from surrogate.files import check_target, json_digest, path_of, strict_json, whole_files
 from surrogate.flow.grid.domain import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
@@ -45,8 +45,8 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
             "format": FORMAT,
             "scene": surrogate.scene.record,
             "sizes": [int(layer.weight.shape[0]) for layer in surrogate.network.layers],
-            "weights_sha256": _digest((part / WEIGHTS).read_bytes()),
-            "scene_sha256": _digest(_told(surrogate.scene.record)),
+            "weights_sha256": _digest(part / WEIGHTS),
+            "scene_sha256": json_digest(surrogate.scene.record),
             "versions": versions(),
         }
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
@@ -88,9 +88,9 @@ def load(name: str | Path) -> Surrogate:
         )
     blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
-    if _digest((folder / WEIGHTS).read_bytes()) != record.get("weights_sha256"):
+    if _digest(folder / WEIGHTS) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
-    saved = _digest(_told(record["scene"]))
+    saved = json_digest(record["scene"])
     if record.get("scene_sha256", saved) != saved:  # older records have none
         raise InvalidInput(f"{what}: damaged, its scene is not what was saved")
     _check_numbers(network, scene, what)
@@ -128,9 +128,5 @@ def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
         raise InvalidInput(f"{what}: damaged, its weights are of other ranges than its scene")
 
 
-def _told(scene):
-    return json.dumps(scene, sort_keys=True).encode()
-
-
-def _digest(content):
-    return hashlib.sha256(content).hexdigest()
+def _digest(path):
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -44,7 +44,8 @@ class Surrogate:
             reynolds = check_reynolds(reynolds, True, self.scene.dimension)
             if (beyond := self.beyond(parameters, reynolds)) and not extrapolate:
                 raise InvalidInput(f"{_words(beyond)}; extrapolate=True asks for it all the same")
-        one_body(parameters, reynolds, len(self.scene.family.names))
+        else:
+            one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
         cd = self.network.drag(jnp.asarray(parameters, float), re)
         if not traced(parameters, reynolds):
