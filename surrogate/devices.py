@@ -57,6 +57,12 @@ class Devices:
         places = jax.tree.map(lambda spec: NamedSharding(self.mesh, spec), specs(tree))
         return jax.device_put(tree, places)
 
+    def local(self, tree: PyTree) -> PyTree:
+        """Of what is the same on every device, the copy of this process's first one."""
+        return jax.tree.map(
+            lambda leaf: leaf.addressable_data(0) if isinstance(leaf, jax.Array) else leaf, tree
+        )
+
     def spread(self, function: Callable, like: tuple, answers: PyTree) -> Callable:
         """``function`` run by every device on arguments like these, with answers like those."""
         return jax.shard_map(
@@ -100,7 +106,7 @@ class Visited(NamedTuple):
     """Of a visit to some bodies: everybody's answers, what owners keep, G spent by waiting."""
 
     answers: PyTree
-    owned: PyTree
+    owned: Owned
     waiting: Int[Array, ""]
 
 
@@ -137,25 +143,31 @@ class Deal(eqx.Module):
 
         return self.devices.spread(local, (owned,), Owned(()))(owned)
 
+    def fetched(self, batch: Int[Array, " batch"], owned: Owned) -> Owned:
+        """The rows of a batch that this device owns, in the order of its visits; in ``spread``."""
+        rows, _ = self._mine(batch)
+        return Owned(jax.tree.map(lambda leaf: leaf[rows.at], owned.rows))
+
+    def returned(self, batch: Int[Array, " batch"], owned: Owned, fetched: Owned) -> Owned:
+        """``owned`` with the rows of a batch as they are after its visits; in ``spread``."""
+        rows, _ = self._mine(batch)
+        at = jnp.where(jnp.arange(rows.at.size) < rows.count, rows.at, self.rows)
+        return Owned(
+            jax.tree.map(
+                lambda leaf, new: leaf.at[at].set(new, mode="drop"), owned.rows, fetched.rows
+            )
+        )
+
     def visit(
-        self, batch: Int[Array, " batch"], owned: PyTree, function: Callable, *arguments: PyTree
+        self, batch: Int[Array, " batch"], fetched: Owned, function: Callable, *arguments: PyTree
     ) -> Visited:
         """``function(row, own, *sample) -> (answer, own)`` of a batch by its owners; in ``spread``.
 
-        ``own`` is the body's row of ``owned``, ``sample`` its part of ``arguments``; answers have a
-        field ``products``. One after another, or ``lanes`` at once.
+        ``own`` is the body's row of ``fetched``, ``sample`` its part of ``arguments``; answers have
+        a field ``products``. One after another, or ``lanes`` at once.
         """
-        lanes, size, places = self.devices.lanes, batch.size, self.places[batch]
-        mine = places // self.rows == jax.lax.axis_index(AXIS)
-        order = jnp.argsort(jnp.where(mine, places % self.rows, self.rows), stable=True)
-        order = jnp.append(order, jnp.full(lanes, size))
-        count = jnp.sum(mine)
-
-        def local(turn):
-            """Places in the batch and rows; out of range where there is nobody."""
-            at = turn if lanes == 1 else turn * lanes + jnp.arange(lanes)
-            k = jnp.where(at < count, order[at], size)
-            return k, jnp.where(at < count, places[k] % self.rows, self.rows)
+        lanes, size = self.devices.lanes, batch.size
+        rows, order = self._mine(batch)
 
         def take(tree, k):
             return jax.tree.map(lambda leaf: leaf[k], tree)
@@ -165,20 +177,36 @@ class Deal(eqx.Module):
 
         def turn(i, carry):
             answers, kept, busy = carry
-            k, row = local(i)
+            row = i if lanes == 1 else i * lanes + jnp.arange(lanes)
+            k = jnp.where(row < rows.count, order[row], size)  # out of range where there is nobody
             step = function if lanes == 1 else jax.vmap(function)
             answer, own = step(row, take(kept, row), *take(arguments, k))
             busy += lanes * jnp.max(answer.products)
             return put(answers, k, answer), put(kept, row, own), busy
 
-        one = take((owned, arguments), 0)
+        one = take(fetched.rows, 0), take(arguments, 0)
         blank = jax.eval_shape(lambda row, one: function(row, one[0], *one[1])[0], 0, one)
         blank = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), blank)
-        turns = -(-count // lanes)
-        answers, owned, busy = jax.lax.fori_loop(0, turns, turn, (blank, owned, jnp.array(0)))
+        turns, start = -(-rows.count // lanes), (blank, fetched.rows, jnp.array(0))
+        answers, kept, busy = jax.lax.fori_loop(0, turns, turn, start)
         answers = jax.tree.map(_everybodys, answers)
         waiting = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(answers.products)
-        return Visited(answers, owned, waiting)
+        return Visited(answers, Owned(kept), waiting)
+
+    def _mine(self, batch):
+        """Rows of this device in a batch, then others; the places in the batch in that order."""
+        places = self.places[batch]
+        mine = places // self.rows == jax.lax.axis_index(AXIS)
+        order = jnp.argsort(jnp.where(mine, places % self.rows, self.rows), stable=True)
+        at = places[order[: self.rows]] % self.rows
+        return _Rows(at, jnp.sum(mine)), jnp.append(order, jnp.full(self.devices.lanes, batch.size))
+
+
+class _Rows(NamedTuple):
+    """Rows of one device, of which the first ``count`` are meant."""
+
+    at: Int[Array, " rows"]
+    count: Int[Array, ""]
 
 
 def _everybodys(leaf):

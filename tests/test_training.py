@@ -13,6 +13,7 @@ from surrogate.training.loop import drag_errors, make_bench, run_training
 from surrogate.training.methods.hig import half_inverse_gradients
 from surrogate.training.plan import METHODS, Plan
 from surrogate.training.samples import held_out_samples, training_samples
+from surrogate.training.step import compile_step, first_state
 from surrogate.training.train import carry_out, checkpoint_of
 
 
@@ -63,6 +64,20 @@ def test_every_method_learns_as_it_was_published(plan, bench, method, steps):
     history = run_training(dataclasses.replace(plan, method=method, **changes), bench).history
     assert history[-1].error_mean < 0.9 * initial_error(bench)
     assert history[-1].green_applications > history[0].green_applications
+
+
+def test_samples_that_have_told_all_are_left_in_peace(plan, bench):
+    batch, physics = np.arange(24), bench.physics
+    method = half_inverse_gradients(24)
+    start = first_state(method, bench.network, physics, bench.oseen)
+    step = compile_step(method, start, physics, batch)
+    assert start.lessons.asks(batch)
+    now, spent, first = step(start, batch, 0.0)
+    assert spent.products > 0
+    assert not now.lessons.asks(batch)
+    now, spent, second = step._replace(fetch=None, visit=None, give_back=None)(now, batch, 0.0)
+    assert spent.products == 0
+    assert second < 0.5 * first
 
 
 def test_same_seed_same_weights_and_another_seed_others(plan, bench, trained):
@@ -161,12 +176,12 @@ def test_damaged_and_foreign_checkpoints_are_refused(plan, bench, tmp_path):
 def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, bench, factor):
     method = plan.make_method()
 
-    def poisoned(network, state, physics, batch, done):
-        network, state, spent = method.update(network, state, physics, batch, done)
-        factors = jnp.where(done > 0.6, factor, 1.0)
-        return network.with_weights(network.weights * factors), state, spent
+    def poisoned(*arguments):
+        network, memory, loss = method.learn(*arguments)
+        factors = jnp.where(arguments[-1] > 0.6, factor, 1.0)
+        return network.with_weights(network.weights * factors), memory, loss
 
-    trained = run_training(plan, bench, method=method._replace(update=poisoned))
+    trained = run_training(plan, bench, method=method._replace(learn=poisoned))
     assert "blew up" in trained.stopped
     assert np.all(np.isfinite(trained.network.weights))
     assert trained.history[-1].iteration == 4

@@ -28,7 +28,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
     """Build the real chain dy/da da/dw on networks of growing width, time both inverses."""
     flow = Flow(Scene(fidelity=TINY if tiny else FIDELITIES["draft"]))
     samples, rows = training_samples(flow.scene, 0, 4 if tiny else 16), []
-    physics = prepare_physics(flow, samples, deal_samples(samples, choose_devices()))
+    physics, _ = prepare_physics(flow, samples, deal_samples(samples, choose_devices()))
     sizes, counts = ((1e3,), (8,)) if tiny else ((1e3, 1e4, 1e5, 1e6), (16, 64, 256))
     for k, weights in enumerate(sizes):
         progress(k / len(sizes), f"{weights:g} weights")
@@ -42,7 +42,7 @@ def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Itera
     width = round(np.sqrt(weights + 121) - 11)
     network = make_network(physics.flow.scene, key, *physics.samples, oseen, width)
     batch, matrix = jnp.arange(physics.count), oseen_compliances(physics)
-    slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics, batch) - oseen)
+    slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics.samples, batch) - oseen)
     y, physical = with_goal_row(slip, matrix, GOAL, oseen[:, 0])
     dense = None
     for vectors in (None, *counts):

@@ -62,14 +62,14 @@ def _made(name: str, samples=64, reynolds=(1.0, 40.0), **settings: Any) -> tuple
 
 
 def rounded(method: Method) -> Method:
-    """The method with weights that are rounded to single precision after every update."""
+    """The method with weights that are rounded to single precision after every step."""
 
-    def update(*arguments):
-        network, state, spent = method.update(*arguments)
+    def learn(*arguments):
+        network, memory, loss = method.learn(*arguments)
         weights = network.weights.astype(jnp.float32).astype(float)
-        return network.with_weights(weights), state, spent
+        return network.with_weights(weights), memory, loss
 
-    return method._replace(update=update)
+    return method._replace(learn=learn)
 
 
 def measure(tiny: bool, progress: Callable) -> Result:

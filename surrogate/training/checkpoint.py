@@ -45,11 +45,9 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree 
     saved = agreed(saved)
 
     def dealt(node, rows):
-        return deal.dealt(rows) if isinstance(node, Owned) else rows
+        return deal.dealt(rows) if _owned(node) else rows
 
-    state = jax.tree.map(dealt, like, saved, is_leaf=_owned)
-    shared = [deal.devices.share(part) for part in state[:2]]
-    return type(like)(*shared, *state[2:])
+    return jax.tree.map(dealt, like, saved, is_leaf=_owned)
 
 
 def _in_order(state, deal):

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Devices, choose_devices
+from surrogate.devices import Devices, Owned, choose_devices
 from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solver.steady import preparation_cost
@@ -20,7 +20,7 @@ from surrogate.flow.steps import Labels
 from surrogate.model.network import DragNetwork, make_network
 from surrogate.processes import agreed
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
-from surrogate.training.methods.method import Batch, Method, Progress
+from surrogate.training.methods.method import Method
 from surrogate.training.physics import Physics, deal_samples, prepare_physics
 from surrogate.training.plan import Plan
 from surrogate.training.samples import (
@@ -29,6 +29,7 @@ from surrogate.training.samples import (
     network_key,
     training_samples,
 )
+from surrogate.training.step import Learning, compile_step, first_state
 
 BLOWN_UP = 10.0  # mean relative drag error of a network that is of no use any more
 
@@ -50,7 +51,7 @@ class Trained:
     """A finished training; ``stopped`` says why it ended early, if it did.
 
     ``waiting`` are applications of G that idle devices and lanes could have done, ``compile_s``
-    what compiling the update took.
+    what compiling the steps took.
     """
 
     network: DragNetwork
@@ -63,8 +64,7 @@ class Trained:
 class Stage(NamedTuple):
     """How far a training is: what a checkpoint holds."""
 
-    network: DragNetwork
-    state: PyTree
+    now: Learning
     iteration: Int[AnyArray, ""]
     seconds: Float[AnyArray, ""]
     products: Int[AnyArray, ""]
@@ -74,12 +74,13 @@ class Stage(NamedTuple):
 
 
 class Bench(NamedTuple):
-    """What all methods share: physics of the samples, held-out bodies, initial network.
+    """What all methods share: samples and their Oseen flows, held-out bodies, initial network.
 
     ``setup_s`` is the time the preparation of the samples took, ``compile_s`` that of compiling it.
     """
 
     physics: Physics
+    oseen: Owned
     held_out: Samples
     labels: Labels
     network: DragNetwork
@@ -104,11 +105,11 @@ def make_bench(plan: Plan, devices: Devices | None = None) -> Bench:
     start = time.perf_counter()
     prepare = prepare_physics.lower(flow, samples, deal).compile(devices.options)
     compiled = time.perf_counter()
-    physics = jax.block_until_ready(prepare(samples, deal))
+    physics, velocities = jax.block_until_ready(prepare(samples, deal))
     seconds = time.perf_counter() - compiled, compiled - start
     oseen = np.asarray(physics.tractions)
     network = make_network(plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen)
-    return Bench(physics, *devices.share((held_out, labels, network)), *seconds)
+    return Bench(physics, velocities, held_out, labels, network, *seconds)
 
 
 def run_training(
@@ -124,7 +125,7 @@ def run_training(
     ``method`` replaces the plan's own, as studies of its settings need. The checkpoint stays
     until whoever saves the result removes it.
 
-    The clock runs from the first update (compilation excluded, listed applications of G included
+    The clock runs from the first step (compilation excluded, listed applications of G included
     from the preparation on). ``report(point, done)`` is called at every point of the history.
 
     Raises:
@@ -136,37 +137,35 @@ def run_training(
     batches = _batches(plan, method.batch)
     prepared = physics.count * preparation_cost(physics.domain)
     fresh = Stage(
-        bench.network,
-        jax.jit(method.init)(bench.network, physics),
+        first_state(method, bench.network, physics, bench.oseen),
         *map(np.asarray, (0, 0.0, prepared, 0, 0)),
         np.zeros((_points(plan) + 1, len(Point._fields))),
     )
     run = (checkpoint and load_checkpoint(checkpoint, plan, fresh, deal)) or fresh
+    run = run._replace(now=run.now.placed(deal.devices))
     start = time.perf_counter()
-    update = compiled_update(method, run, physics, batches(0))
+    step = compile_step(method, run.now, physics, batches(0))
     compile_s = time.perf_counter() - start
     clock, saved, stopped, good = _Clock(float(run.seconds)), time.perf_counter(), None, run
     while int(run.iteration) < plan.iterations:
         done = _done(plan, int(run.iteration), clock)
         if done >= 1:
             break
-        now = deal.devices.share((batches(int(run.iteration)), np.asarray(done)))
-        network, state, spent = update(run.network, run.state, physics, *now)
+        now, spent, loss = step(run.now, batches(int(run.iteration)), done)
         run = run._replace(
-            network=network,
-            state=state,
+            now=now,
             iteration=run.iteration + 1,
             products=run.products + np.asarray(spent.products),
             failed=run.failed + np.asarray(spent.failed),
             waiting=run.waiting + np.asarray(spent.waiting),
         )
-        if not np.all(np.isfinite(network.weights)):
+        if not np.all(np.isfinite(now.network.weights)):
             stopped, run = f"blew up in iteration {int(run.iteration)}", good
             break
         if int(run.iteration) % plan.report_every == 0 or int(run.iteration) == plan.iterations:
             run = run._replace(seconds=np.asarray(clock.seconds()))
             clock.pause()
-            run, point = _record(run, bench, float(spent.loss))
+            run, point = _record(run, bench, float(loss))
             if not point.error_mean < BLOWN_UP:
                 stopped, run = f"blew up before iteration {point.iteration}", good
                 break
@@ -179,24 +178,14 @@ def run_training(
     unreported = int(run.iteration) % plan.report_every and int(run.iteration) < plan.iterations
     if stopped is None and unreported:
         run = run._replace(seconds=np.asarray(clock.seconds()))
-        run, point = _record(run, bench, float(spent.loss))
+        run, point = _record(run, bench, float(loss))
         if not point.error_mean < BLOWN_UP:
             stopped, run = f"blew up before iteration {point.iteration}", good
     history = _history(run)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
-    network = jax.tree.map(np.asarray, run.network)
+    network = jax.tree.map(np.asarray, run.now.network)
     return Trained(network, history, stopped, int(run.waiting), compile_s)
-
-
-def compiled_update(method: Method, run: Stage, physics: Physics, batch: Batch) -> Callable:
-    """The method's update on all devices: ``(network, state, physics, batch, done)``."""
-    devices = physics.deal.devices
-    like = run.network, run.state, physics, *devices.share((batch, np.asarray(0.0)))
-    answers = run.network, run.state, Progress(*[0.0] * len(Progress._fields))
-    return (
-        jax.jit(devices.spread(method.update, like, answers)).lower(*like).compile(devices.options)
-    )
 
 
 @jax.jit
@@ -249,7 +238,7 @@ def _points(plan):
 
 
 def _record(run, bench, loss):
-    errors = drag_errors(run.network, bench.held_out, bench.labels.drag)
+    errors = drag_errors(run.now.network, bench.held_out, bench.labels.drag)
     point = Point(
         int(run.iteration),
         float(run.seconds),

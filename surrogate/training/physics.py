@@ -19,14 +19,13 @@ from surrogate.training.samples import Samples
 class Physics(eqx.Module):
     """Everything the physics operator of every sample needs.
 
-    Cases and the velocities of the Oseen flows stay with the bodies' owners; the Oseen flows'
-    tractions are everybody's. In space, where a case takes tens of megabytes, only bodies and
-    Reynolds numbers are kept and a case is prepared anew at every visit.
+    Cases stay with the bodies' owners; the tractions of Oseen flows are everybody's. In space,
+    where a case takes tens of megabytes, only bodies and Reynolds numbers are kept and a case is
+    prepared anew at every visit.
     """
 
     samples: Samples
     cases: Owned
-    velocities: Owned
     tractions: Float[AnyArray, "samples modes"]
     deal: Deal
     flow: Flow = eqx.field(static=True)
@@ -40,7 +39,7 @@ class Physics(eqx.Module):
         return self.samples.count
 
     def case(self, row: Array) -> Case:
-        """Of a row of this device."""
+        """Of a row of this device, in a visit: among those of the batch."""
         return self.unpacked(jax.tree.map(lambda leaf: leaf[row], self.cases.rows))
 
     def unpacked(self, kept: Case | tuple[Array, Array]) -> Case:
@@ -59,8 +58,8 @@ def deal_samples(samples: Samples, devices: Devices) -> Deal:
 
 
 @functools.partial(jax.jit, static_argnames="flow")
-def prepare_physics(flow: Flow, samples: Samples, deal: Deal) -> Physics:
-    """Prepare all samples; costs ``preparation_cost`` applications of G each."""
+def prepare_physics(flow: Flow, samples: Samples, deal: Deal) -> tuple[Physics, Owned]:
+    """Samples and velocities of their Oseen flows; ``preparation_cost`` applications of G each."""
 
     def one(sample):
         case = _prepared(flow, *sample)
@@ -69,7 +68,7 @@ def prepare_physics(flow: Flow, samples: Samples, deal: Deal) -> Physics:
 
     cases, oseen = deal.each(one, deal.dealt(tuple(samples))).rows
     tractions = deal.gathered(Owned(oseen.amplitude))
-    return Physics(samples, Owned(cases), Owned(oseen.velocity), tractions, deal, flow)
+    return Physics(samples, Owned(cases), tractions, deal, flow), Owned(oseen.velocity)
 
 
 def _prepared(flow, parameters, reynolds):

@@ -112,7 +112,12 @@ def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[A
 def oseen_flow(domain: Domain, case: Case) -> FlowState:
     """Body flow without convection of the perturbation: exact as Re -> 0, a start otherwise."""
     amplitude = eliminate(domain, case).inverse @ -case.body.slip_of_stream()
-    return FlowState(jnp.tensordot(amplitude, case.response, axes=1), amplitude)
+    return FlowState(carried(case, amplitude), amplitude)
+
+
+def carried(case: Case, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
+    """The velocity that a traction drives where the perturbation carries no momentum."""
+    return jnp.tensordot(amplitude, case.response, axes=1)
 
 
 def body_flow(
@@ -147,7 +152,7 @@ def forced_flow(
         return flow_residual(domain, data[0], FlowState(velocity, data[1]))
 
     if guess is None:
-        guess = jnp.tensordot(amplitude, case.response, axes=1)
+        guess = carried(case, amplitude)
     size = math.sqrt(domain.lattice.cell_volume)
     system = System(residual, (case, amplitude), Identity())
     return root(system, guess, lambda v: size * jnp.linalg.norm(v), settings)

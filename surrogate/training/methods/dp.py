@@ -10,24 +10,24 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-from surrogate.devices import Owned
+from surrogate.arrays import AnyArray
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, drag_weights, slip_adjoint
 from surrogate.training.methods.method import (
+    Batch,
     Method,
-    Progress,
+    Spent,
     adam_that_ends,
     predict,
     slowed,
 )
 from surrogate.training.methods.targets import (
-    Targets,
     drag_misses,
-    improve,
+    improving,
     no_targets,
     one_step,
     oseen_compliances,
@@ -37,21 +37,24 @@ FLOW = NewtonSettings(3e-3, 8, 30)
 ADJOINT = Effort(0.1, 30)
 
 
-class DpState(NamedTuple):
-    """Adam's moments; last flows with their targets; Oseen compliances, if physics is lagged."""
+class Lagged(NamedTuple):
+    """Adam's moments; Oseen compliances of the samples, on which physics is lagged."""
 
     adam: optax.OptState
-    targets: Targets
-    compliance: Float[Array, "samples modes modes"] | None
+    compliance: Float[AnyArray, "samples modes modes"]
 
 
 class Descent(NamedTuple):
-    """Of a flow that a traction drives: the loss, its gradient in the traction, what it took."""
+    """Of flows that tractions drive: the loss, its gradient in the traction, what it took."""
 
-    gradient: Float[Array, " modes"]
-    loss: Float[Array, ""]
-    valid: Bool[Array, ""]
-    products: Int[Array, ""]
+    gradient: Float[AnyArray, "*batch modes"]
+    loss: Float[AnyArray, "*batch"]
+    valid: Bool[AnyArray, "*batch"]
+    products: Int[AnyArray, "*batch"]
+
+    def asks(self, batch: Batch) -> bool:
+        """Every step needs the flows of its own tractions."""
+        return True
 
 
 def differentiable_physics(
@@ -62,31 +65,29 @@ def differentiable_physics(
     The slip is linear about the step's traction a+, ``C (a - a+)`` by Oseen compliances C; settled
     flows tell by one adjoint what the drag's slopes are.
     """
-    optimiser, invert = adam_that_ends(learning_rate), one_step(slopes=slopes > 0)
+    optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
-        adam = optimiser.init(network.weights)
-        return DpState(adam, no_targets(physics), oseen_compliances(physics))
+        lagged = Lagged(optimiser.init(network.weights), oseen_compliances(physics))
+        return lagged, no_targets(physics)
 
-    def update(network, state, physics, batch, done):
-        predicted = predict(network, physics, batch)
-        targets, spent = improve(physics, batch, predicted, state.targets, invert)
+    def learn(network, memory, targets, samples, batch, done):
         known = targets.known[batch]
 
         def loss_of(weights):
             moved = network.with_weights(weights)
-            away = predict(moved, physics, batch) - targets.tractions[batch]
-            slip = jnp.einsum("bym,bm->by", state.compliance[batch], away)
-            misses = jax.vmap(lambda k: drag_misses(moved, physics, targets, k))(batch)
+            away = predict(moved, samples, batch) - targets.tractions[batch]
+            slip = jnp.einsum("bym,bm->by", memory.compliance[batch], away)
+            misses = jax.vmap(lambda k: drag_misses(moved, samples, targets, k))(batch)
             scale = goal * jnp.append(1.0, jnp.full(misses.shape[1] - 1, slopes))
             losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * misses) ** 2, axis=1)
             return jnp.sum(jnp.where(known, losses, 0.0)) / jnp.maximum(jnp.sum(known), 1) / 2
 
         loss, gradient = jax.value_and_grad(loss_of)(network.weights)
-        network, adam = _step(optimiser, learning_rate, network, state.adam, gradient, done)
-        return network, DpState(adam, targets, state.compliance), spent._replace(loss=loss)
+        network, adam = _step(optimiser, learning_rate, network, memory.adam, gradient, done)
+        return network, memory._replace(adam=adam), loss
 
-    return Method(init, update, batch)
+    return Method(init, improving(one_step(slopes=slopes > 0)), learn, batch)
 
 
 def published_differentiable_physics(
@@ -96,41 +97,41 @@ def published_differentiable_physics(
     optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
-        adam = optimiser.init(network.weights)
-        return DpState(adam, no_targets(physics), None)
+        count, modes = min(batch, physics.count), physics.tractions.shape[1]
+        none, zeros = jnp.zeros(count, int), jnp.zeros(count)
+        blank = Descent(jnp.zeros((count, modes)), zeros, none.astype(bool), none)
+        return optimiser.init(network.weights), blank
 
-    def driven(physics, row, velocity, amplitude, reference):
+    def driven(physics, row, velocity, amplitude, oseen):
         domain, case = physics.domain, physics.case(row)
         velocity, info = steady.forced_flow(domain, case, amplitude, velocity, FLOW)
         state = FlowState(velocity, amplitude)
         slip = steady.slip_residual(domain, case, state)
         weights, spent = drag_weights(domain, case, state, ADJOINT)
-        scale = goal / (2 * jnp.abs(reference[0]))
+        scale = goal / (2 * jnp.abs(oseen[0]))
         miss = scale * (weights @ slip)
         pulled = slip + scale * miss * weights
         gradient, spent_too = slip_adjoint(domain, case, state, pulled, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + spent.products + spent_too.products + physics.renewal
         told = Descent(gradient, (slip @ slip + miss**2) / 2, valid, products)
-        return told, jnp.where(valid, velocity, physics.velocities.rows[row])
+        return told, jnp.where(valid, velocity, steady.carried(case, oseen))
 
-    def update(network, state, physics, batch, done):
-        predicted, pull = jax.vjp(
-            lambda w: predict(network.with_weights(w), physics, batch), network.weights
-        )
-        owned, reference = state.targets.velocities.rows, physics.tractions[batch]
-        told, owned, waiting = physics.deal.visit(
-            batch, owned, functools.partial(driven, physics), predicted, reference
-        )
-        targets, valid = state.targets._replace(velocities=Owned(owned)), told.valid
+    def visit(network, physics, lessons, flows, batch):
+        predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]
+        one = functools.partial(driven, physics)
+        told, flows, waiting = physics.deal.visit(batch, flows, one, predicted, oseen)
+        return told, flows, Spent(jnp.sum(told.products), jnp.sum(~told.valid), waiting)
+
+    def learn(network, adam, lessons, samples, batch, done):
+        gradient, loss, valid, _ = lessons
+        pull = jax.vjp(lambda w: predict(network.with_weights(w), samples, batch), network.weights)
         count = jnp.maximum(jnp.sum(valid), 1)
-        gradient = pull(jnp.where(valid[:, None], told.gradient, 0.0) / count)[0]
-        network, adam = _step(optimiser, learning_rate, network, state.adam, gradient, done)
-        loss = jnp.sum(jnp.where(valid, told.loss, 0.0)) / count
-        spent = Progress(jnp.sum(told.products), loss, jnp.sum(~valid), waiting)
-        return network, DpState(adam, targets, state.compliance), spent
+        gradient = pull[1](jnp.where(valid[:, None], gradient, 0.0) / count)[0]
+        network, adam = _step(optimiser, learning_rate, network, adam, gradient, done)
+        return network, adam, jnp.sum(jnp.where(valid, loss, 0.0)) / count
 
-    return Method(init, update, batch)
+    return Method(init, visit, learn, batch)
 
 
 def _step(optimiser, learning_rate, network, adam, gradient, done):

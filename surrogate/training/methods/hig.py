@@ -16,17 +16,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.devices import Owned
+from surrogate.arrays import AnyArray
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, compliance
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.method import Batch, Method, Progress, predict
+from surrogate.training.methods.method import Batch, Method, Spent, predict
 from surrogate.training.methods.targets import (
-    Targets,
     drag_misses,
-    improve,
+    improving,
     no_targets,
     whole_flow,
 )
@@ -38,13 +37,6 @@ Weights = Float[Array, " weights"]
 Outcomes = Callable[[Weights, Int[Array, ""]], Float[Array, " outcomes"]]  # of one sample
 
 
-class HigState(NamedTuple):
-    """Per sample the last flow with its target; iterations done."""
-
-    targets: Targets
-    iteration: Int[Array, ""]
-
-
 class Driven(NamedTuple):
     """Of a flow that a traction drives: its slip, the compliance, and what it took."""
 
@@ -52,6 +44,20 @@ class Driven(NamedTuple):
     matrix: Float[Array, "modes modes"]
     valid: Bool[Array, ""]
     products: Int[Array, ""]
+
+
+class Linearised(NamedTuple):
+    """Slips of a batch, the goal's row among them, and their derivatives in the tractions.
+
+    All nought for samples that are left out.
+    """
+
+    y: Float[AnyArray, "batch outcomes"]
+    physical: Float[AnyArray, "batch outcomes modes"]
+
+    def asks(self, batch: Batch) -> bool:
+        """Every step needs the flows of its own tractions."""
+        return True
 
 
 def half_inverse_gradients(
@@ -68,27 +74,22 @@ def half_inverse_gradients(
     gradient descent; so many Lanczos ``vectors`` invert without ever forming the Jacobian, as large
     networks need.
     """
-    invert = whole_flow(slopes=True)
 
     def init(network, physics):
-        return HigState(no_targets(physics), jnp.array(0))
+        return jnp.array(0), no_targets(physics)
 
-    def update(network, state, physics, batch, done):
-        predicted = predict(network, physics, batch)
-        targets, spent = improve(physics, batch, predicted, state.targets, invert)
-
+    def learn(network, iteration, targets, samples, batch, done):
         def outcomes(weights, index):
-            return drag_misses(network.with_drag_weights(weights), physics, targets, index)
+            return drag_misses(network.with_drag_weights(weights), samples, targets, index)
 
         weights = network.drag_weights
         y = jax.vmap(outcomes, (None, 0))(weights, batch)
         step = weight_step(outcomes, weights, batch, y, tau, kappa, vectors)
-        rate = eta / (1 + state.iteration / decay)
+        rate = eta / (1 + iteration / decay)
         network = network.with_drag_weights(weights - rate * step)
-        spent = spent._replace(loss=jnp.mean(jnp.sum(y**2, axis=1)) / 2)
-        return network, HigState(targets, state.iteration + 1), spent
+        return network, iteration + 1, jnp.mean(jnp.sum(y**2, axis=1)) / 2
 
-    return Method(init, update, batch)
+    return Method(init, improving(whole_flow(slopes=True)), learn, batch)
 
 
 def published_half_inverse_gradients(
@@ -106,9 +107,11 @@ def published_half_inverse_gradients(
     """
 
     def init(network, physics):
-        return HigState(no_targets(physics), jnp.array(0))
+        count, modes = min(batch, physics.count), physics.tractions.shape[1]
+        blank = jnp.zeros((count, modes + 1)), jnp.zeros((count, modes + 1, modes))
+        return jnp.array(0), Linearised(*blank)
 
-    def driven(physics, row, velocity, predicted):
+    def driven(physics, row, velocity, predicted, oseen):
         domain, case = physics.domain, physics.case(row)
         velocity, info = steady.forced_flow(domain, case, predicted, velocity, FLOW)
         state = FlowState(velocity, predicted)
@@ -116,31 +119,33 @@ def published_half_inverse_gradients(
         matrix, spent = compliance(domain, case, state, TANGENT)
         valid = info.converged & spent.converged
         told = Driven(slip, matrix, valid, info.products + spent.products + physics.renewal)
-        return told, jnp.where(valid, velocity, physics.velocities.rows[row])
+        return told, jnp.where(valid, velocity, steady.carried(case, oseen))
 
-    def update(network, state, physics, batch, done):
-        predicted, targets = predict(network, physics, batch), state.targets
-        told, velocities, waiting = physics.deal.visit(
-            batch, targets.velocities.rows, functools.partial(driven, physics), predicted
+    def visit(network, physics, lessons, flows, batch):
+        predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]
+        one = functools.partial(driven, physics)
+        told, flows, waiting = physics.deal.visit(batch, flows, one, predicted, oseen)
+        y, physical = with_goal_row(told.slip, told.matrix, goal, oseen[:, 0])
+        finite = jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(physical), axis=(1, 2))
+        valid = told.valid & finite
+        lessons = Linearised(
+            jnp.where(valid[:, None], y, 0.0), jnp.where(valid[:, None, None], physical, 0.0)
         )
-        targets, valid = targets._replace(velocities=Owned(velocities)), told.valid
-        y, physical = with_goal_row(told.slip, told.matrix, goal, physics.tractions[batch, 0])
-        valid &= jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(physical), axis=(1, 2))
-        y = jnp.where(valid[:, None], y, 0.0)
-        physical = jnp.where(valid[:, None, None], physical, 0.0)
+        return lessons, flows, Spent(jnp.sum(told.products), jnp.sum(~valid), waiting)
+
+    def learn(network, iteration, lessons, samples, batch, done):
+        y, physical = lessons
 
         def outcomes(weights, place):
-            sample = jax.tree.map(lambda part: part[batch[place]], physics.samples)
+            sample = jax.tree.map(lambda part: part[batch[place]], samples)
             return physical[place] @ network.with_weights(weights)(*sample)
 
         step = weight_step(outcomes, network.weights, jnp.arange(batch.size), y, tau, kappa)
-        rate = eta / (1 + state.iteration / decay)
-        network = network.with_weights(network.weights - rate * step)
-        loss = jnp.sum(y**2) / jnp.maximum(jnp.sum(valid), 1) / 2
-        spent = Progress(jnp.sum(told.products), loss, jnp.sum(~valid), waiting)
-        return network, HigState(targets, state.iteration + 1), spent
+        rate = eta / (1 + iteration / decay)
+        loss = jnp.sum(y**2) / jnp.maximum(jnp.sum(jnp.any(y != 0, axis=1)), 1) / 2
+        return network.with_weights(network.weights - rate * step), iteration + 1, loss
 
-    return Method(init, update, batch)
+    return Method(init, visit, learn, batch)
 
 
 def weight_step(

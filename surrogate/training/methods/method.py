@@ -1,7 +1,7 @@
-"""What every training method is: an (init, update) pair, in optax's shape."""
+"""What every training method is: it visits flows, and learns of what they tell."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -9,34 +9,49 @@ import optax
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
+from surrogate.devices import Owned
 from surrogate.model.network import DragNetwork
 from surrogate.training.physics import Physics
+from surrogate.training.samples import Samples
 
 Batch = Int[AnyArray, " batch"]
 
 
-class Progress(NamedTuple):
-    """What one update spent and saw: applications of G, loss, samples left out.
+class Lessons(Protocol):
+    """What flows have told so far; arrays that are the same on every device."""
+
+    def asks(self, batch: Batch) -> bool:
+        """Whether a visit to these samples could tell more."""
+        ...
+
+
+class Spent(NamedTuple):
+    """What a visit took: applications of G, samples left out.
 
     ``waiting`` are applications of G that idle devices and lanes could have done meanwhile.
     """
 
     products: Int[AnyArray, ""]
-    loss: Float[AnyArray, ""]
     failed: Int[AnyArray, ""]
     waiting: Int[AnyArray, ""]
 
 
 class Method(NamedTuple):
-    """``init(network, physics) -> state``; ``update(network, state, physics, batch, progress)``.
+    """``init``, ``visit`` and ``learn``, to be traced; ``batch`` samples are visited at once.
 
-    ``update`` returns the network, the state and what it cost; ``done`` is the fraction of the
-    training that lies behind, for schedules. Every device runs ``update`` on its own rows of what
-    is ``Owned``, and comes to the same network.
+    ``init(network, physics) -> (memory, lessons)``: what the method itself remembers, and what
+    flows have told before any was visited.
+
+    ``visit(network, physics, lessons, flows, batch) -> (lessons, flows, spent)``: run by every
+    device on its own rows of a batch, of which alone ``physics`` and ``flows`` hold the fields.
+
+    ``learn(network, memory, lessons, samples, batch, done) -> (network, memory, loss)``: run by
+    one device; ``done`` is the fraction of the training that lies behind, for schedules.
     """
 
-    init: Callable[[DragNetwork, Physics], PyTree]
-    update: Callable[[DragNetwork, Any, Physics, Batch, Float[Array, ""]], tuple]
+    init: Callable[[DragNetwork, Physics], tuple[PyTree, Lessons]]
+    visit: Callable[[DragNetwork, Physics, Any, Owned, Batch], tuple[Lessons, Owned, Spent]]
+    learn: Callable[[DragNetwork, Any, Any, Samples, Batch, Float[Array, ""]], tuple]
     batch: int
 
 
@@ -51,6 +66,6 @@ def slowed(adam: optax.OptState, learning_rate: float, done: Array) -> optax.Opt
     return adam
 
 
-def predict(network: DragNetwork, physics: Physics, batch: Batch) -> Float[Array, "batch modes"]:
+def predict(network: DragNetwork, samples: Samples, batch: Batch) -> Float[Array, "batch modes"]:
     """Traction modes of a batch of samples."""
-    return jax.vmap(network)(physics.samples.parameters[batch], physics.samples.reynolds[batch])
+    return jax.vmap(network)(samples.parameters[batch], samples.reynolds[batch])

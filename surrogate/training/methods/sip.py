@@ -7,29 +7,18 @@ weighted by the goal. A sample whose drag no longer moves is settled and not inv
 Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
-import optax
 
 from surrogate.flow.solver.tangent import Effort
 from surrogate.training.methods.method import Method, adam_that_ends, predict, slowed
 from surrogate.training.methods.targets import (
     Inversion,
-    Targets,
     drag_misses,
-    improve,
+    improving,
     no_targets,
     one_step,
 )
-
-
-class ImitationState(NamedTuple):
-    """Adam's moments, and the targets so far."""
-
-    adam: optax.OptState
-    targets: Targets
 
 
 def scale_invariant_physics(
@@ -69,22 +58,20 @@ def imitation(
     optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
-        return ImitationState(optimiser.init(network.weights), no_targets(physics))
+        return optimiser.init(network.weights), no_targets(physics)
 
-    def update(network, state, physics, batch, done):
-        predicted = predict(network, physics, batch)
-        targets, spent = improve(physics, batch, predicted, state.targets, invert)
-        everyone = jnp.arange(physics.count)
+    def learn(network, adam, targets, samples, batch, done):
+        everyone = jnp.arange(samples.count)
         scale = network.spread * jnp.abs(targets.tractions[:, :1])
 
         def loss_of(weights):
             moved = network.with_weights(weights)
-            misses = jax.vmap(lambda k: drag_misses(moved, physics, targets, k))(everyone)
+            misses = jax.vmap(lambda k: drag_misses(moved, samples, targets, k))(everyone)
             total = goal**2 * jnp.sum(misses[:, 0] ** 2)
             if slopes:
                 total += (slopes * goal) ** 2 * jnp.sum(misses[:, 1:] ** 2)
             if modes:
-                off = (predict(moved, physics, everyone) - targets.tractions) / scale
+                off = (predict(moved, samples, everyone) - targets.tractions) / scale
                 total += (
                     modes * jnp.sum(jnp.where(targets.known[:, None], off**2, 0.0)) / len(off.T)
                 )
@@ -96,9 +83,8 @@ def imitation(
             change, adam = optimiser.update(gradient, adam)
             return (weights + change, adam), loss
 
-        start = network.weights, slowed(state.adam, learning_rate, done)
+        start = network.weights, slowed(adam, learning_rate, done)
         (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
-        state = ImitationState(adam, targets)
-        return network.with_weights(weights), state, spent._replace(loss=losses[-1])
+        return network.with_weights(weights), adam, losses[-1]
 
-    return Method(init, update, batch)
+    return Method(init, improving(invert), learn, batch)

@@ -12,33 +12,37 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Owned
 from surrogate.flow.loads.forces import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, Query, coupled_step, drag_slopes
 from surrogate.model.network import DragNetwork
-from surrogate.training.methods.method import Batch, Progress
+from surrogate.training.methods.method import Batch, Spent, predict
 from surrogate.training.physics import Physics
+from surrogate.training.samples import Samples
 
 SLOPE = Effort(2e-4, 40)  # five times less leaves a mark on 256 bodies
 
 
 class Targets(NamedTuple):
-    """Per sample the last velocity, the target traction, whether there is one, and if it is final.
+    """Per sample the target traction, its slopes, whether there is one, and if it is final.
 
     ``slopes`` are d log Cd / d(parameters, log Re) of final samples, where they were asked for.
     """
 
-    velocities: Owned
     tractions: Float[AnyArray, "samples modes"]
     slopes: Float[AnyArray, "samples inputs"]
     known: Bool[AnyArray, " samples"]
     settled: Bool[AnyArray, " samples"]
+
+    def asks(self, batch: Batch) -> bool:
+        """Whether one of these samples is not settled."""
+        return not np.all(np.asarray(self.settled)[batch])
 
 
 class Answer(NamedTuple):
@@ -65,7 +69,7 @@ def one_step(
 
     def invert(physics, row, index, predicted, stored, known):
         case = physics.case(row)
-        flow = jnp.where(known, stored.velocity, jnp.tensordot(predicted, case.response, axes=1))
+        flow = jnp.where(known, stored.velocity, steady.carried(case, predicted))
         state, spent = coupled_step(physics.domain, case, FlowState(flow, predicted), effort)
         traction = state.amplitude
         valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
@@ -112,11 +116,10 @@ def _with_slope(physics, case, index, answer, wanted):
 
 
 def no_targets(physics: Physics) -> Targets:
-    """Nothing known: Oseen flows and tractions."""
+    """Nothing known: the tractions of Oseen flows."""
     none = jnp.zeros(physics.count, bool)
     count, parameters = physics.samples.parameters.shape
-    slopes = jnp.zeros((count, parameters + 1))
-    return Targets(physics.velocities, physics.tractions, slopes, none, none)
+    return Targets(physics.tractions, jnp.zeros((count, parameters + 1)), none, none)
 
 
 class _Told(NamedTuple):
@@ -129,43 +132,39 @@ class _Told(NamedTuple):
     products: Int[Array, ""]
 
 
-def improve(
-    physics: Physics,
-    batch: Batch,
-    predicted: Float[Array, "batch modes"],
-    targets: Targets,
-    invert: Inversion,
-) -> tuple[Targets, Progress]:
-    """Invert the solver for the samples of a batch that are not settled; the loss is not known."""
+def improving(invert: Inversion) -> Callable:
+    """The ``visit`` of a method that inverts the solver where samples are not settled."""
 
-    def visit(row, velocity, index, predicted, traction, slope, known, settled):
-        stored = FlowState(velocity, traction)
-        rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
-        answer = jax.lax.cond(
-            settled, lambda: rest, lambda: invert(physics, row, index, predicted, stored, known)
-        )
-        new = jax.tree.map(lambda a, b: jnp.where(answer.valid, a, b), answer.state, stored)
-        told = _Told(new.amplitude, answer.slope, answer.valid, answer.final, answer.products)
-        return told, new.velocity
+    def visit(network, physics, targets, flows, batch):
+        def one(row, velocity, index, predicted, traction, slope, known, settled):
+            stored = FlowState(velocity, traction)
+            rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
+            answer = jax.lax.cond(
+                settled, lambda: rest, lambda: invert(physics, row, index, predicted, stored, known)
+            )
+            new = jax.tree.map(lambda a, b: jnp.where(answer.valid, a, b), answer.state, stored)
+            told = _Told(new.amplitude, answer.slope, answer.valid, answer.final, answer.products)
+            return told, new.velocity
 
-    seen = jax.tree.map(lambda leaf: leaf[batch], targets[1:])
-    owned = targets.velocities.rows
-    told, owned, waiting = physics.deal.visit(batch, owned, visit, batch, predicted, *seen)
-    *_, known, settled = seen
-    new = told.traction, told.slope, known | told.valid, settled | told.final
-    new = (old.at[batch].set(now) for old, now in zip(targets[1:], new, strict=True))
-    spent = Progress(jnp.sum(told.products), jnp.zeros(()), jnp.sum(~told.valid), waiting)
-    return Targets(Owned(owned), *new), spent
+        predicted = predict(network, physics.samples, batch)
+        seen = jax.tree.map(lambda leaf: leaf[batch], targets)
+        told, flows, waiting = physics.deal.visit(batch, flows, one, batch, predicted, *seen)
+        known, settled = seen.known | told.valid, seen.settled | told.final
+        new = Targets(told.traction, told.slope, known, settled)
+        targets = jax.tree.map(lambda old, now: old.at[batch].set(now), targets, new)
+        return targets, flows, Spent(jnp.sum(told.products), jnp.sum(~told.valid), waiting)
+
+    return visit
 
 
 def drag_misses(
-    network: DragNetwork, physics: Physics, targets: Targets, index: Int[Array, ""]
+    network: DragNetwork, samples: Samples, targets: Targets, index: Int[Array, ""]
 ) -> Float[Array, " outcomes"]:
     """Of one sample, log Cd and its slopes in scaled inputs, over what flow and adjoint told.
 
     Nought where they have told nothing yet.
     """
-    parameters, reynolds = physics.samples.parameters[index], physics.samples.reynolds[index]
+    parameters, reynolds = samples.parameters[index], samples.reynolds[index]
     z, steep = network.inputs(parameters, reynolds), network.inputs.steepness(parameters)
     log_drag, slopes = jax.value_and_grad(network.log_drag)(z)
     told = jnp.log(drag_coefficient(targets.tractions[index]))
