@@ -111,8 +111,8 @@ def tables(result: Result) -> str:
         "A body takes {mean:.0f} applications of G on average and {most} at most. From that, a "
         "model (not a measurement) of the flows of {bodies} bodies on the grid of the first row, "
         "dealt in equal numbers: all wait for the slowest device, then tell each other the answers "
-        "({kilobytes:.0f} kB at {link:.0e} bytes a second). The network's steps are done by every "
-        "device alike and take as long as on one.",
+        "({kilobytes:.0f} kB at {link:.0e} bytes a second). The network's steps are done by one "
+        "device and take as long as there.",
         mean=work.mean(),
         most=int(work.max()),
         bodies=SET,
