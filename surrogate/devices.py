@@ -5,7 +5,7 @@ when its own bodies are done; on each of them ``lanes`` bodies are solved at onc
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray, Number
 from surrogate.checks import whole_number
@@ -23,6 +23,7 @@ from surrogate.errors import InvalidInput
 AXIS = "bodies"
 LANES = {"cpu": 1}  # elsewhere as below
 ELSEWHERE = 32
+PORTION = 64  # bodies of a device whose fields are fetched at once, at least
 
 
 class Owned(eqx.Module):
@@ -134,6 +135,16 @@ class Deal(eqx.Module):
             lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), owned.rows
         )
 
+    def portions(self, batch: Int[np.ndarray, " batch"]) -> Iterator[Int[np.ndarray, " portion"]]:
+        """A batch in portions of one size, the last filled up with nobody.
+
+        Every device has as many bodies of each, and alike hard ones.
+        """
+        size = min(batch.size, max(PORTION, 8 * self.devices.lanes) * self.devices.count)
+        batch = batch[np.argsort(np.asarray(self.places)[batch] % self.rows, kind="stable")]
+        nobody = np.full(-batch.size % size, self.places.size)
+        yield from np.append(batch, nobody).reshape(-1, size)
+
     def each(self, function: Callable, owned: Owned) -> Owned:
         """What ``function`` answers of every row, by its owner; to be traced."""
         lanes = self.devices.lanes
@@ -163,8 +174,9 @@ class Deal(eqx.Module):
     ) -> Visited:
         """``function(row, own, *sample) -> (answer, own)`` of a batch by its owners; in ``spread``.
 
-        ``own`` is the body's row of ``fetched``, ``sample`` its part of ``arguments``; answers have
-        a field ``products``. One after another, or ``lanes`` at once.
+        Numbers beyond the bodies' are nobody's, and are answered by noughts. ``own`` is the body's
+        row of ``fetched``, ``sample`` its part of ``arguments``; answers have a field ``products``.
+        One after another, or ``lanes`` at once.
         """
         lanes, size = self.devices.lanes, batch.size
         rows, order = self._mine(batch)
@@ -197,6 +209,7 @@ class Deal(eqx.Module):
         """Rows of this device in a batch, then others; the places in the batch in that order."""
         places = self.places[batch]
         mine = places // self.rows == jax.lax.axis_index(AXIS)
+        mine &= batch < self.places.size
         order = jnp.argsort(jnp.where(mine, places % self.rows, self.rows), stable=True)
         at = places[order[: self.rows]] % self.rows
         return _Rows(at, jnp.sum(mine)), jnp.append(order, jnp.full(self.devices.lanes, batch.size))
@@ -207,6 +220,18 @@ class _Rows(NamedTuple):
 
     at: Int[Array, " rows"]
     count: Int[Array, ""]
+
+
+def where_wanted(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
+    """``compute()`` or else ``otherwise``; of many lanes not at all unless one of them wants it.
+
+    A loop of one turn or none: what ``lax.cond`` chooses lane by lane, it computes for all.
+    """
+
+    def turn(_):
+        return jnp.zeros_like(wanted), compute()
+
+    return jax.lax.while_loop(lambda carry: carry[0], turn, (wanted, otherwise))[1]
 
 
 def _everybodys(leaf):

@@ -63,3 +63,10 @@ def agreed(tree: PyTree) -> PyTree:
     if jax.process_count() == 1:
         return tree
     return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
+
+
+def together(array: jax.Array) -> np.ndarray:
+    """What the devices of all processes hold of an array, on the host."""
+    if array.is_fully_addressable:
+        return np.asarray(array)
+    return multihost_utils.process_allgather(array, tiled=True)

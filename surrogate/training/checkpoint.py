@@ -10,7 +10,7 @@ from jaxtyping import PyTree
 from surrogate.devices import Deal, Owned
 from surrogate.errors import InvalidInput
 from surrogate.leaves import read_header, read_leaves, write_leaves
-from surrogate.processes import agreed, first
+from surrogate.processes import agreed, first, together
 from surrogate.training.plan import Plan
 
 
@@ -19,7 +19,8 @@ def save_checkpoint(path: Path, plan: Plan, state: PyTree, deal: Deal) -> None:
 
     What is owned goes there in the order of the samples, whatever devices there are.
     """
-    state = _in_order(state, deal)
+    places = np.asarray(deal.places)
+    state = _in_order(state, lambda rows: together(rows)[places])
     if first():
         write_leaves(path, state, _describe(plan))
 
@@ -32,7 +33,7 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree 
     """
     if not agreed(path.exists()):
         return None
-    shapes = jax.eval_shape(lambda state: _in_order(state, deal), like)
+    shapes = jax.eval_shape(lambda state: _in_order(state, lambda rows: rows[deal.places]), like)
     if first():
         if read_header(path, "checkpoint") != _describe(plan):
             raise InvalidInput(
@@ -50,10 +51,10 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree 
     return jax.tree.map(dealt, like, saved, is_leaf=_owned)
 
 
-def _in_order(state, deal):
-    gathered = jax.jit(lambda owned: deal.gathered(owned))
+def _in_order(state, of):
+    """The state with ``of`` the rows in place of what is owned."""
     return jax.tree.map(
-        lambda node: gathered(node) if _owned(node) else node, state, is_leaf=_owned
+        lambda node: jax.tree.map(of, node.rows) if _owned(node) else node, state, is_leaf=_owned
     )
 
 

@@ -1,8 +1,8 @@
 """A step of a training: owners visit the bodies of a batch, one device learns what they told.
 
 Each is a compiled program of its own. Rows of a batch are fetched for a visit and returned after
-it, so that no program moves the fields of all bodies; once all have told what they can, steps are
-the network's alone, and bodies and other devices rest.
+it, portion by portion, so that no program moves or holds the fields of all bodies; once all have
+told what they can, steps are the network's alone, and bodies and other devices rest.
 """
 
 import dataclasses
@@ -51,8 +51,10 @@ class Step(NamedTuple):
         """The next state, what visits took, and the loss before."""
         deal, spent = self.physics.deal, RESTED
         if now.lessons.asks(batch):
-            everywhere = deal.devices.share((batch, jax.tree.map(np.asarray, now.network)))
-            now, spent = self._visited(now, *everywhere)
+            network = deal.devices.share(jax.tree.map(np.asarray, now.network))
+            for portion in deal.portions(batch):
+                now, more = self._visited(now, deal.devices.share(portion), network)
+                spent = jax.tree.map(lambda a, b: a + int(b), spent, more)
         lessons, samples = deal.devices.local((now.lessons, self.physics.samples))
         network, memory, loss = self.learn(
             now.network, now.memory, lessons, samples, batch, np.asarray(done)
@@ -79,7 +81,8 @@ def first_state(method: Method, network: DragNetwork, physics: Physics, oseen: O
 def compile_step(method: Method, start: Learning, physics: Physics, batch: Batch) -> Step:
     """The programs of a method's steps, for batches of this size."""
     deal, devices, done = physics.deal, physics.deal.devices, np.asarray(0.0)
-    shared, network = devices.share((batch, jax.tree.map(np.asarray, start.network)))
+    portion, network = next(deal.portions(batch)), jax.tree.map(np.asarray, start.network)
+    portion, network = devices.share((portion, network))
 
     def compiled(function, like, answers, donated=()):
         spread = devices.spread(function, like, answers)
@@ -89,11 +92,11 @@ def compile_step(method: Method, start: Learning, physics: Physics, batch: Batch
         return tuple(deal.fetched(batch, store) for store in stores)
 
     stores = physics.cases, start.flows
-    fetch = compiled(fetch, (deal, shared, stores), stores).compile()
-    cases, flows = fetch(deal, shared, stores)
-    like = network, dataclasses.replace(physics, cases=cases), start.lessons, flows, shared
+    fetch = compiled(fetch, (deal, portion, stores), stores).compile()
+    cases, flows = fetch(deal, portion, stores)
+    like = network, dataclasses.replace(physics, cases=cases), start.lessons, flows, portion
     visit = compiled(method.visit, like, (start.lessons, flows, RESTED), donated=(3,))
-    like = deal, shared, start.flows, flows
+    like = deal, portion, start.flows, flows
     give_back = compiled(Deal.returned, like, start.flows, donated=(2,)).compile()
     lessons, samples = devices.local((start.lessons, physics.samples))
     like = start.network, start.memory, lessons, samples, batch, done

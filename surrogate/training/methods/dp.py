@@ -20,10 +20,10 @@ from surrogate.flow.solver.tangent import Effort, drag_weights, slip_adjoint
 from surrogate.training.methods.method import (
     Batch,
     Method,
-    Spent,
     adam_that_ends,
     predict,
     slowed,
+    spent_by,
 )
 from surrogate.training.methods.targets import (
     drag_misses,
@@ -47,10 +47,10 @@ class Lagged(NamedTuple):
 class Descent(NamedTuple):
     """Of flows that tractions drive: the loss, its gradient in the traction, what it took."""
 
-    gradient: Float[AnyArray, "*batch modes"]
-    loss: Float[AnyArray, "*batch"]
-    valid: Bool[AnyArray, "*batch"]
-    products: Int[AnyArray, "*batch"]
+    gradient: Float[AnyArray, "*samples modes"]
+    loss: Float[AnyArray, "*samples"]
+    valid: Bool[AnyArray, "*samples"]
+    products: Int[AnyArray, "*samples"]
 
     def asks(self, batch: Batch) -> bool:
         """Every step needs the flows of its own tractions."""
@@ -97,7 +97,7 @@ def published_differentiable_physics(
     optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
-        count, modes = min(batch, physics.count), physics.tractions.shape[1]
+        count, modes = physics.tractions.shape
         none, zeros = jnp.zeros(count, int), jnp.zeros(count)
         blank = Descent(jnp.zeros((count, modes)), zeros, none.astype(bool), none)
         return optimiser.init(network.weights), blank
@@ -121,10 +121,11 @@ def published_differentiable_physics(
         predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]
         one = functools.partial(driven, physics)
         told, flows, waiting = physics.deal.visit(batch, flows, one, predicted, oseen)
-        return told, flows, Spent(jnp.sum(told.products), jnp.sum(~told.valid), waiting)
+        lessons = jax.tree.map(lambda old, now: old.at[batch].set(now), lessons, told)
+        return lessons, flows, spent_by(told, physics, batch, waiting)
 
     def learn(network, adam, lessons, samples, batch, done):
-        gradient, loss, valid, _ = lessons
+        gradient, loss, valid, _ = jax.tree.map(lambda leaf: leaf[batch], lessons)
         pull = jax.vjp(lambda w: predict(network.with_weights(w), samples, batch), network.weights)
         count = jnp.maximum(jnp.sum(valid), 1)
         gradient = pull[1](jnp.where(valid[:, None], gradient, 0.0) / count)[0]

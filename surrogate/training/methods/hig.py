@@ -22,7 +22,7 @@ from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, compliance
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.method import Batch, Method, Spent, predict
+from surrogate.training.methods.method import Batch, Method, predict, spent_by
 from surrogate.training.methods.targets import (
     drag_misses,
     improving,
@@ -47,13 +47,13 @@ class Driven(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """Slips of a batch, the goal's row among them, and their derivatives in the tractions.
+    """Last slips of all samples, the goal's row among them, and their derivatives in the tractions.
 
     All nought for samples that are left out.
     """
 
-    y: Float[AnyArray, "batch outcomes"]
-    physical: Float[AnyArray, "batch outcomes modes"]
+    y: Float[AnyArray, "samples outcomes"]
+    physical: Float[AnyArray, "samples outcomes modes"]
 
     def asks(self, batch: Batch) -> bool:
         """Every step needs the flows of its own tractions."""
@@ -107,7 +107,7 @@ def published_half_inverse_gradients(
     """
 
     def init(network, physics):
-        count, modes = min(batch, physics.count), physics.tractions.shape[1]
+        count, modes = physics.tractions.shape
         blank = jnp.zeros((count, modes + 1)), jnp.zeros((count, modes + 1, modes))
         return jnp.array(0), Linearised(*blank)
 
@@ -127,20 +127,20 @@ def published_half_inverse_gradients(
         told, flows, waiting = physics.deal.visit(batch, flows, one, predicted, oseen)
         y, physical = with_goal_row(told.slip, told.matrix, goal, oseen[:, 0])
         finite = jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(physical), axis=(1, 2))
-        valid = told.valid & finite
-        lessons = Linearised(
-            jnp.where(valid[:, None], y, 0.0), jnp.where(valid[:, None, None], physical, 0.0)
-        )
-        return lessons, flows, Spent(jnp.sum(told.products), jnp.sum(~valid), waiting)
+        told = told._replace(valid=told.valid & finite)
+        y = jnp.where(told.valid[:, None], y, 0.0)
+        physical = jnp.where(told.valid[:, None, None], physical, 0.0)
+        lessons = Linearised(lessons.y.at[batch].set(y), lessons.physical.at[batch].set(physical))
+        return lessons, flows, spent_by(told, physics, batch, waiting)
 
     def learn(network, iteration, lessons, samples, batch, done):
-        y, physical = lessons
+        y = lessons.y[batch]
 
-        def outcomes(weights, place):
-            sample = jax.tree.map(lambda part: part[batch[place]], samples)
-            return physical[place] @ network.with_weights(weights)(*sample)
+        def outcomes(weights, index):
+            sample = jax.tree.map(lambda part: part[index], samples)
+            return lessons.physical[index] @ network.with_weights(weights)(*sample)
 
-        step = weight_step(outcomes, network.weights, jnp.arange(batch.size), y, tau, kappa)
+        step = weight_step(outcomes, network.weights, batch, y, tau, kappa)
         rate = eta / (1 + iteration / decay)
         loss = jnp.sum(y**2) / jnp.maximum(jnp.sum(jnp.any(y != 0, axis=1)), 1) / 2
         return network.with_weights(network.weights - rate * step), iteration + 1, loss

@@ -18,7 +18,7 @@ Batch = Int[AnyArray, " batch"]
 
 
 class Lessons(Protocol):
-    """What flows have told so far; arrays that are the same on every device."""
+    """What flows have told so far: a row for every sample, the same on every device."""
 
     def asks(self, batch: Batch) -> bool:
         """Whether a visit to these samples could tell more."""
@@ -37,13 +37,14 @@ class Spent(NamedTuple):
 
 
 class Method(NamedTuple):
-    """``init``, ``visit`` and ``learn``, to be traced; ``batch`` samples are visited at once.
+    """``init``, ``visit`` and ``learn``, to be traced; a step is about ``batch`` samples.
 
     ``init(network, physics) -> (memory, lessons)``: what the method itself remembers, and what
     flows have told before any was visited.
 
     ``visit(network, physics, lessons, flows, batch) -> (lessons, flows, spent)``: run by every
-    device on its own rows of a batch, of which alone ``physics`` and ``flows`` hold the fields.
+    device on its own rows of a portion of the batch, of which alone ``physics`` and ``flows`` hold
+    the fields.
 
     ``learn(network, memory, lessons, samples, batch, done) -> (network, memory, loss)``: run by
     one device; ``done`` is the fraction of the training that lies behind, for schedules.
@@ -53,6 +54,12 @@ class Method(NamedTuple):
     visit: Callable[[DragNetwork, Physics, Any, Owned, Batch], tuple[Lessons, Owned, Spent]]
     learn: Callable[[DragNetwork, Any, Any, Samples, Batch, Float[Array, ""]], tuple]
     batch: int
+
+
+def spent_by(told: Any, physics: Physics, batch: Batch, waiting: Array) -> Spent:
+    """What answers with ``products`` and ``valid`` took; nobody's are no failures."""
+    failed = ~told.valid & (batch < physics.count)
+    return Spent(jnp.sum(told.products), jnp.sum(failed), waiting)
 
 
 def adam_that_ends(learning_rate: float) -> optax.GradientTransformation:

@@ -16,13 +16,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.devices import where_wanted
 from surrogate.flow.loads.forces import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, Query, coupled_step, drag_slopes
 from surrogate.model.network import DragNetwork
-from surrogate.training.methods.method import Batch, Spent, predict
+from surrogate.training.methods.method import Batch, predict, spent_by
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
 
@@ -84,14 +85,15 @@ def one_step(
 def whole_flow(
     settings: NewtonSettings = NewtonSettings(1e-5, 15, 40), slopes: bool = False
 ) -> Inversion:
-    """Invert by solving the body flow, once."""
+    """Invert by solving the body flow, once; it fails where its slopes are wanted and not found."""
 
     def invert(physics, row, index, predicted, stored, known):
         case = physics.case(row)
         state, info = steady.body_flow(physics.domain, case, settings=settings)
         spent = info.products + physics.renewal
         answer = Answer(state, None, info.converged, info.converged, spent)
-        return _with_slope(physics, case, index, answer, slopes)
+        answer = _with_slope(physics, case, index, answer, slopes)
+        return answer._replace(valid=answer.final)
 
     return invert
 
@@ -108,10 +110,8 @@ def _with_slope(physics, case, index, answer, wanted):
         good = spent.converged & jnp.all(jnp.isfinite(slope))
         return jnp.where(good, slope, 0.0), good, spent.products
 
-    def none():
-        return jnp.zeros(parameters.size + 1), answer.valid, jnp.zeros_like(answer.products)
-
-    slope, good, spent = jax.lax.cond(answer.final & wanted, adjoint, none)
+    none = jnp.zeros(parameters.size + 1), answer.valid, jnp.zeros_like(answer.products)
+    slope, good, spent = where_wanted(answer.final & wanted, adjoint, none)
     return answer._replace(slope=slope, final=answer.final & good, products=answer.products + spent)
 
 
@@ -139,9 +139,11 @@ def improving(invert: Inversion) -> Callable:
         def one(row, velocity, index, predicted, traction, slope, known, settled):
             stored = FlowState(velocity, traction)
             rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
-            answer = jax.lax.cond(
-                settled, lambda: rest, lambda: invert(physics, row, index, predicted, stored, known)
-            )
+
+            def inverted():
+                return invert(physics, row, index, predicted, stored, known)
+
+            answer = where_wanted(~settled, inverted, rest)
             new = jax.tree.map(lambda a, b: jnp.where(answer.valid, a, b), answer.state, stored)
             told = _Told(new.amplitude, answer.slope, answer.valid, answer.final, answer.products)
             return told, new.velocity
@@ -152,7 +154,7 @@ def improving(invert: Inversion) -> Callable:
         known, settled = seen.known | told.valid, seen.settled | told.final
         new = Targets(told.traction, told.slope, known, settled)
         targets = jax.tree.map(lambda old, now: old.at[batch].set(now), targets, new)
-        return targets, flows, Spent(jnp.sum(told.products), jnp.sum(~told.valid), waiting)
+        return targets, flows, spent_by(told, physics, batch, waiting)
 
     return visit
 
