@@ -5,6 +5,7 @@ when its own bodies are done; on each of them ``lanes`` bodies are solved at onc
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from surrogate.arrays import AnyArray, Number
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
+from surrogate.processes import together
 
 AXIS = "bodies"
 LANES = {"cpu": 1}  # elsewhere as below
@@ -73,6 +75,27 @@ class Devices:
             out_specs=specs(answers),
             check_vma=False,
         )
+
+
+def share_out(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
+    """``function(model, *rows)`` by every device on its share of the rows; answers on the host."""
+    count = len(jax.tree.leaves(rows)[0])
+    taken = np.arange(-(-count // devices.count) * devices.count) % count
+    rows = Owned(jax.tree.map(lambda leaf: np.asarray(leaf)[taken], rows))
+    answers = _by_all(devices, function)(*devices.share((model, rows)))
+    return jax.tree.map(lambda leaf: together(leaf)[:count], answers.rows)
+
+
+@functools.cache
+def _by_all(devices, function):
+    @jax.jit
+    def by_all(model, rows):
+        def local(model, mine):
+            return Owned(function(model, *mine.rows))
+
+        return devices.spread(local, (model, rows), Owned(()))(model, rows)
+
+    return by_all
 
 
 def choose_devices(count: Number | None = None, lanes: Number | None = None) -> Devices:

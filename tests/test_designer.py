@@ -12,7 +12,7 @@ from shapeopt import Designer, LogNormal, Problem, Robust, Weighted, optimise
 from shapeopt.payoff.direct import design_directly
 from shapeopt.problem.constraints import margins
 from shapeopt.search import sqp
-from shapeopt.search.propose import descend_from_all, propose
+from shapeopt.search.propose import propose
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load
 from surrogate.body.measures import chord
 from surrogate.model.inputs import scene_inputs
@@ -182,12 +182,12 @@ def test_a_search_that_does_not_settle_gives_its_best_body_where_that_will_do(mo
     net = load("pretrained")
     problem = Problem(net.scene, 20.0, max_length=1.7)
     monkeypatch.setattr(sqp, "STEPS", 1)
-    descend_from_all.clear_cache()
+    jax.clear_caches()
     with pytest.raises(NotConverged, match="none of the starts"):
         propose(problem, net.network)
     rough = propose(problem, net.network, settled=False)
     monkeypatch.undo()
-    descend_from_all.clear_cache()
+    jax.clear_caches()
     best = propose(problem, net.network)
     assert float(chord(jnp.asarray(rough.parameters), net.scene.family.form)) <= 1.7 + 1e-5
     assert best.value < rough.value < 1.2 * best.value

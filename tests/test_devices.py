@@ -15,7 +15,7 @@ from study import free_port
 
 from shapeopt import Designer, Problem
 from surrogate import InvalidInput
-from surrogate.devices import choose_devices, deal_bodies
+from surrogate.devices import choose_devices, deal_bodies, where_wanted
 from surrogate.processes import join, scheduled
 
 HERE = Path(__file__).parent
@@ -119,6 +119,26 @@ def test_a_design_of_several_flows_is_the_same_on_two_devices(tmp_path):
     assert found[0]["cd_verified"] == pytest.approx(found[1]["cd_verified"], rel=1e-6)
 
 
+@pytest.mark.slow
+def test_many_queries_have_the_same_designs_on_three_devices():
+    code = """if True:
+        import jax, numpy as np
+        from shapeopt import Problem, optimise_all
+        from surrogate import load
+        jax.config.update("jax_num_cpu_devices", 3)
+        net = load("pretrained")
+        asked = [Problem(net.scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 20.0, 37.0)]
+        one, three = (optimise_all(asked, net, devices=count) for count in (1, 3))
+        off = [np.abs(a.parameters - b.parameters).max() for a, b in zip(one, three, strict=True)]
+        assert max(off) < 1e-9, off
+        assert [d.problem.reynolds for d in three] == [2.0, 11.0, 20.0, 37.0]
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=_environment(), capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize(
     "methods", [["sip"], pytest.param(["dp", "hig", "supervised"], marks=pytest.mark.slow)], ids=str
 )
@@ -180,6 +200,60 @@ def test_a_lost_process_is_told_in_one_line(tmp_path, lost):
         assert "Traceback" not in error
     assert time.monotonic() - begin < 60
     assert not (tmp_path / "pair").exists()
+
+
+@pytest.mark.slow
+def test_processes_go_on_where_one_of_them_was_lost(tmp_path):
+    """Killed in the middle and started again, two processes come to the weights of one alone."""
+
+    def start(name, *together):
+        (tmp_path / name).mkdir(exist_ok=True)
+        return subprocess.Popen(
+            [sys.executable, str(HERE / "killed_training.py"), str(tmp_path / name), *together],
+            env=_environment(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+
+    def two():
+        port = free_port()
+        return [start("pair", f"localhost:{port}", "2", str(k)) for k in (0, 1)]
+
+    alone = start("alone")
+    assert alone.communicate(timeout=500)[0].split()[-1] == "60"
+    pair = two()
+    for line in pair[0].stdout:
+        if int(line) >= 5:
+            break
+    for process in reversed(pair):
+        process.kill()
+        process.communicate()
+    assert not (tmp_path / "pair" / "weights.npy").exists()
+    steps = [process.communicate(timeout=500)[0].split() for process in two()]
+    assert 5 < int(steps[0][0]) < 60, "it started again instead of going on"
+    weights = [np.load(tmp_path / name / "weights.npy") for name in ("alone", "pair")]
+    assert np.array_equal(*weights)
+
+
+def test_where_wanted_computes_for_lanes_that_want_it_alone():
+    computed = []
+
+    def compute(x):
+        jax.debug.callback(lambda: computed.append(1))
+        return 2 * x
+
+    def one(wanted, x):
+        return where_wanted(wanted, lambda: compute(x), x)
+
+    lanes = jax.jit(jax.vmap(one))
+    x = np.arange(3.0)
+    assert np.array_equal(lanes(np.zeros(3, bool), x), x)
+    jax.effects_barrier()
+    assert not computed
+    assert np.array_equal(lanes(np.array([True, False, True]), x), [0.0, 1.0, 4.0])
+    jax.effects_barrier()
+    assert computed
 
 
 def test_designers_share_a_memory_and_lose_nothing(tmp_path, tiny_scene):

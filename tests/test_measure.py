@@ -27,6 +27,7 @@ LONG = {
     "least",
     "shards",
     "space_speed",
+    "streams",
     "trainings_on_devices",
     "trust",
 }  # they start processes, or compile for long

@@ -148,6 +148,8 @@ def test_a_call_of_many_problems_answers_as_one_by_one(pretrained):
         assert one.parameters == pytest.approx(other.parameters, abs=1e-9)
         assert (one.calls, one.kkt_residual < 1e-5) == (other.calls, True)
     assert optimise_all([], pretrained) == []
+    with pytest.raises(InvalidInput, match="JAX has"):
+        optimise_all(asked, pretrained, devices=1000)
     with pytest.raises(InvalidInput, match="as many cases and stations"):
         optimise_all([asked[0], Problem(scene, Weighted((1.0, 40.0), (1.0, 1.0)))], pretrained)
     with pytest.raises(InvalidInput, match="a surrogate"):

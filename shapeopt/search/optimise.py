@@ -9,6 +9,7 @@ from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer, check_model, check_problem
 from shapeopt.search.propose import propose_all
 from surrogate.checks import expect
+from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
@@ -38,14 +39,18 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
     return optimise_all([problem], model)[0]
 
 
-def optimise_all(problems: Sequence[Problem], surrogate: Surrogate | Flow) -> list[Design]:
+def optimise_all(
+    problems: Sequence[Problem], surrogate: Surrogate | Flow, devices: int | None = None
+) -> list[Design]:
     """The surrogate's own optimum of every problem, all in one compiled call.
 
-    ``seconds`` of a design are its share of the call.
+    Problems are spread over ``devices``, one where nothing is said; ``seconds`` of a design are
+    its share of the call.
 
     Raises:
       InvalidInput: a problem has no feasible body or is of another scene, the problems differ
-        in how many cases or stations they have, or the model is a flow.
+        in how many cases or stations they have, there are not so many devices, or the model is a
+        flow.
       NotConverged: no start reached an optimum of one.
     """
     check_model(surrogate)
@@ -54,8 +59,8 @@ def optimise_all(problems: Sequence[Problem], surrogate: Surrogate | Flow) -> li
     expect("optimise_all", problems, list | tuple, "list of problems")
     for problem in problems:
         check_problem(problem, surrogate.scene)
-    begin = time.perf_counter()
-    proposals = propose_all(problems, surrogate.network) if problems else []
+    chosen, begin = choose_devices(devices), time.perf_counter()
+    proposals = propose_all(problems, surrogate.network, devices=chosen) if problems else []
     share = (time.perf_counter() - begin) / max(len(problems), 1)
     pairs = zip(problems, proposals, strict=True)
     return [_design(problem, surrogate, proposal, share) for problem, proposal in pairs]

@@ -16,6 +16,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.optimality import optimality
 from shapeopt.search.sqp import descend
 from surrogate.arrays import AnyArray
+from surrogate.devices import Devices, choose_devices, share_out
 from surrogate.errors import InvalidInput, NotConverged
 
 RANKED = 1024  # draws
@@ -49,9 +50,15 @@ def propose(problem: Problem, model: Any, leaders: Leaders = (), settled: bool =
 
 
 def propose_all(
-    problems: Sequence[Problem], model: Any, leaders: Leaders = (), settled: bool = True
+    problems: Sequence[Problem],
+    model: Any,
+    leaders: Leaders = (),
+    settled: bool = True,
+    devices: Devices | None = None,
 ) -> list[Proposal]:
     """The same of many problems in one compiled call; they must have as many cases and stations.
+
+    Problems are spread over ``devices``.
 
     Raises:
       InvalidInput: problems are of different kinds, or no body satisfies the constraints of one.
@@ -60,16 +67,17 @@ def propose_all(
     limits = _stacked([problem.limits for problem in problems])
     scenarios = _stacked([problem.scenarios for problem in problems])
     drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
-    starts, feasible = map(np.array, best_draws(model, drawn, limits, scenarios))
+    devices = devices or choose_devices()
+    rows = drawn, limits, scenarios
+    starts, feasible = map(np.array, share_out(devices, best_draws, model, rows))
     count = starts.shape[1]
     for k in np.flatnonzero(feasible < count):
         bodies = candidates(problems[k])
         starts[k] = bodies[np.arange(count) % len(bodies)]
     if leaders:
         starts[:, -len(leaders) :] = np.array(leaders)
-    ends, began, turns = jax.tree.map(
-        np.asarray, descend_from_all(model, starts, limits, scenarios)
-    )
+    rows = starts, limits, scenarios
+    ends, began, turns = share_out(devices, descend_from_all, model, rows)
     found = []
     for k, problem in enumerate(problems):
         end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)
@@ -83,7 +91,6 @@ def propose_all(
     return found
 
 
-@jax.jit
 def best_draws(
     model: Any,
     drawn: Float[AnyArray, "problems bodies parameters"],
@@ -102,7 +109,6 @@ def best_draws(
     return jax.lax.map(one, (drawn, limits, scenarios))
 
 
-@jax.jit
 def descend_from_all(
     model: Any,
     starts: Float[AnyArray, "problems starts parameters"],
