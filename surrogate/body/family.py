@@ -14,7 +14,7 @@ from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, Body
 from surrogate.body.form import PARAMETERS, Form, check_dimension
-from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, opening
+from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, openings
 from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
 from surrogate.checks import expect, finite_number, interval, real_numbers, shown, whole_number
 from surrogate.errors import InvalidInput
@@ -199,7 +199,7 @@ class Family:
         Raises:
           InvalidInput: hardly any does.
         """
-        keep = np.asarray(jax.vmap(lambda p: opening(p, self.form))(jnp.asarray(bodies))) > ROOMY
+        keep = openings(np.asarray(bodies), self.form) > ROOMY
         if len(keep) > 64 * (1 + np.sum(keep)):
             raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
         return keep
@@ -250,7 +250,7 @@ class Family:
             raise InvalidInput(f"bodies: must be arrays of real numbers; of each {self._wanted}")
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
-        least = np.asarray(jax.vmap(lambda p: opening(p, self.form))(jnp.asarray(values)))
+        least = openings(values, self.form)
         ends = np.array([limits(name) for name in self.names[: self.form.ratios]]).T
         ratios = values[:, : self.form.ratios]
         sound = np.isfinite(values).all(axis=1) & (least >= LEAST_OPENING)

@@ -6,8 +6,10 @@ c = sqrt(aspect) and b = 1 / (2 sqrt(aspect)), so the area is pi/4 whatever the 
 of the equivalent diameter D. In space the same meridian, volume pi/6, and a flatness: ``solid``.
 """
 
+import functools
 from collections.abc import Mapping
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -29,6 +31,21 @@ def opening(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[Any
     c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
     waves = np.array([eval_chebyu(k - 1, c) for k in form.modes]).reshape(len(form.modes), c.size)
     return least(1 + form.betas(parameters) @ waves)
+
+
+def openings(
+    bodies: Float[np.ndarray, "bodies parameters"], form: Form
+) -> Float[np.ndarray, " bodies"]:
+    """``opening`` of many bodies, however many, with little to compile."""
+    size = 2 ** (max(len(bodies), 1) - 1).bit_length()
+    filled = np.zeros((size, bodies.shape[1]))
+    filled[: len(bodies)] = bodies
+    return np.asarray(_openings(filled, form))[: len(bodies)]
+
+
+@functools.partial(jax.jit, static_argnames="form")
+def _openings(bodies, form):
+    return jax.vmap(lambda parameters: opening(parameters, form))(bodies)
 
 
 def family_markers(
