@@ -19,7 +19,7 @@ from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from surrogate import Flow, Scene
 
-QUERIES = 24
+QUERIES = 16  # whose flows, 64 at most, one size of compiled models holds
 
 
 class Way(NamedTuple):
@@ -55,7 +55,7 @@ def _answered(way: Way, queries: Sequence[Problem], scratch: str) -> dict[str, A
     with context.Manager() as manager, context.Pool(way.processes) as pool:
         together = manager.Barrier(way.processes)
         shares = [
-            (queries[k :: way.processes], f"{scratch}/{0 if way.shared else k}.json", k, together)
+            (queries, f"{scratch}/{0 if way.shared else k}.json", k, way.processes, together)
             for k in range(way.processes)
         ]
         found = pool.starmap(_answer, shares, chunksize=1)
@@ -66,10 +66,12 @@ def _answered(way: Way, queries: Sequence[Problem], scratch: str) -> dict[str, A
     return {"flows": asked, "lost": asked - kept, "seconds": seconds}
 
 
-def _answer(queries: Sequence[Problem], file: str, place: int, together: Any) -> tuple[int, float]:
-    """Flows of a share of the queries, and seconds; the share was answered once before.
+def _answer(
+    queries: Sequence[Problem], file: str, place: int, processes: int, together: Any
+) -> tuple[int, float]:
+    """Flows of a share of the queries, and seconds.
 
-    So nothing, or little, is left to compile.
+    All of them were answered once before, so nothing, or little, is left to compile.
     """
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
@@ -80,7 +82,7 @@ def _answer(queries: Sequence[Problem], file: str, place: int, together: Any) ->
         rehearsal.design(query)
     together.wait()
     begin, designer = time.perf_counter(), Designer(flow, memory=file)
-    flows = sum(designer.design(query).flows for query in queries)
+    flows = sum(designer.design(query).flows for query in queries[place::processes])
     return flows, time.perf_counter() - begin
 
 
