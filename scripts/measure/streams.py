@@ -19,7 +19,7 @@ from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from surrogate import Flow, Scene
 
-QUERIES = 16  # whose flows, 64 at most, one size of compiled models holds
+QUERIES = 12  # whose flows, 64 at most, one size of compiled models holds
 
 
 class Way(NamedTuple):
