@@ -17,7 +17,7 @@ from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
 from surrogate import Flow, load
 
-QUERIES, ALONE, FEW, ROUNDS = 1000, 100, 20, 3
+QUERIES, ALONE, FEW, ROUNDS = 1000, 100, 50, 3
 REYNOLDS, LENGTHS = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), (1.1, 1.3, 1.6, 2.0)
 
 
