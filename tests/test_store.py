@@ -196,18 +196,18 @@ def test_the_shipped_surrogate_is_the_best_of_those_that_ship():
 
 def test_a_surrogate_of_another_plan_is_not_taken_for_it():
     surrogate = load("pretrained:sip")
-    assert is_of(make_plan(None, "sip"), surrogate)
+    assert is_of(make_plan(None, "sip", seed=2), surrogate)
     others = (
-        make_plan(None, "sip", "quick"),
-        make_plan(None, "hig"),
+        make_plan(None, "sip", "quick", seed=2),
+        make_plan(None, "hig", seed=2),
         make_plan(None, "sip", seed=1),
-        make_plan(None, "sip", samples=64),
-        make_plan(None, "sip", published=True),
-        make_plan(Scene(family=Family(aspect=(1, 3))), "sip"),
+        make_plan(None, "sip", samples=64, seed=2),
+        make_plan(None, "sip", published=True, seed=2),
+        make_plan(Scene(family=Family(aspect=(1, 3))), "sip", seed=2),
     )
     assert not any(is_of(plan, surrogate) for plan in others)
     record = {**surrogate.record, "iterations": 7}
-    assert not is_of(make_plan(None, "sip"), dataclasses.replace(surrogate, record=record))
+    assert not is_of(make_plan(None, "sip", seed=2), dataclasses.replace(surrogate, record=record))
 
 
 def test_golden_pretrained_surrogate_on_unseen_bodies():

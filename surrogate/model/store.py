@@ -24,7 +24,8 @@ from surrogate.versions import versions
 
 FORMAT = 3
 RECORD, WEIGHTS = "surrogate.json", "weights.eqx"
-PRETRAINED = Path(__file__).parent / "pretrained"  # one a method, from one bench
+# one a method, from one bench: that of three seeds where designs by HIG take the fewest flows
+PRETRAINED = Path(__file__).parent / "pretrained"
 BEST = "hig"  # of these, by its mean error on unseen bodies
 WIDEST, DEEPEST = 4096, 8  # layers of a network that is read
 LONGEST_RECORD = 1 << 24  # bytes
