@@ -17,6 +17,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.form import Form
 
 GAUSS = legendre.leggauss(32)  # exact for the squares of twelve modes
+QUARTERS = 4  # of a body, of which one is gridded
 
 
 class Skin(eqx.Module):

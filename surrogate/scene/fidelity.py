@@ -78,7 +78,7 @@ LEVELS = {
         Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001),
     ),
     3: (
-        Fidelity("draft", 10, 3, 6, 4, wake=0.0, promise=0.02),
+        Fidelity("draft", 8, 3, 6, 4, wake=0.0, promise=0.02),
         Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005),
         Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001),
     ),

@@ -8,13 +8,13 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import moments
-from surrogate.body.solid import Skin
+from surrogate.body.solid import QUARTERS, Skin
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import Modes, SpaceModes
 
 RING = 6  # cells along the stream that hold a ring's splines: four, and what it is pulled askew
-THINNING = 0.052  # of the second order in space, per Re
-SHARP = 8  # power of a mean that is nearly a maximum
+THIN = 70.0  # Re about which a boundary layer in space thins to few cells
+THICK = 12.0  # of the second order in space, per D
 
 Markers = Float[AnyArray, "nodes 2"] | Skin
 
@@ -25,10 +25,12 @@ class Spreading(eqx.Module):
     ``spread`` is the map from mode amplitudes to a force density on the grid, ``slip`` its
     transpose (times the cell volume): the mode-weighted mean of a velocity on the contour.
     ``silent`` is the unit vector of uniform pressure, the traction that moves nothing.
+    ``slip_law`` is the slip that the grid shows of each mode where the wall has none.
     """
 
     density: Float[AnyArray, "modes axes ..."]
     silent: Float[AnyArray, " modes"]
+    slip_law: Float[AnyArray, "#modes #modes"]
     corner: tuple[int, ...] = eqx.field(static=True)
     shape: tuple[int, ...] = eqx.field(static=True)
     volume: float = eqx.field(static=True)
@@ -70,12 +72,13 @@ def spread_modes(
 ) -> Spreading:
     """Spread all modes from a body's surface, the markers pulled inward a little.
 
-    How far depends on ``reynolds`` in space alone.
+    In space, at low ``reynolds``, they stay on the wall and a slip law holds there.
     """
     points, normal = (markers, outward(markers)) if isinstance(modes, Modes) else markers
     speed = jnp.linalg.norm(normal, axis=1, keepdims=True)
-    second = _second_order(points, speed, reynolds)
-    seats = _seats(lattice, points, normal / speed, second)
+    lawful = _lawful(reynolds) if lattice.dimension == 3 else 0.0
+    unit, second = normal / speed, _second_order(points, speed)
+    seats, retracted = _seats(lattice, points, unit, second, 1 - lawful)
     corner, sides = [lattice.inlet - box[0] // 2], [box[0]]
     for cells, side in zip(lattice.shape[1:], box[1:], strict=True):
         below = 0 if lattice.symmetric else side // 2  # of the box under the centre line
@@ -92,9 +95,11 @@ def spread_modes(
         components.append(_scattered(values[:, own] * weights, reach, nodes))
     density = jnp.stack(components, axis=1) / float(np.prod(lattice.step))
     silent = jnp.einsum("mck,kc->m", values * weights, normal)
+    thickness = lawful * reynolds * lattice.step[0] * (retracted / speed)[:, 0]
     return Spreading(
         density,
         silent / jnp.linalg.norm(silent),
+        _slip_law(values, unit, weights * thickness),
         tuple(corner),
         lattice.shape,
         lattice.cell_volume,
@@ -159,40 +164,55 @@ def ripple(offset: Float[AnyArray, "..."]) -> Float[Array, "..."]:
     return -5 / 768 * jnp.cos(2 * np.pi * offset)
 
 
-def _seats(lattice, points, unit, second):
-    """The markers pulled inward, each by the retraction of its place in the grid."""
+def _seats(lattice, points, unit, second, share):
+    """The markers pulled inward, by a share of the retraction of their places, and that in h."""
     step = np.array(lattice.step)
+    h = np.prod(step) ** (1 / step.size)
 
     def pulled(cells):
-        h = np.prod(step) ** (1 / step.size)
-        return points - h * (cells + cells**2 * h * second) * unit
+        return points - share * h * (cells + cells**2 * h * second) * unit
 
     mean = retraction(unit)[:, None]
     offset = pulled(mean) / step - 0.5  # faces of the tangential velocity: half a cell off 0
-    return pulled(mean + jnp.sum(ripple(offset) * unit**2, axis=1, keepdims=True))
+    cells = mean + jnp.sum(ripple(offset) * unit**2, axis=1, keepdims=True)
+    return pulled(cells), cells
 
 
-def _second_order(points, speed, reynolds):
+def _slip_law(values, unit, weights):
+    """Sum over markers of mode times mode, both along the wall; none in the plane.
+
+    A sheet of traction t on the wall itself drags the fluid there along as if the wall were R h
+    further in: the B-mean of a true flow's velocity, which is no slip, is -R h Re t. Against
+    retraction it lets the fluid inside the body rest and the wall stay tight, so that no
+    second-order term is left of the Stokes flow around a sphere.
+    """
+    if values.shape[1] == 2:
+        return jnp.zeros((1, 1))
+    along = values - jnp.sum(values * unit.T, axis=1, keepdims=True) * unit.T
+    return QUARTERS * jnp.einsum("mck,nck,k->mn", along, along, weights)
+
+
+def _lawful(reynolds):
+    """Share of the slip law in space, the rest being retraction.
+
+    Where a boundary layer has few cells, the smeared sheet's own inertia counts, which takes drag
+    off bluff bodies under the slip law and adds to it under retraction. About which Re they meet
+    was measured on spheroids and others of aspect 0.5 to 4 at Re 60 and 100.
+    """
+    return 1 / (1 + (reynolds / THIN) ** 4)
+
+
+def _second_order(points, speed):
     """What R^2 h^2 is multiplied by, per D, to make the retraction second order.
 
     In the plane, what the fluid inside the body adds: the sheet drags it along at -shear R h; in
     a body of half width l it recirculates (Stokes flow in a slab or a disc: slope 3/l of its wall
-    speed), which lowers the jump of the shear. l is 2 area / perimeter.
-
-    In space three terms, for the Stokes flow around a sphere of radius l: the fluid inside
-    (Hill's vortex) 4/l, the curved profile of the flow outside 3/2l, and the flow through the
-    sheet that the retraction stops 1/2l; 6/l together. 1/l is that along or the mean of those
-    across the stream, whichever is greater, which fits Oberbeck's ellipsoids. With Re the
-    boundary layer thins to few cells and the lattice takes drag off bluff bodies, which a lesser
-    retraction gives back: how much was measured on spheroids of aspect 0.5 to 4 up to Re 100.
+    speed), which lowers the jump of the shear. l is 2 area / perimeter. In space, where markers
+    are retracted at high Re alone, it was measured there; Hill's vortex would be 4/l.
     """
     if points.shape[1] == 2:
         return 3 * np.pi * jnp.mean(speed) / moments(points)[0]
-    half = jnp.max(jnp.abs(points), axis=0)
-    slenderness = half[0] / jnp.sqrt(half[1] * half[2])
-    along, across = 1 / half[0], (1 / half[1] + 1 / half[2]) / 2
-    sharpest = ((along**SHARP + across**SHARP) / 2) ** (1 / SHARP)  # a maximum without a kink
-    return (6 - THINNING * reynolds / (1 + slenderness**4 / 5)) * sharpest
+    return THICK
 
 
 def bspline(r: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:

@@ -94,13 +94,13 @@ def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArra
 
 
 def pinning(domain: Domain, case: Case) -> Float[AnyArray, "modes modes"]:
-    """Compliance added to S G B: slight for every mode, firm for uniform pressure.
+    """Compliance added to S G B: the slip law, slight for every mode, firm for uniform pressure.
 
-    Without it the silent mode, which moves nothing, would take any value.
+    Without the last the silent mode, which moves nothing, would take any value.
     """
     silent = case.body.silent
     slight = domain.slip_compliance * jnp.eye(silent.size, dtype=silent.dtype)
-    return slight + PIN * jnp.outer(silent, silent)
+    return slight + PIN * jnp.outer(silent, silent) + case.body.slip_law
 
 
 def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, " 2"]:
