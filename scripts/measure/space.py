@@ -55,7 +55,7 @@ def whole() -> Extent:
     practice = [(0.5, 1.0), (1.0, 1.0), (2.0, 1.0), (4.0, 1.0), (2.0, 2.0)]
     creeping = [*practice, (2.0, 1.5), (1.0, 2.0), (0.7, 2.0), (4.0, 2.0)]
     numbers = (0.1, 1.0, 10.0, 100.0)
-    return Extent(levels, [finest], list(SPHERE), creeping, 8, ELEMENTS, practice, numbers)
+    return Extent(levels, [finest], list(SPHERE), creeping, 12, ELEMENTS, practice, numbers)
 
 
 def small() -> Extent:
