@@ -23,7 +23,7 @@ from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.tangent import Effort, Query, drag_slopes
 
-ADJOINT = Effort(2e-4, 40)
+ADJOINT = Effort(2e-4, 60)
 HALVINGS = 3  # of the step in Re, where Newton from the Oseen flow fails
 
 

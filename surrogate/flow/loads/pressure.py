@@ -14,10 +14,7 @@ from surrogate.flow.grid.immersed import Markers, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.solver.steady import FlowState
 
-NEAR = {
-    2: (1.5, 2.5, 3.5),
-    3: (1.0, 2.0, 3.0),
-}  # cells off the wall: pressure is smooth there, so closer than vorticity
+NEAR = (1.5, 2.5, 3.5)  # cells off the wall: pressure is smooth there, so closer than vorticity
 
 
 def pressure(
@@ -60,14 +57,13 @@ def surface_pressure(
     points, normal = np.asarray(points), np.asarray(normal)
     unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     origin = np.array([lattice.inlet, *(count / 2 for count in lattice.shape[1:])]) - 0.5
-    near = NEAR[lattice.dimension]
     probed = [
         map_coordinates(
             field, ((points + k * h * unit) / lattice.step + origin).T, order=3, mode="nearest"
         )
-        for k in near
+        for k in NEAR
     ]
-    weights = np.linalg.solve(np.vander(near, increasing=True).T, np.eye(len(near))[0])
+    weights = np.linalg.solve(np.vander(NEAR, increasing=True).T, np.eye(len(NEAR))[0])
     return 2 * weights @ np.array(probed)
 
 

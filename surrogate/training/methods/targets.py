@@ -4,7 +4,7 @@
 network's prediction and the flow of the visit before. It linearises the physics there, ``slip =
 C (a - a+)`` with a+ the step's traction and C the compliance dy/da; a sample whose drag no longer
 moves is settled and costs nothing more. ``whole_flow`` solves the body flow at the first visit, and
-a+ is its traction for good.
+a+ is its traction for good; a sample without one is left out.
 """
 
 from collections.abc import Callable
@@ -27,13 +27,13 @@ from surrogate.training.methods.method import Batch, predict, spent_by
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
 
-SLOPE = Effort(2e-4, 40)  # five times less leaves a mark on 256 bodies
+SLOPE = Effort(2e-4, 60)  # five times less leaves a mark on 256 bodies
 
 
 class Targets(NamedTuple):
-    """Per sample the target traction, its slopes, whether there is one, and if it is final.
+    """Per sample the target traction, its slopes, whether there is one, and if nothing is asked.
 
-    ``slopes`` are d log Cd / d(parameters, log Re) of final samples, where they were asked for.
+    ``slopes`` are d log Cd / d(parameters, log Re) of known and settled samples, where asked for.
     """
 
     tractions: Float[AnyArray, "samples modes"]
@@ -85,7 +85,10 @@ def one_step(
 def whole_flow(
     settings: NewtonSettings = NewtonSettings(1e-5, 15, 40), slopes: bool = False
 ) -> Inversion:
-    """Invert by solving the body flow, once; it fails where its slopes are wanted and not found."""
+    """Invert by solving the body flow, once and for all.
+
+    It fails where its slopes are wanted and not found; nothing else would come of a second try.
+    """
 
     def invert(physics, row, index, predicted, stored, known):
         case = physics.case(row)
@@ -93,7 +96,7 @@ def whole_flow(
         spent = info.products + physics.renewal
         answer = Answer(state, None, info.converged, info.converged, spent)
         answer = _with_slope(physics, case, index, answer, slopes)
-        return answer._replace(valid=answer.final)
+        return answer._replace(valid=answer.final, final=jnp.array(True))
 
     return invert
 
@@ -138,7 +141,7 @@ def improving(invert: Inversion) -> Callable:
     def visit(network, physics, targets, flows, batch):
         def one(row, velocity, index, predicted, traction, slope, known, settled):
             stored = FlowState(velocity, traction)
-            rest = Answer(stored, slope, *map(jnp.asarray, (True, True, 0)))
+            rest = Answer(stored, slope, known, *map(jnp.asarray, (True, 0)))
 
             def inverted():
                 return invert(physics, row, index, predicted, stored, known)
@@ -169,9 +172,10 @@ def drag_misses(
     parameters, reynolds = samples.parameters[index], samples.reynolds[index]
     z, steep = network.inputs(parameters, reynolds), network.inputs.steepness(parameters)
     log_drag, slopes = jax.value_and_grad(network.log_drag)(z)
-    told = jnp.log(drag_coefficient(targets.tractions[index]))
-    miss = jnp.where(targets.known[index], log_drag - told, 0.0)
-    off = jnp.where(targets.settled[index], slopes - steep * targets.slopes[index], 0.0)
+    target = jnp.log(drag_coefficient(targets.tractions[index]))
+    miss = jnp.where(targets.known[index], log_drag - target, 0.0)
+    told = targets.known[index] & targets.settled[index]
+    off = jnp.where(told, slopes - steep * targets.slopes[index], 0.0)
     return jnp.append(miss, off)
 
 
