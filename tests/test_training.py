@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from surrogate import Family, InvalidInput, load, train
+from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.training import train as training
 from surrogate.training.loop import drag_errors, make_bench, run_training
 from surrogate.training.methods.hig import half_inverse_gradients
+from surrogate.training.methods.targets import improving, whole_flow
 from surrogate.training.plan import METHODS, Plan
 from surrogate.training.samples import held_out_samples, training_samples
 from surrogate.training.step import compile_step, first_state
@@ -78,6 +80,22 @@ def test_samples_that_have_told_all_are_left_in_peace(plan, bench):
     now, spent, second = step._replace(fetch=None, visit=None, give_back=None)(now, batch, 0.0)
     assert spent.products == 0
     assert second < 0.5 * first
+
+
+def test_a_flow_that_is_not_found_is_not_sought_again(plan, bench):
+    """Nothing else would come of it; the network learns from the others, here from none."""
+    batch, hopeless = np.arange(24), NewtonSettings(1e-12, 1, 1)
+    visit = improving(whole_flow(hopeless, slopes=True))
+    method = half_inverse_gradients(24)._replace(visit=visit)
+    start = first_state(method, bench.network, bench.physics, bench.oseen)
+    step = compile_step(method, start, bench.physics, batch)
+    now, spent, _ = step(start, batch, 0.0)
+    assert spent.failed == 24
+    assert not np.any(now.lessons.known)
+    assert not now.lessons.asks(batch)
+    again, spent, loss = step(now, batch, 0.0)
+    assert spent.products == loss == 0
+    assert np.array_equal(again.network.weights, bench.network.weights)
 
 
 def test_same_seed_same_weights_and_another_seed_others(plan, bench, trained):
