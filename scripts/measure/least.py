@@ -36,7 +36,7 @@ TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
-    """Optima over Re and cells, extrapolated by the second order of the two finest; one bounded."""
+    """Optima over Re and cells, extrapolated by the third order of the two finest; one bounded."""
     standard = TINY if tiny else SPACE_FIDELITIES["standard"]
     numbers, cells = ((40.0,), (5,)) if tiny else (tuple(THEORY), CELLS)
     family = Family(dimension=3, aspect=(1.5, 3)) if tiny else REVOLVED
@@ -78,7 +78,7 @@ def _extrapolated(rows, reynolds):
     if len(found) < 2:
         return None
     (coarse, rough), (fine, good) = found[-2:]
-    return good + (good - rough) / ((fine / coarse) ** 2 - 1)
+    return good + (good - rough) / ((fine / coarse) ** 3 - 1)
 
 
 def tables(result: Result) -> str:

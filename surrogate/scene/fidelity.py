@@ -9,6 +9,7 @@ from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 LONGEST_WINDOW = 40.0  # downstream, in D
+FEWEST_CELLS = 6  # per D, that bodies of usual thickness are solved on
 MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a window of the plane
 
 
@@ -58,8 +59,8 @@ class Fidelity:
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def coarser(self) -> "Fidelity":
-        """Two thirds of the cells."""
-        return dataclasses.replace(self, cells=round(2 * self.cells / 3))
+        """Two thirds of the cells, or as many as any body needs."""
+        return dataclasses.replace(self, cells=max(round(2 * self.cells / 3), FEWEST_CELLS))
 
     def smaller(self, share: float) -> "Fidelity":
         """A share of the window."""

@@ -13,7 +13,7 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import Modes, SpaceModes
 
 RING = 6  # cells along the stream that hold a ring's splines: four, and what it is pulled askew
-THIN = 70.0  # Re about which a boundary layer in space thins to few cells
+THIN = 60.0  # Re about which a boundary layer in space thins to few cells
 THICK = 12.0  # of the second order in space, per D
 
 Markers = Float[AnyArray, "nodes 2"] | Skin
@@ -197,7 +197,7 @@ def _lawful(reynolds):
 
     Where a boundary layer has few cells, the smeared sheet's own inertia counts, which takes drag
     off bluff bodies under the slip law and adds to it under retraction. About which Re they meet
-    was measured on spheroids and others of aspect 0.5 to 4 at Re 60 and 100.
+    was measured on spheroids and others of aspect 0.5 to 4 at Re 53 to 100.
     """
     return 1 / (1 + (reynolds / THIN) ** 4)
 
