@@ -71,6 +71,14 @@ def test_without_a_coarser_flow_there_is_no_estimate():
     assert found.status == "degraded"
 
 
+@pytest.mark.parametrize("cells", [4, 5, 6, 7, 8, 10, 16, 128])
+def test_coarser_has_fewer_cells_and_enough_if_it_can(cells):
+    coarser = dataclasses.replace(DRAFT, cells=cells, height=4).coarser().cells
+    assert coarser < cells
+    assert coarser >= min(6, cells - 2)
+    assert coarser == round(2 * cells / 3) or cells < 9
+
+
 def test_windows_follow_the_wake():
     standard = FIDELITIES["standard"]
     assert standard.reaching(40.0, 1.0) == standard

@@ -9,7 +9,7 @@ from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 LONGEST_WINDOW = 40.0  # downstream, in D
-FEWEST_CELLS = 6  # per D, that bodies of usual thickness are solved on
+FEWEST_CELLS = 6  # per D, if it can be: fewer do not resolve bodies of usual thickness
 MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a window of the plane
 
 
@@ -59,8 +59,9 @@ class Fidelity:
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def coarser(self) -> "Fidelity":
-        """Two thirds of the cells, or as many as any body needs."""
-        return dataclasses.replace(self, cells=max(round(2 * self.cells / 3), FEWEST_CELLS))
+        """Two thirds of the cells; of few enough, those that bodies of usual thickness need."""
+        fewest = min(self.cells - 2, FEWEST_CELLS)
+        return dataclasses.replace(self, cells=max(round(2 * self.cells / 3), fewest))
 
     def smaller(self, share: float) -> "Fidelity":
         """A share of the window."""
