@@ -16,7 +16,8 @@ from surrogate.files import check_target, path_of, strict_json, whole_files
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
-from surrogate.scene.scene import Scene, check_reynolds
+from surrogate.scene.limits import check_reynolds
+from surrogate.scene.scene import Scene
 from surrogate.training.record import command_line
 
 RECORD = "run.json"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from surrogate import FIDELITIES, Family, Fidelity, Flow, InvalidInput, Scene, Tunnel, Unbounded
 from surrogate.body.form import PARAMETERS
-from surrogate.scene.scene import check_reynolds
+from surrogate.scene.limits import check_reynolds
 
 TUNNEL = """
 dimension = 2

@@ -16,7 +16,8 @@ from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
-from surrogate.scene.scene import REYNOLDS, Scene, check_reynolds
+from surrogate.scene.limits import REYNOLDS, check_reynolds
+from surrogate.scene.scene import Scene
 
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in space {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")

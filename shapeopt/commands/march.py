@@ -23,7 +23,8 @@ from surrogate.flow.check.march import Box, march, prepare, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import THINNEST
 from surrogate.progress import progress_bar
-from surrogate.scene.scene import ONSET_OF_SHEDDING, Scene
+from surrogate.scene.limits import ONSET_OF_SHEDDING
+from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
 
 FRAMES = 60

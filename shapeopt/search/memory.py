@@ -17,7 +17,7 @@ from surrogate.flow.steps import Slope
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Hyper, Kriging, Told, kriging, likeliest
 from surrogate.model.network import DragNetwork
-from surrogate.scene.scene import REYNOLDS
+from surrogate.scene.limits import REYNOLDS
 
 KIND = "flows of a designer"
 LARGEST = 1e7  # drag or slope that a flow may have told

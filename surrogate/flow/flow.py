@@ -34,7 +34,8 @@ from surrogate.flow.steps import (
     loads,
 )
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS, Scene, check_reynolds
+from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, check_reynolds
+from surrogate.scene.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True)

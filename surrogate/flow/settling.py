@@ -9,7 +9,7 @@ from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
-from surrogate.scene.scene import ONSET_OF_SHEDDING, REYNOLDS
+from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS
 
 LEAST, MOST = 1e-12, 1e12  # of a particle's numbers
 BALANCED = 1e-4  # relative, of drag and weight

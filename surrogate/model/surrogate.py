@@ -12,7 +12,8 @@ from surrogate.body.outline import LEAST_OPENING, opening
 from surrogate.checks import finite_number, one_body, traced
 from surrogate.errors import InvalidInput
 from surrogate.model.network import DragNetwork
-from surrogate.scene.scene import Scene, check_reynolds
+from surrogate.scene.limits import check_reynolds
+from surrogate.scene.scene import Scene
 
 SLACK = 1e-9  # of a range's width, for rounding
 

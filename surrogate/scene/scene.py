@@ -13,33 +13,26 @@ In a file it is a few lines of TOML; what they leave out is as in ``Scene()``:
 
 import dataclasses
 import json
-import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from surrogate.body.family import Family
 from surrogate.body.form import check_dimension
-from surrogate.checks import finite_number, interval, whole_number
+from surrogate.checks import interval, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file
-from surrogate.scene.cost import APPLICATIONS, application_seconds
+from surrogate.scene.explain import explained
 from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
+from surrogate.scene.limits import check_reynolds
 from surrogate.scene.stream import (
     Stream,
-    Tunnel,
     Unbounded,
-    describe_stream,
     parse_stream,
-    window_height,
 )
 
 LONGEST = 400  # letters of a message that quotes a file
-REYNOLDS = {2: (1e-3, 300.0), 3: (1e-2, 300.0)}  # that the steady solver is tested for
-ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,91 +174,7 @@ class Scene:
 
     def explain(self, bodies: int = 512) -> str:
         """What is modelled and why, what is left out, what ``bodies`` and a design will cost."""
-        bodies = whole_number("bodies", bodies, 1, 10**9)
-        f, space = self.reaching, self.dimension == 3
-        height = window_height(self.stream, f.height)
-        rows = round(height * f.cells / 2)
-        shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (self.dimension - 1)
-        seconds = application_seconds(shape)
-        across = f"{height:g} x {height:g}" if space else f"{height:g}"
-
-        def cost(applications):
-            return f"{applications:,.0f} applications of G, {applications * seconds:.2g} s"
-
-        bounds = ", ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in self.family.ranges)
-        takes = APPLICATIONS[self.dimension]
-        design = takes.design_flows * (takes.flow + takes.adjoint)
-        return "\n".join(
-            [
-                f"Steady laminar flow in {describe_stream(self.stream)}, "
-                f"Re {self.reynolds[0]:g} to {self.reynolds[1]:g}.",
-                f"Bodies: symmetric family, {'volume pi/6' if space else 'area pi/4'}, {bounds}.",
-                f"Grid ({f.name}): {f.cells} cells per D on a window {f.upstream + f.downstream:g} "
-                f"x {across} D ({math.prod(shape)} cells in its "
-                f"{'quarter' if space else 'upper half'}), where the flow "
-                "is non-linear; outside it the Oseen Green's function G and the far field's "
-                f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
-                + (
-                    "Re 0.1 to 100 and aspect 0.5 to 4."
-                    if space
-                    else "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window."
-                ),
-                "Left out: "
-                + ("" if space else "the third dimension, ")
-                + "unsteadiness (bluff bodies shed vortices beyond "
-                f"Re {ONSET_OF_SHEDDING[self.dimension]:g}), compressibility, roughness.",
-                f"On this machine one application of G takes {1e3 * seconds:.2g} ms, so {bodies} "
-                f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "
-                f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
-                f"alone {cost(design)}; one flow to verify a surrogate's design "
-                f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",
-            ]
-        )
-
-
-def check_reynolds(reynolds: Any, allow_unsteady: bool = False, dimension: int = 2) -> float:
-    """A Reynolds number at which a steady laminar flow is a fair answer.
-
-    Raises:
-      InvalidInput: it is none, is beyond what the solver is tested for, or bodies shed vortices
-        there and ``allow_unsteady`` is not set.
-    """
-    value = finite_number("Reynolds number", reynolds)
-    if value <= 0:
-        raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
-    (low, high), onset = REYNOLDS[dimension], ONSET_OF_SHEDDING[dimension]
-    if value < low:
-        raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
-    if value > high:
-        raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
-    if value > onset and not allow_unsteady:
-        raise InvalidInput(
-            f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
-            f"{onset:g}, so the steady drag is not what nature does; "
-            "allow_unsteady asks for it all the same"
-        )
-    return value
-
-
-def check_stream(
-    stream: Stream, fidelity: Fidelity, reach: np.ndarray, room: tuple[float, float]
-) -> None:
-    """Raise InvalidInput unless a body of this reach, (length, ..., height), fits the stream.
-
-    ``room`` is what must lie between it and the window's edges, in D; accuracy asks for a lot.
-    """
-    along, across = reach[0] / 2 + room[0], np.max(reach[1:]) / 2 + room[1]
-    if along > fidelity.upstream or across > fidelity.height / 2:
-        sides = " x ".join(f"{side:g}" for side in reach)
-        raise InvalidInput(
-            f"body: {sides} D is too large for the {fidelity.name} window; "
-            "fine reaches further, and bodies are best scaled to area pi/4"
-        )
-    if isinstance(stream, Tunnel) and stream.height < reach[1] + 1:
-        raise InvalidInput(
-            f"tunnel:{stream.height:g} leaves less than half a diameter beside a body {reach[1]:g} "
-            f"D high; a height above {reach[1] + 1:g} would do"
-        )
+        return explained(self, whole_number("bodies", bodies, 1, 10**9))
 
 
 def _toml(table):

@@ -13,7 +13,8 @@ from surrogate.errors import InvalidInput
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import Modes, SpaceModes
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.scene import Scene, check_stream
+from surrogate.scene.limits import check_stream
+from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream, Tunnel, window_height
 
 FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
