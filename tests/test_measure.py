@@ -18,12 +18,14 @@ from literature import CYLINDER, front_angles, line, measure
 from plane import solve_by_plane_elements
 
 from surrogate import Family, InvalidInput
+from surrogate.scene.cost import APPLICATIONS
 
 MEASURE = SCRIPTS / "measure"
 NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
 LONG = {
     "devices",
     "dimension",
+    "foreseen",
     "least",
     "shards",
     "space_speed",
@@ -60,6 +62,14 @@ def test_study_runs_and_keeps_its_record(name, tmp_path, capsys, monkeypatch):
 def test_every_study_is_told_and_none_else():
     told = re.findall(r"<!-- (\w+) -->", report.BOOK.read_text())
     assert sorted(told) == sorted([*NAMES, "payoff", "payoff_space"])
+
+
+def test_what_is_foreseen_was_measured():
+    rows = json.loads((study.RESULTS / "foreseen.json").read_text())["result"]["rows"]
+    assert {row["dimension"] for row in rows} == set(APPLICATIONS)
+    for row in rows:
+        foreseen = APPLICATIONS[row["dimension"]]._asdict()[row["name"]]
+        assert foreseen == pytest.approx(row["measured"], rel=0.25), row["what"]
 
 
 def test_texts_are_what_the_results_say():

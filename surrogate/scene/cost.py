@@ -12,12 +12,12 @@ REPEATS = 7
 
 
 class Applications(NamedTuple):
-    """Applications of G that a body takes on average, over the default scenes.
+    """Applications of G that a body takes on average, over the default scenes (RESULTS.md).
 
     Of a body's flow, preparation included, of the adjoint that its shape gradient takes, of
     preparing a training's body anew, and how many flows with their adjoints a design by them alone
-    takes. ``overhead`` is of a whole flow's seconds over
-    its convolutions alone: convection, Krylov vectors, in space double precision.
+    takes. ``overhead`` is of a whole flow's seconds over its convolutions alone: convection,
+    Krylov vectors, in space double precision.
     """
 
     flow: float
@@ -28,8 +28,8 @@ class Applications(NamedTuple):
 
 
 APPLICATIONS = {
-    2: Applications(35.0, 8.0, 0.0, 10.7, 1.6),
-    3: Applications(47.0, 9.0, 31.0, 7.0, 4.5),
+    2: Applications(34.0, 8.4, 0.0, 10.8, 1.7),
+    3: Applications(47.0, 7.6, 33.0, 5.0, 1.8),
 }
 
 
