@@ -13,8 +13,9 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import Modes, SpaceModes
 
 RING = 6  # cells along the stream that hold a ring's splines: four, and what it is pulled askew
-THIN = 60.0  # Re about which a boundary layer in space thins to few cells
-THICK = 12.0  # of the second order in space, per D
+THIN = 40.0  # Re about which a boundary layer in space thins to few cells
+PULLED = 0.8  # share of the retraction in space that is left beyond
+THICK = 12.0  # of its second order in space, per D
 
 Markers = Float[AnyArray, "nodes 2"] | Skin
 
@@ -196,10 +197,11 @@ def _lawful(reynolds):
     """Share of the slip law in space, the rest being retraction.
 
     Where a boundary layer has few cells, the smeared sheet's own inertia counts, which takes drag
-    off bluff bodies under the slip law and adds to it under retraction. About which Re they meet
-    was measured on spheroids and others of aspect 0.5 to 4 at Re 53 to 100.
+    off bluff bodies under the slip law; under retraction it is the second order that does, so of
+    the two together the errors nearly cancel. In which shares, and from which Re, was measured on
+    spheroids and others of aspect 0.5 to 4 at Re 22 to 100.
     """
-    return 1 / (1 + (reynolds / THIN) ** 4)
+    return 1 - PULLED * reynolds**4 / (reynolds**4 + THIN**4)
 
 
 def _second_order(points, speed):
