@@ -25,6 +25,7 @@ SPHERE = {0.1: 244.176, 1.0: 27.3175, 10.0: 4.3079, 40.0: 1.7891, 100.0: 1.0881}
 BETAS = {"beta2": (-0.3, 0.3), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
 REVOLVED = Family(dimension=3, aspect=(0.5, 4.0), **BETAS)
 NUMBERS = (0.1, 100.0)  # Re of held-out bodies
+THINNED = 40.0  # Re beyond which the flow pulls its markers inward
 CREEPING = 0.01  # Re that ellipsoids in Stokes flow are solved at
 HELD_OUT = "aspect; beta2, beta3, beta4; Re"
 SEED = 3
@@ -35,8 +36,9 @@ Fields = Iterator[dict[str, Any]]
 class Extent(NamedTuple):
     """How much is measured.
 
-    The ``finest`` level is for the sphere and every third of so many ``revolved`` bodies alone;
-    correlations meet the last of the other ``levels`` on the ellipsoids of ``practice``.
+    The ``finest`` level is for the sphere alone and, of so many ``revolved`` bodies, for every
+    third and those beyond Re 40; correlations meet the last of the other ``levels`` on the
+    ellipsoids of ``practice``.
     """
 
     levels: Sequence[Fidelity]
@@ -124,7 +126,8 @@ def _revolved(extent: Extent) -> Fields:
     for k, (body, re) in enumerate(held_out(extent.revolved)):
         row, exact = form.format(re=re, **body), _by_elements(body, re, extent.elements)
         yield _place(HELD_OUT, row, "finite elements") | exact
-        for level in (*extent.levels, *(extent.finest if k % 3 == 0 else ())):
+        finest = extent.finest if k % 3 == 0 or re > THINNED else ()
+        for level in (*extent.levels, *finest):
             yield _place(HELD_OUT, row, level.name) | _by_flow(body, re, level, exact["cd"])
 
 
