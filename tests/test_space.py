@@ -122,6 +122,15 @@ def test_golden_sphere(reynolds, drag):
     assert found == pytest.approx(drag, rel=0.01)
 
 
+@pytest.mark.slow
+def test_golden_flat_body_of_thin_boundary_layers():
+    """Axisymmetric elements; standard promises 0.5 %, which takes slip law and retraction both."""
+    found = Flow(Scene(dimension=3)).solve(
+        family_shape({"aspect": 0.5}, dimension=3), 100.0, estimate=False
+    )
+    assert found.drag == pytest.approx(1.6092, rel=0.005)
+
+
 def test_exact_width_and_height_change_places():
     """A body on its side is the same body."""
     lying, standing = (
