@@ -3,7 +3,6 @@
 python scripts/measure/foreseen.py
 """
 
-import functools
 import sys
 import time
 from collections.abc import Callable
@@ -15,10 +14,10 @@ from shapeopt import optimise
 from shapeopt.payoff.queries import query_stream
 from surrogate import Family, Flow, Scene
 from surrogate.flow.solver.steady import preparation_cost
-from surrogate.scene.cost import APPLICATIONS, Applications, application_seconds
+from surrogate.scene.cost import APPLICATIONS, Applications, convolution_seconds
 from surrogate.training.samples import held_out_samples
 
-BLINKS = 5  # times that the blink is timed
+BLINKS = 5  # times that a convolution is timed
 HEADS = "dimension | applications of G, but for designs and overhead | measured"
 FORMS = "{dimension} | {what} | {measured:.1f}"
 WHAT = {
@@ -56,8 +55,8 @@ def _found(scene: Scene, rough: Scene, count: int) -> Applications:
     flows = flow.labels(*bodies).green_applications
     seconds = (time.perf_counter() - start) / np.sum(flows)
     both = flow.slopes(*bodies).green_applications
-    blink = functools.partial(application_seconds.__wrapped__, flow.domain.lattice.shape)
-    foreseen = float(np.median([blink() for _ in range(BLINKS)]))
+    shape = flow.domain.lattice.shape
+    convolution = float(np.median([convolution_seconds(shape) for _ in range(BLINKS)]))
     queries = query_stream(rough, 0, max(count // 6, 1))
     designs = [optimise(problem, Flow(rough)) for problem in queries]
     return Applications(
@@ -65,7 +64,7 @@ def _found(scene: Scene, rough: Scene, count: int) -> Applications:
         adjoint=float(np.mean(both) - np.mean(flows)),
         renewal=float(preparation_cost(flow.domain) if scene.dimension == 3 else 0),
         design_flows=float(np.mean([design.flows for design in designs])),
-        overhead=seconds / foreseen * APPLICATIONS[scene.dimension].overhead,
+        overhead=seconds / convolution,
     )
 
 

@@ -35,10 +35,12 @@ APPLICATIONS = {
 
 @functools.cache
 def application_seconds(shape: tuple[int, ...]) -> float:
-    """Seconds of a flow per application of G in a symmetric window of ``shape`` cells.
+    """Seconds of a flow per application of G in a symmetric window of ``shape`` cells."""
+    return APPLICATIONS[len(shape)].overhead * convolution_seconds(shape)
 
-    Timed on a convolution of the same size: transforms there and back around one product.
-    """
+
+def convolution_seconds(shape: tuple[int, ...]) -> float:
+    """Seconds of a convolution in such a window: transforms there and back around one product."""
     nx, *across = shape
     matrices = [np.ones((rows, 2 * rows + 1), np.float32) for rows in across]
 
@@ -56,7 +58,7 @@ def application_seconds(shape: tuple[int, ...]) -> float:
         start = time.perf_counter()
         jax.block_until_ready(convolve(field))
         seconds.append(time.perf_counter() - start)
-    return APPLICATIONS[len(shape)].overhead * float(np.median(seconds[1:]))
+    return float(np.median(seconds[1:]))
 
 
 def _along_next_axis(field, matrix):
