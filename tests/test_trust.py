@@ -17,6 +17,7 @@ from surrogate import (
     Unbounded,
     family_shape,
 )
+from surrogate.flow.check.trust import Forces, judge
 from surrogate.flow.grid.immersed import bspline, retraction, ripple
 
 DRAFT = FIDELITIES["draft"]
@@ -55,6 +56,19 @@ def test_a_resolved_body_is_accurate_and_says_how_much():
     found = Flow(Scene(fidelity=DRAFT)).solve(ellipse(1.0), 10.0)
     assert found.status == "accurate"
     assert abs(found.drag / 2.754 - 1) < found.estimated_error < 0.015
+
+
+@pytest.mark.parametrize(("of_window", "extrapolated"), [(0.001, 2.0), (2.0, None)])
+def test_exact_extrapolation_of_second_order(of_window, extrapolated):
+    """None where the window counts for more."""
+
+    def solve(fidelity):
+        cramped = of_window if fidelity.upstream < DRAFT.upstream else 0.0
+        return Forces(2 - 20 / fidelity.cells**2 + cramped, 0.0)
+
+    fidelity = dataclasses.replace(DRAFT, cells=12)
+    found = judge(solve(fidelity), solve, fidelity, 1.0, 1.0, 2)
+    assert found.extrapolated_drag == (extrapolated and pytest.approx(extrapolated))
 
 
 def test_a_wake_beyond_the_window_is_degraded():

@@ -88,6 +88,7 @@ def _plain(s: Solution) -> dict[str, Any]:
     return {
         "reynolds": s.reynolds,
         "cd": s.drag,
+        "cd_extrapolated": s.extrapolated_drag,
         "cd_pressure": s.drag_pressure,
         "cd_friction": s.drag_friction,
         "cl": s.lift,
@@ -111,6 +112,8 @@ def _line(r: dict[str, Any]) -> str:
     trust = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     if r["sufficient"]:
         trust += f", {r['sufficient']} would do"
+    if r["cd_extrapolated"]:
+        trust += f", extrapolated Cd {r['cd_extrapolated']:.4f}"
     line = (
         f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
         f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "

@@ -23,7 +23,8 @@ class Solution:
     Coefficients are over U = D = rho = 1, per unit span: ``drag`` = 2 Fx and its parts, ``lift``,
     ``moment`` about the centroid, nose up; in space ``drag`` = 8 Fx / pi, the others are nought.
     ``gradient`` is of the drag in the family's parameters and in ``reynolds``, where it was asked
-    for. ``status``, the estimated errors and the ``sufficient`` fidelity are those of ``Trust``.
+    for. ``status``, the estimated errors, the ``sufficient`` fidelity and ``extrapolated_drag`` are
+    those of ``Trust``.
     ``green_applications`` are those of this flow, ``seconds`` its wall time, both without gradient
     and estimate.
     """
@@ -38,6 +39,7 @@ class Solution:
     estimated_error: float | None
     estimated_lift_error: float | None
     sufficient: str | None
+    extrapolated_drag: float | None
     green_applications: int
     newton_steps: int
     seconds: float

@@ -33,12 +33,15 @@ class Trust(NamedTuple):
     likely error is within what the fidelity promises, ``degraded`` that it is not, that there is
     no estimate, or that the body is taller than any the promise was measured on. ``sufficient``
     names the fidelity that should keep the promise of a degraded one, where there is one.
+    ``extrapolated_drag`` is what the two grids tend to in second order (Richardson 1911): of fine
+    flows nearer the truth. None where the window's likely error is the greater.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
     estimated_error: float | None = None
     estimated_lift_error: float | None = None
     sufficient: str | None = None
+    extrapolated_drag: float | None = None
 
 
 class Forces(NamedTuple):
@@ -74,8 +77,10 @@ def judge(
     of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
     likely, lift = np.add(of_grid, of_window).tolist()
     errors = SAFETY * likely / forces.drag, SAFETY * lift
+    tends = forces.drag + (forces.drag - rough.drag) / growth
+    extrapolated = tends if of_grid[0] > of_window[0] else None
     if likely <= fidelity.promise * forces.drag and height <= TALLEST:
-        return Trust("accurate", *errors)
+        return Trust("accurate", *errors, extrapolated_drag=extrapolated)
     finer = (
         level.name
         for level in NAMED[dimension].values()
@@ -83,7 +88,8 @@ def judge(
         + of_window[0] * _left(fitted, level.reaching(reynolds, height), window)
         <= fidelity.promise * forces.drag
     )
-    return Trust("degraded", *errors, next(finer, None) if height <= TALLEST else None)
+    sufficient = next(finer, None) if height <= TALLEST else None
+    return Trust("degraded", *errors, sufficient, extrapolated)
 
 
 def _left(fitted, level, window):

@@ -1,0 +1,62 @@
+"""What two grids tend to: the extrapolated drag in space beside the drag itself, of fine flows.
+
+python scripts/measure/extrapolated.py
+
+The elements need NGSolve: pip install -e '.[bench]'.
+"""
+
+import sys
+from collections.abc import Callable
+
+import numpy as np
+from axisymmetric import ELEMENTS, solve_by_axisymmetric_elements
+from elements import Elements
+from space import SPHERE, THINNED, held_out
+from study import TINY, Result, Study, run_study, table_of_rows, words
+
+from surrogate import Flow, Scene, family_shape
+
+BODIES = 12  # held out
+COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
+HEADS = "body | Re | drag, off elements by | extrapolated | estimated error"
+FORMS = "{body} | {re:.3g} | {error:+.2%} | {extrapolated:+.2%} | {estimate:.2%}"
+
+
+def measure(tiny: bool, progress: Callable) -> Result:
+    """Of the sphere, and of held-out bodies: every third, and those beyond Re 40."""
+    level, elements = (TINY, COARSE) if tiny else ("fine", ELEMENTS)
+    flow = Flow(Scene(dimension=3, fidelity=level))
+    cases = [({"aspect": 1.0}, re) for re in ([1.0] if tiny else SPHERE)]
+    held = [] if tiny else enumerate(held_out(BODIES))
+    cases += [(body, re) for k, (body, re) in held if k % 3 == 0 or re > THINNED]
+    rows = []
+    for k, (body, re) in enumerate(cases):
+        name = ", ".join(f"{key} {value:.2f}" for key, value in body.items())
+        progress(k / len(cases), f"{name}, Re {re:.3g}")
+        exact = solve_by_axisymmetric_elements(body, re, elements).cd
+        found = flow.solve(family_shape(body, dimension=3), re)
+        tends = found.extrapolated_drag
+        row = {"body": name, "re": re, "error": found.drag / exact - 1}
+        row["extrapolated"] = None if tends is None else tends / exact - 1
+        rows.append(row | {"estimate": found.estimated_error})
+    return {"rows": rows}
+
+
+def tables(result: Result) -> str:
+    """Both errors, and what they come to."""
+    rows = result["rows"]
+    found = [abs(row["error"]) for row in rows]
+    tends = [abs(row["extrapolated"] or row["error"]) for row in rows]
+    form = (
+        "The drag is {mean:.2%} off on average and {most:.2%} at most; extrapolated where it can "
+        "be, {tends:.2%} and {furthest:.2%}."
+    )
+    numbers = {"mean": np.mean(found), "most": max(found)}
+    told = words(form, **numbers, tends=np.mean(tends), furthest=max(tends))
+    return f"{table_of_rows(HEADS, FORMS)(result)}\n\n{told}"
+
+
+STUDY = Study("extrapolated", measure, tables)
+
+if __name__ == "__main__":
+    sys.exit(run_study(STUDY))
