@@ -11,6 +11,7 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.scene.fidelity import NAMED, Fidelity
 
 SAFETY = 2.5  # estimates over likely errors: Roache (1994) takes 3 of two grids, 1.25 of three
+ORDERLY = 16  # cells per D from which on the error of the grid falls as it should
 TALLEST = 1.5  # D across the stream: beyond, no promise was measured
 
 
@@ -33,8 +34,8 @@ class Trust(NamedTuple):
     likely error is within what the fidelity promises, ``degraded`` that it is not, that there is
     no estimate, or that the body is taller than any the promise was measured on. ``sufficient``
     names the fidelity that should keep the promise of a degraded one, where there is one.
-    ``extrapolated_drag`` is what the two grids tend to in second order (Richardson 1911): of fine
-    flows nearer the truth. None where the window's likely error is the greater.
+    ``extrapolated_drag`` is what the two grids tend to in second order (Richardson 1911), None
+    where the coarser one does not resolve the flow well enough: of fine flows alone.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -78,7 +79,7 @@ def judge(
     likely, lift = np.add(of_grid, of_window).tolist()
     errors = SAFETY * likely / forces.drag, SAFETY * lift
     tends = forces.drag + (forces.drag - rough.drag) / growth
-    extrapolated = tends if of_grid[0] > of_window[0] else None
+    extrapolated = tends if coarser.cells >= ORDERLY else None
     if likely <= fidelity.promise * forces.drag and height <= TALLEST:
         return Trust("accurate", *errors, extrapolated_drag=extrapolated)
     finer = (
