@@ -124,11 +124,11 @@ def test_golden_sphere(reynolds, drag):
 
 @pytest.mark.slow
 def test_golden_flat_body_of_thin_boundary_layers():
-    """Axisymmetric elements; standard promises 0.5 %, which takes slip law and retraction both."""
+    """Axisymmetric elements; slip law and retraction alone are 1 % off."""
     found = Flow(Scene(dimension=3)).solve(
         family_shape({"aspect": 0.5}, dimension=3), 100.0, estimate=False
     )
-    assert found.drag == pytest.approx(1.6092, rel=0.005)
+    assert found.drag == pytest.approx(1.6092, rel=0.003)
 
 
 def test_exact_width_and_height_change_places():

@@ -17,7 +17,7 @@ from surrogate.flow.solver.steady import preparation_cost
 from surrogate.scene.cost import APPLICATIONS, Applications, convolution_seconds
 from surrogate.training.samples import held_out_samples
 
-BLINKS = 5  # times that a convolution is timed
+REPEATS = 5  # times that a convolution is timed
 HEADS = "dimension | applications of G, but for designs and overhead | measured"
 FORMS = "{dimension} | {what} | {measured:.1f}"
 WHAT = {
@@ -56,7 +56,7 @@ def _found(scene: Scene, rough: Scene, count: int) -> Applications:
     seconds = (time.perf_counter() - start) / np.sum(flows)
     both = flow.slopes(*bodies).green_applications
     shape = flow.domain.lattice.shape
-    convolution = float(np.median([convolution_seconds(shape) for _ in range(BLINKS)]))
+    convolution = float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
     queries = query_stream(rough, 0, max(count // 6, 1))
     designs = [optimise(problem, Flow(rough)) for problem in queries]
     return Applications(

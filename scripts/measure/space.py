@@ -19,13 +19,13 @@ from maps import Field, map_tables
 from study import TINY, Result, Study, run_study, words
 
 from surrogate import Family, Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
+from surrogate.flow.grid.immersed import THIN
 
 # sphere, axisymmetric finite elements on finer meshes, uncertainty about 5e-5
 SPHERE = {0.1: 244.176, 1.0: 27.3175, 10.0: 4.3079, 40.0: 1.7891, 100.0: 1.0881}
 BETAS = {"beta2": (-0.3, 0.3), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
 REVOLVED = Family(dimension=3, aspect=(0.5, 4.0), **BETAS)
 NUMBERS = (0.1, 100.0)  # Re of held-out bodies
-THINNED = 40.0  # Re beyond which the flow pulls its markers inward
 CREEPING = 0.01  # Re that ellipsoids in Stokes flow are solved at
 HELD_OUT = "aspect; beta2, beta3, beta4; Re"
 SEED = 3
@@ -126,7 +126,7 @@ def _revolved(extent: Extent) -> Fields:
     for k, (body, re) in enumerate(held_out(extent.revolved)):
         row, exact = form.format(re=re, **body), _by_elements(body, re, extent.elements)
         yield _place(HELD_OUT, row, "finite elements") | exact
-        finest = extent.finest if k % 3 == 0 or re > THINNED else ()
+        finest = extent.finest if k % 3 == 0 or re > THIN else ()
         for level in (*extent.levels, *finest):
             yield _place(HELD_OUT, row, level.name) | _by_flow(body, re, level, exact["cd"])
 

@@ -40,7 +40,7 @@ def application_seconds(shape: tuple[int, ...]) -> float:
 
 
 def convolution_seconds(shape: tuple[int, ...]) -> float:
-    """Seconds of a convolution in such a window: transforms there and back around one product."""
+    """Seconds of a convolution in this window: transforms there and back around one product."""
     nx, *across = shape
     matrices = [np.ones((rows, 2 * rows + 1), np.float32) for rows in across]
 

@@ -35,7 +35,8 @@ class Trust(NamedTuple):
     no estimate, or that the body is taller than any the promise was measured on. ``sufficient``
     names the fidelity that should keep the promise of a degraded one, where there is one.
     ``extrapolated_drag`` is what the two grids tend to in second order (Richardson 1911), None
-    where the coarser one does not resolve the flow well enough: of fine flows alone.
+    where the coarser one has too few cells for it: of the named fidelities fine alone has one.
+    The estimated error is that of the drag itself.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"

@@ -14,7 +14,7 @@ from surrogate.flow.grid.modes import Modes, SpaceModes
 
 RING = 6  # cells along the stream that hold a ring's splines: four, and what it is pulled askew
 THIN = 40.0  # Re about which a boundary layer in space thins to few cells
-PULLED = 0.8  # share of the retraction in space that is left beyond
+PULLED = 0.8  # share of the retraction that takes over in space far beyond
 THICK = 12.0  # of its second order in space, per D
 
 Markers = Float[AnyArray, "nodes 2"] | Skin
@@ -73,7 +73,7 @@ def spread_modes(
 ) -> Spreading:
     """Spread all modes from a body's surface, the markers pulled inward a little.
 
-    In space, at low ``reynolds``, they stay on the wall and a slip law holds there.
+    In space, at low ``reynolds``, they stay on the wall and a slip law holds there instead.
     """
     points, normal = (markers, outward(markers)) if isinstance(modes, Modes) else markers
     speed = jnp.linalg.norm(normal, axis=1, keepdims=True)
@@ -196,10 +196,10 @@ def _slip_law(values, unit, weights):
 def _lawful(reynolds):
     """Share of the slip law in space, the rest being retraction.
 
-    Where a boundary layer has few cells, the smeared sheet's own inertia counts, which takes drag
-    off bluff bodies under the slip law; under retraction it is the second order that does, so of
-    the two together the errors nearly cancel. In which shares, and from which Re, was measured on
-    spheroids and others of aspect 0.5 to 4 at Re 22 to 100.
+    Where a boundary layer has few cells, the smeared sheet's own inertia counts. It takes drag off
+    bluff bodies under the slip law; retraction and its second order together take some off as
+    well. A mixture, whose error is not the mean of theirs, leaves little. Which one, and from which
+    Re, was measured on spheroids of aspect 0.5 to 4 and one other body at Re 22 to 100.
     """
     return 1 - PULLED * reynolds**4 / (reynolds**4 + THIN**4)
 
@@ -210,7 +210,7 @@ def _second_order(points, speed):
     In the plane, what the fluid inside the body adds: the sheet drags it along at -shear R h; in
     a body of half width l it recirculates (Stokes flow in a slab or a disc: slope 3/l of its wall
     speed), which lowers the jump of the shear. l is 2 area / perimeter. In space, where markers
-    are retracted at high Re alone, it was measured there; Hill's vortex would be 4/l.
+    are retracted beyond Re 20 or so, it was measured there; Hill's vortex would be 4/l.
     """
     if points.shape[1] == 2:
         return 3 * np.pi * jnp.mean(speed) / moments(points)[0]
