@@ -11,6 +11,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+from literature import front_angles
 from study import Result, Study, run_study, words
 
 from shapeopt import Problem, optimise
@@ -31,6 +33,7 @@ REVOLVED = Family(
 )
 FLATTENED = Family(dimension=3, aspect=(1.0, 4.0), flatness=(1.0, 2.5), beta3=(-0.1, 0.1))
 HEIGHT = 0.5  # D, the bound
+NODES = 400  # of the outline whose front is looked at
 CELLS = 10, 16, 24  # per D
 TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
 
@@ -89,12 +92,16 @@ def tables(result: Result) -> str:
         body = ", ".join(f"{name} {value:.2f}" for name, value in own[-1]["parameters"].items())
         last = result["extrapolated"][re]
         grids = ", ".join(f"{row['ratio']:.4f} ({row['cells']})" for row in own)
-        rows.append([re, grids, "-" if last is None else f"{last:.4f}", f"{theory:.5f}", body])
+        outline = np.asarray(family_shape(own[-1]["parameters"], dimension=3).draw(NODES))
+        tip = f"{front_angles(outline)[1]:.0f} degrees"
+        extrapolated = "-" if last is None else f"{last:.4f}"
+        rows.append([re, grids, extrapolated, f"{theory:.5f}", tip, body])
     head = (
         "Re",
         "drag over the sphere's (cells per D)",
         "extrapolated",
         "theory, elements",
+        "front, continued to a tip",
         "body",
     )
     form = (

@@ -192,8 +192,16 @@ def tables(result: Result) -> str:
         words(form, level=level, mean=np.mean(errors), most=max(errors))
         for level, errors in levels.items()
     ]
+    practice = " ".join(_off(rows, name) for name in CORRELATIONS)
     told = f"Of bodies of revolution {', '.join(lines)}." if lines else result["missing"]
-    return f"{map_tables(rows, _word)}\n\n{told}"
+    return f"{map_tables(rows, _word)}\n\n{told}\n\n{practice}"
+
+
+def _off(rows: list[Field], correlation: str) -> str:
+    """What a correlation's errors come to."""
+    errors = [abs(row["error"]) for row in rows if row["panel"] == correlation]
+    form = "{name} is {mean:.0%} off on average and {most:.0%} at most."
+    return words(form, name=correlation, mean=np.mean(errors), most=max(errors))
 
 
 def _word(field: Field) -> str:
