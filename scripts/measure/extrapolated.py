@@ -30,36 +30,46 @@ def measure(tiny: bool, progress: Callable) -> Result:
     cases = [({"aspect": 1.0}, re) for re in ([1.0] if tiny else SPHERE)]
     held = [] if tiny else enumerate(held_out(BODIES))
     cases += [(body, re) for k, (body, re) in held if k % 3 == 0 or re > THIN]
-    rows = []
+    rows, missing = [], ""
     for k, (body, re) in enumerate(cases):
         name = ", ".join(f"{key} {value:.2f}" for key, value in body.items())
         progress(k / len(cases), f"{name}, Re {re:.3g}")
+        found = flow.solve(family_shape(body, dimension=3), re)
         try:
             exact = solve_by_axisymmetric_elements(body, re, elements).cd
-        except InvalidInput as missing:
-            return {"rows": [], "missing": str(missing)}
-        found = flow.solve(family_shape(body, dimension=3), re)
-        tends = found.extrapolated_drag
-        row = {"body": name, "re": re, "error": found.drag / exact - 1}
-        row["extrapolated"] = None if tends is None else tends / exact - 1
-        rows.append(row | {"estimate": found.estimated_error})
-    return {"rows": rows, "missing": ""}
+        except InvalidInput as reason:
+            exact, missing = None, str(reason)
+        rows.append(
+            {
+                "body": name,
+                "re": re,
+                "error": _off(found.drag, exact),
+                "extrapolated": _off(found.extrapolated_drag, exact),
+                "estimate": found.estimated_error,
+            }
+        )
+    return {"rows": rows, "missing": missing}
+
+
+def _off(drag: float | None, exact: float | None) -> float | None:
+    return None if drag is None or exact is None else drag / exact - 1
 
 
 def tables(result: Result) -> str:
     """Both errors, and what they come to."""
-    rows = result["rows"]
-    if not rows:
-        return result["missing"]
-    found = [abs(row["error"]) for row in rows]
-    tends = [abs(row["extrapolated"]) for row in rows if row["extrapolated"] is not None]
     form = (
         "The drag is {mean:.2%} off on average and {most:.2%} at most, "
         "the extrapolated one {tends:.2%} and {furthest:.2%}."
     )
-    numbers = {"mean": np.mean(found), "most": max(found), "furthest": max(tends, default=None)}
-    told = words(form, **numbers, tends=np.mean(tends) if tends else None)
-    return f"{table_of_rows(HEADS, FORMS)(result)}\n\n{told}"
+    mean, most = _summary(result["rows"], "error")
+    tends, furthest = _summary(result["rows"], "extrapolated")
+    told = words(form, mean=mean, most=most, tends=tends, furthest=furthest)
+    return f"{table_of_rows(HEADS, FORMS)(result)}\n\n{result.get('missing') or told}"
+
+
+def _summary(rows, name):
+    errors = [abs(row[name]) for row in rows if row[name] is not None]
+    return (np.mean(errors), max(errors)) if errors else (None, None)
 
 
 STUDY = Study("extrapolated", measure, tables)
