@@ -31,7 +31,9 @@ LONG = {
     "space_speed",
     "streams",
     "trainings_on_devices",
+    "training_space",
     "trust",
+    "trust_space",
 }  # they start processes, or compile for long
 TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in NAMES]
 ENVELOPE = ["command", "versions", "machine", "date", "seconds", "result"]

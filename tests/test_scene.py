@@ -155,7 +155,7 @@ BAD = {
     "dimensions": ("dimension = [3]", "2, in the plane, or 3, in space"),
     "dimension below": ("[family]\naspect = [1, 2]\ndimension = 3", "the dimension is the scene's"),
     "walls in space": ("dimension = 3\nstream = 'tunnel:12'", "modelled without walls"),
-    "slow in space": ("dimension = 3\nreynolds = [0.001, 1]", "tested from 0.01"),
+    "slow in space": ("dimension = 3\nreynolds = [0.0001, 1]", "tested from 0.001"),
     "flat plane": ("[family]\naspect = [1, 2]\nflatness = [1, 2]", "of bodies in space"),
     "too flat": ("dimension = 3\n[family]\naspect = [1, 2]\nflatness = [1, 9]", "from 0.2 to 5"),
     "stream": ("stream = 'river'", "'unbounded' or 'tunnel:H'"),

@@ -26,16 +26,21 @@ def solve_by_axisymmetric_elements(
       NotConverged: Newton's method failed.
     """
     ng = ngsolve()
+    flow = at_rest(ng, body, elements)
+    seconds = stopwatch()
+    force = climb(ng, flow, reynolds, AZIMUTH)
+    return Found(8 / math.pi * force, flow.space.ndof, seconds())
+
+
+def at_rest(ng: Any, body: Mapping[str, float], elements: Elements) -> Any:
+    """Velocity and pressure on a mesh round the body, to be solved for."""
     if body.get("flatness", 1.0) != 1.0:
         raise InvalidInput("axisymmetric elements: flatness must be 1")
     mesh = half_plane(ng, family_shape(body, dimension=3).draw(NODES), elements)
-    seconds = stopwatch()
     velocities = ng.VectorH1(
         mesh, order=elements.order, dirichlet="body|stream", dirichlety="axis|body|stream"
     )
-    flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
-    force = climb(ng, flow, reynolds, AZIMUTH)
-    return Found(8 / math.pi * force, flow.space.ndof, seconds())
+    return ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
 
 
 def _weak_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:

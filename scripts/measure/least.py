@@ -17,7 +17,7 @@ from study import Result, Study, run_study, words
 
 from shapeopt import Problem, optimise
 from shapeopt.render.pictures import Panel
-from shapeopt.render.space import render_bodies
+from shapeopt.render.space import FRICTION, render_bodies, render_turntable
 from shapeopt.render.tables import markdown
 from surrogate import Family, Fidelity, Flow, Scene, family_shape
 from surrogate.scene.fidelity import SPACE_FIDELITIES
@@ -31,15 +31,17 @@ REVOLVED = Family(
     beta4=(-0.05, 0.05),
     beta5=(-0.05, 0.05),
 )
-FLATTENED = Family(dimension=3, aspect=(1.0, 4.0), flatness=(1.0, 2.5), beta3=(-0.1, 0.1))
-HEIGHT = 0.5  # D, the bound
+LOW = {"aspect": (1.0, 7.0), "beta3": (-0.1, 0.1)}  # bodies whose height is bounded
+FLATTENED = Family(dimension=3, flatness=(1.0, 2.5), **LOW)
+SLENDER = Family(dimension=3, **LOW)
+HEIGHT = 0.55  # D, the bound
 NODES = 400  # of the outline whose front is looked at
 CELLS = 10, 16, 24  # per D
 TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
-    """Optima over Re and cells, extrapolated by the third order of the two finest; one bounded."""
+    """Optima over Re and cells, extrapolated by the third order of the two finest; bounded ones."""
     standard = TINY if tiny else SPACE_FIDELITIES["standard"]
     numbers, cells = ((40.0,), (5,)) if tiny else (tuple(THEORY), CELLS)
     family = Family(dimension=3, aspect=(1.5, 3)) if tiny else REVOLVED
@@ -50,14 +52,19 @@ def measure(tiny: bool, progress: Callable) -> Result:
         for reynolds in numbers:
             progress(len(rows) / (len(numbers) * len(cells) + 1), f"Re {reynolds:g}, {n} cells")
             rows.append({"cells": n, **_least(scene, reynolds)})
-    flat = Family(dimension=3, aspect=(1.5, 3), flatness=(1, 2.5)) if tiny else FLATTENED
-    scene = Scene(reynolds=(40.0, 40.0), family=flat, fidelity=standard)
+    low = {"flattened": FLATTENED, "of revolution": SLENDER}
+    low = {"flattened": Family(dimension=3, aspect=(1.5, 3), flatness=(1, 2.5))} if tiny else low
+    bounded = {}
+    for name, family in low.items():
+        progress(len(rows) / (len(numbers) * len(cells) + 1), f"{name}, {HEIGHT:g} D high")
+        scene = Scene(reynolds=(40.0, 40.0), family=family, fidelity=standard)
+        bounded[name] = _least(scene, 40.0, max_thickness=HEIGHT)
     return {
         "rows": rows,
         "theory": {f"{re:g}": THEORY[re] for re in numbers},
         "extrapolated": {f"{re:g}": _extrapolated(rows, re) for re in numbers},
         "height": HEIGHT,
-        "bounded": _least(scene, 40.0, max_thickness=HEIGHT),
+        "bounded": bounded,
     }
 
 
@@ -104,31 +111,43 @@ def tables(result: Result) -> str:
         "front, continued to a tip",
         "body",
     )
+    bounds = " ".join(_told(name, low, result["height"]) for name, low in result["bounded"].items())
+    return f"{markdown(head, rows)}\n\n{bounds}"
+
+
+def _told(name, bounded, height):
+    """A bounded optimum in words."""
     form = (
-        "At Re 40 and at most {height:g} D high the optimum has flatness {flatness:.2f}, aspect "
-        "{aspect:.2f} and {ratio:.4f} of the sphere's drag."
+        "At Re 40 and at most {height:g} D high the optimum {name} has {ratio:.4f} of the sphere's "
+        "drag, aspect {aspect:.2f}"
     )
-    bounded = result["bounded"]
-    named = {name: bounded["parameters"][name] for name in ("flatness", "aspect")}
-    told = words(form, height=result["height"], ratio=bounded["ratio"], **named)
-    return f"{markdown(head, rows)}\n\n{told}"
+    body = {"flatness": 1.0} | bounded["parameters"]
+    form += ", flatness {flatness:.2f}." if body["flatness"] > 1 else "."
+    return words(form, height=height, name=name, ratio=bounded["ratio"], **body)
 
 
 def draw(result: Result, path: Path) -> None:
-    """Sphere, the free optimum at Re 40 and the bounded one, in their flows."""
-    flow, free = Flow(Scene(dimension=3, reynolds=(40.0, 40.0))), result["rows"][-1]
-    bodies = {
-        "sphere": {"aspect": 1.0},
-        "least drag": free["parameters"],
-        f"least drag, {result['height']:g} D high": result["bounded"]["parameters"],
-    }
-    panels, first = [], None
-    for name, body in bodies.items():
-        found = flow.solve(family_shape(body, dimension=3), 40.0, estimate=False)
+    """Sphere, optimum and flattened one at Re 40; optima over Re; friction; a turntable."""
+    flat = result["bounded"]["flattened"]["parameters"]
+    optima = {row["reynolds"]: row["parameters"] for row in result["rows"]}
+    bodies = {"least drag": optima[40.0], f"least drag, {result['height']:g} D high": flat}
+    panels = _panels(40.0, bodies)
+    render_bodies([panels], path)
+    render_bodies([panels], path.with_name(f"{path.stem}_friction.png"), FRICTION)
+    render_turntable(panels[-1], path.with_name(f"{path.stem}_turning.gif"))
+    over_re = [_panels(re, {"least drag": body}) for re, body in optima.items()]
+    render_bodies(over_re, path.with_name(f"{path.stem}_over_re.png"))
+
+
+def _panels(reynolds, bodies):
+    """The sphere and others in their flows."""
+    flow, panels, first = Flow(Scene(dimension=3, reynolds=(reynolds, reynolds))), [], None
+    for name, body in {"sphere": {"aspect": 1.0}, **bodies}.items():
+        found = flow.solve(family_shape(body, dimension=3), reynolds, estimate=False)
         first = first or found.drag
         change = "" if found.drag == first else f"    {100 * (found.drag / first - 1):+.1f} %"
-        panels.append(Panel(found, f"Re 40    {name}    Cd {found.drag:.3f}{change}"))
-    render_bodies([panels], path)
+        panels.append(Panel(found, f"Re {reynolds:g}    {name}    Cd {found.drag:.3f}{change}"))
+    return panels
 
 
 STUDY = Study("least", measure, tables, draw)

@@ -7,7 +7,7 @@ The elements need NGSolve: pip install -e '.[bench]'.
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -29,6 +29,7 @@ NUMBERS = (0.1, 100.0)  # Re of held-out bodies
 CREEPING = 0.01  # Re that ellipsoids in Stokes flow are solved at
 HELD_OUT = "aspect; beta2, beta3, beta4; Re"
 SEED = 3
+COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)  # of tiny measurements
 Ratios = tuple[float, float]  # aspect, flatness
 Fields = Iterator[dict[str, Any]]
 
@@ -61,8 +62,8 @@ def whole() -> Extent:
 
 
 def small() -> Extent:
-    elements, sphere = Elements(order=2, box=10.0, wall=0.2, near=0.5), [(1.0, 1.0)]
-    return Extent([TINY], [], [1.0], sphere, 1, elements, sphere, [1.0])
+    sphere = [(1.0, 1.0)]
+    return Extent([TINY], [], [1.0], sphere, 1, COARSE, sphere, [1.0])
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
@@ -99,13 +100,11 @@ def _sphere_by_elements(extent: Extent) -> Fields:
 def _ellipsoids(extent: Extent) -> Fields:
     """Against the exact drag."""
     for ratios in extent.creeping:
-        place, exact = (
-            (f"ellipsoids, Re {CREEPING:g}", _name(ratios)),
-            oberbeck(ellipsoid(*ratios), CREEPING),
-        )
+        place = f"ellipsoids, Re {CREEPING:g}", _name(ratios)
+        exact = oberbeck(ellipsoid(*ratios), CREEPING)
         yield _place(*place, "exact Cd") | _found(exact)
         for level in extent.levels:
-            cd = _solve(_body(ratios), CREEPING, level).drag
+            cd = _solve(ellipsoid_body(ratios), CREEPING, level).drag
             yield _place(*place, level.name) | _found(cd, exact)
 
 
@@ -113,7 +112,7 @@ def _practice(extent: Extent) -> Fields:
     """What correlations have for the flow's drag."""
     for ratios in extent.practice:
         for re in extent.numbers:
-            cd = _solve(_body(ratios), re, extent.levels[-1]).drag
+            cd = _solve(ellipsoid_body(ratios), re, extent.levels[-1]).drag
             yield _place("Cd of the flow", _name(ratios), f"Re {re:g}") | _found(cd)
             for name, correlation in CORRELATIONS.items():
                 place = _place(name, _name(ratios), f"Re {re:g}")
@@ -140,7 +139,8 @@ def held_out(count: int) -> list[tuple[dict[str, float], float]]:
     return [(REVOLVED.named(body), float(re)) for body, re in zip(bodies, numbers, strict=True)]
 
 
-def _body(ratios: Ratios) -> dict[str, float]:
+def ellipsoid_body(ratios: Ratios) -> dict[str, float]:
+    """Of the family, by aspect and flatness."""
     aspect, flatness = ratios
     return {"aspect": aspect} | ({} if flatness == 1 else {"flatness": flatness})
 
@@ -184,24 +184,26 @@ def tables(result: Result) -> str:
     """Errors, with processor seconds; what the held-out bodies come to; what is missing."""
     rows = result["rows"]
     solved = [row for row in rows if row["panel"] == HELD_OUT and row["error"] is not None]
-    levels = {row["column"]: [] for row in solved}
-    for row in solved:
-        levels[row["column"]].append(abs(row["error"]))
-    form = "{level} is {mean:.2%} off on average and {most:.2%} at most"
-    lines = [
-        words(form, level=level, mean=np.mean(errors), most=max(errors))
-        for level, errors in levels.items()
-    ]
-    practice = " ".join(_off(rows, name) for name in CORRELATIONS)
+    levels = dict.fromkeys(row["column"] for row in solved)
+    form = "{name} is {mean:.2%} off on average and {most:.2%} at most"
+    lines = [_off(form, name, [r for r in solved if r["column"] == name]) for name in levels]
+    form = "{name} is {mean:.0%} off on average and {most:.0%} at most."
+    correlated = ((name, [r for r in rows if r["panel"] == name]) for name in CORRELATIONS)
+    practice = " ".join(_off(form, *one) for one in correlated)
     told = f"Of bodies of revolution {', '.join(lines)}." if lines else result["missing"]
     return f"{map_tables(rows, _word)}\n\n{told}\n\n{practice}"
 
 
-def _off(rows: list[Field], correlation: str) -> str:
-    """What a correlation's errors come to."""
-    errors = [abs(row["error"]) for row in rows if row["panel"] == correlation]
-    form = "{name} is {mean:.0%} off on average and {most:.0%} at most."
-    return words(form, name=correlation, mean=np.mean(errors), most=max(errors))
+def _off(form: str, name: str, rows: list[Field]) -> str:
+    """What errors come to, in words."""
+    mean, most = mean_and_most(row["error"] for row in rows)
+    return words(form, name=name, mean=mean, most=most)
+
+
+def mean_and_most(errors: Iterable[float | None]) -> tuple[float | None, float | None]:
+    """Of the sizes of those that are known."""
+    known = [abs(error) for error in errors if error is not None]
+    return (float(np.mean(known)), max(known)) if known else (None, None)
 
 
 def _word(field: Field) -> str:

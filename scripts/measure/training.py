@@ -46,7 +46,7 @@ def measure(tiny: bool, progress: Callable, seeds: int, preset: str, surrogates:
         for seed in range(whole_number("--seeds", seeds, 1, 20)):
             plans = compared_plans(None, "quick" if tiny else preset, seed=seed)
             plans = {name: shrunk(plan) for name, plan in plans.items()} if tiny else plans
-            rows += _rows(plans, first if seed == 0 else first / f"seed{seed}")
+            rows += compared(plans, first if seed == 0 else first / f"seed{seed}")
     return {"preset": preset, "seeds": seeds, "rivals": list(rivals()), "rows": rows}
 
 
@@ -68,7 +68,7 @@ def attempt(plan: Plan, bench: Bench, method: Method) -> Row:
     return errors | {"work": last.green_applications, "failed": last.failed}
 
 
-def _rows(plans: Mapping[str, Plan], folder: Path) -> Iterator[Row]:
+def compared(plans: Mapping[str, Plan], folder: Path) -> Iterator[Row]:
     """One seed: the methods at their best, as published, of few bodies, and the rivals."""
     surrogates, most = train_all(plans, folder), next(iter(plans.values()))
     flow, unseen = Flow(most.scene), held_out_samples(most.scene, most.seed, most.held_out)

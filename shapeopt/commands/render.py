@@ -1,6 +1,7 @@
 """Pictures of optimised shapes: before and after, side by side (.png), or the evolution (.gif).
 
-Of a run in space the .gif is a turntable of the optimum in its flow.
+Of a run in space the .gif is a turntable of the optimum in its flow, and bodies are coloured by
+pressure, with --surface by friction.
 
 python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
 python scripts/render_shapes.py --runs out/re40 --out out/re40.gif
@@ -21,7 +22,7 @@ from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.render.signature import check_picture
-from shapeopt.render.space import render_turntable
+from shapeopt.render.space import FRICTION, render_bodies, render_turntable
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -39,8 +40,6 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     if len(dimensions) > 1:
         raise InvalidInput("--runs: some are of the plane, some of space; render them apart")
     dimension = dimensions.pop()
-    if dimension == 3 and arguments.surface:
-        raise InvalidInput("--surface: of the plane alone; in space contour.vtp has the loads")
     with progress_bar("rendering") as progress:
         if out.suffix == ".gif" and dimension == 3:
             render_turntable(_only(records, out, before_and_after)[1], out)
@@ -48,6 +47,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
             _only(records, out, functools.partial(_evolution, out=out))
         elif arguments.family:
             plot_family(_verified(records), out)
+        elif arguments.surface and dimension == 3:
+            render_bodies(_each(before_and_after, records, progress), out, FRICTION)
         elif arguments.surface:
             loads = _each(_surfaces, records, progress)
             plot_surfaces(list(zip(records, loads, strict=True)), out)
@@ -106,6 +107,10 @@ def _parser():
     parser.add_argument("--runs", required=True, nargs="+", help="folders of optimize_shape.py")
     parser.add_argument("--out", required=True, help="picture, .png or .gif")
     kind = parser.add_mutually_exclusive_group()
-    kind.add_argument("--surface", action="store_true", help="pressure and friction along the body")
+    kind.add_argument(
+        "--surface",
+        action="store_true",
+        help="pressure and friction along the body; in space bodies by friction",
+    )
     kind.add_argument("--family", action="store_true", help="the optima of several runs over Re")
     return parser

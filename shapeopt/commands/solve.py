@@ -66,10 +66,12 @@ def _settling(arguments):
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
     row = _plain(settled.solution)
-    told = {"velocity": settled.velocity, "flows": settled.flows}
+    told = {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
+    told |= {"flows": settled.flows}
     result = {"results": [row | told], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"
-    text = f"{verb} at {settled.velocity:.4g} m/s ({settled.flows} flows)\n{_line(row)}"
+    text = f"{verb} at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g} "
+    text += f"({settled.flows} flows)\n{_line(row)}"
     return emit(result, arguments.json, text)
 
 
@@ -141,5 +143,7 @@ def _parser():
     parser.add_argument("--fidelity", default="standard", help="draft, standard (default) or fine")
     parser.add_argument("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
     parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
-    parser.add_argument("--allow-unsteady", action="store_true", help="past Re 46.7; in space 210")
+    parser.add_argument(
+        "--allow-unsteady", action="store_true", help="past Re 46.7; in space 210 or less"
+    )
     return parser

@@ -1,6 +1,7 @@
-"""Pictures of bodies in space: lit and coloured by pressure, tubes of flow, a cut of vorticity."""
+"""Pictures of bodies in space: lit, coloured by their loads, tubes of flow, a cut of vorticity."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,11 +16,23 @@ SIZE = 820, 560  # pixels of a panel
 TURNS = 72  # frames of a turntable
 SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines enter, in D
 AROUND = 9  # of them at each distance, behind the body
-COLOURS = "coolwarm"
+SHARES = 2, 99.5  # per cent of the points whose loads the colours reach
 
 
-def render_bodies(rows: list[list[Panel]], path: str | Path) -> Path:
-    """A sheet of bodies and their flows, one colour scale of Cp a row.
+class Load(NamedTuple):
+    """What a body is coloured by: an array of its skin, in words, by which colours."""
+
+    array: str
+    title: str
+    colours: str
+
+
+PRESSURE = Load("Cp", "pressure coefficient", "coolwarm")
+FRICTION = Load("friction", "friction coefficient", "inferno")
+
+
+def render_bodies(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:
+    """A sheet of bodies and their flows, one scale of colours a row.
 
     Returns the path of the PNG, which is written whole or not at all.
     """
@@ -31,10 +44,10 @@ def render_bodies(rows: list[list[Panel]], path: str | Path) -> Path:
     plotter.set_background("white", all_renderers=True)
     for i, row in enumerate(rows):
         skins = [loaded_skin(panel.solution) for panel in row]
-        ends = np.percentile(np.concatenate([skin["Cp"] for skin in skins]), (2, 99.5))
+        ends = np.percentile(np.concatenate([skin[load.array] for skin in skins]), SHARES)
         for j, (panel, skin) in enumerate(zip(row, skins, strict=True)):
             plotter.subplot(i, j)
-            _draw(plotter, panel.solution, skin, ends, i)
+            _draw(plotter, panel.solution, skin, ends, load, i)
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(-25.0)
@@ -51,7 +64,7 @@ def render_turntable(panel: Panel, path: str | Path) -> Path:
     plotter.set_background("white")
     with whole_picture(path) as part:
         plotter.open_gif(str(part), fps=18, loop=0)
-        _draw(plotter, panel.solution, skin, np.percentile(skin["Cp"], (2, 99.5)))
+        _draw(plotter, panel.solution, skin, np.percentile(skin["Cp"], SHARES))
         write_caption(plotter, panel.title, (0.03, 0.93), 13)
         for azimuth in 360 * np.arange(TURNS) / TURNS:
             plotter.camera_position = _seen_from(azimuth - 25.0)
@@ -61,9 +74,10 @@ def render_turntable(panel: Panel, path: str | Path) -> Path:
 
 
 def loaded_skin(solution: Solution) -> pv.PolyData:
-    """The closed skin of a solved body with Cp and the friction vector Cf at its points."""
+    """The closed skin of a solved body with Cp, the friction vector Cf and its size."""
     mesh, areas = skin_mesh(solution.shape)
     mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
+    mesh["friction"] = np.linalg.norm(mesh["Cf"], axis=1)
     return mesh
 
 
@@ -99,7 +113,7 @@ def space_mesh(solution: Solution) -> pv.ImageData:
     return mesh
 
 
-def _draw(plotter, solution, skin, ends, row=0):
+def _draw(plotter, solution, skin, ends, load=PRESSURE, row=0):
     """Body, tubes and a cut behind them; bars of the same title would share one scale."""
     flow = space_mesh(solution)
     middle = flow.slice("y", origin=(0, 1e-3, 0))  # drawn behind the body
@@ -124,14 +138,14 @@ def _draw(plotter, solution, skin, ends, row=0):
     )
     plotter.add_mesh(
         skin,
-        scalars="Cp",
-        cmap=COLOURS,
+        scalars=load.array,
+        cmap=load.colours,
         clim=tuple(ends),
         smooth_shading=True,
         specular=0.35,
         specular_power=25,
         scalar_bar_args={
-            "title": "pressure coefficient" + " " * row,
+            "title": load.title + " " * row,
             "vertical": False,
             "position_x": 0.55,
             "position_y": 0.04,

@@ -34,7 +34,7 @@ from surrogate.flow.steps import (
     loads,
 )
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, check_reynolds
+from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of_shedding
 from surrogate.scene.scene import Scene
 
 
@@ -167,8 +167,8 @@ class Flow:
           NotConverged: the flow, or the adjoint that the gradient needs, was not found.
         """
         if isinstance(body, Shape):
-            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension)
             self._same_dimension(body)
+            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.reach)
             shape, domain = body, _fit(self.scene, body, self.scene.fidelity, reynolds)
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
@@ -219,9 +219,9 @@ class Flow:
 
     def _answers(self, parameters, reynolds, allow_unsteady):
         """What ``_checked`` asks of numbers, of traced ones."""
-        onset = np.inf if allow_unsteady else ONSET_OF_SHEDDING[self.scene.dimension]
-        highest = min(self.scene.reynolds[1], onset)
         reach = self._reach(parameters)
+        onset = jnp.inf if allow_unsteady else onset_of_shedding(reach)
+        highest = jnp.minimum(self.scene.reynolds[1], onset)
         body = opening(parameters, self.scene.family.form) >= LEAST_OPENING
         body &= jnp.all(reach <= self.domain.reach)
         return (
@@ -233,13 +233,14 @@ class Flow:
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Body and Re as numbers that the scene's grid can take."""
         body = self.scene.family.check(parameters)
-        value = self._check_reynolds(reynolds, allow_unsteady)
-        if np.any(self._reach(body) > self.domain.reach):
+        reach = self._reach(body)
+        value = self._check_reynolds(reynolds, allow_unsteady, reach)
+        if np.any(reach > self.domain.reach):
             raise InvalidInput("body: reaches beyond the bodies that the scene's grid was made for")
         return body, value
 
-    def _check_reynolds(self, reynolds, allow_unsteady):
-        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension)
+    def _check_reynolds(self, reynolds, allow_unsteady, reach=None):
+        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, reach)
         highest = self.scene.reynolds[1]
         if value > highest * (1 + 1e-9):
             raise InvalidInput(

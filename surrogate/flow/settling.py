@@ -9,7 +9,7 @@ from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
-from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS
+from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, onset_of_shedding
 
 LEAST, MOST = 1e-12, 1e12  # of a particle's numbers
 BALANCED = 1e-4  # relative, of drag and weight
@@ -56,9 +56,13 @@ class Particle:
 
 
 class Settled(NamedTuple):
-    """A particle at its terminal velocity, in m/s; ``flows`` were solved to find it."""
+    """A particle at its terminal velocity, in m/s, and its Re; ``flows`` were solved to find it.
+
+    ``solution`` is its flow; below Re 0.001 that at 0.001, where Cd Re is the same.
+    """
 
     velocity: float
+    reynolds: float
     solution: Solution
     flows: int
 
@@ -66,10 +70,11 @@ class Settled(NamedTuple):
 def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) -> Settled:
     """The steady fall or rise of a body along its axis: Cd Re^2 = 4/3 Archimedes number.
 
-    By secants in logarithms from the sphere's correlation (Schiller and Naumann 1933).
+    By secants in logarithms from the sphere's correlation (Schiller and Naumann 1933). Slower
+    particles than any flow is tested for are in Stokes flow: Cd Re is taken as constant.
 
     Raises:
-      InvalidInput: the body is of the plane, or moves too slowly or fast for a steady flow.
+      InvalidInput: the body is of the plane, or moves too fast for a steady flow.
       NotConverged: a flow was not found, or no balance.
     """
     expect("settling", flow, Flow, "Flow")
@@ -80,19 +85,21 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     goal = math.log(4 / 3 * particle.archimedes)
     re, flows = _sphere_reynolds(goal), 0
     slope = (_sphere_thrust(1.01 * re) - _sphere_thrust(re)) / math.log(1.01)
-    before = None
+    before, fastest = None, float(onset_of_shedding(shape.reach))
     for _ in range(STEPS):
-        if not RANGE[0] <= re <= RANGE[1]:
+        re = min(re, fastest)
+        at = max(re, RANGE[0])
+        found = flow.solve(shape, at, estimate=False)
+        miss, flows = math.log(found.drag * at * re) - goal, flows + 1
+        if re == fastest and miss < 0:
             raise InvalidInput(
-                f"settling: at about Re {re:.3g}, where a steady flow from Re {RANGE[0]:g} to "
-                f"{RANGE[1]:g} is modelled; another size would do"
+                f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is steady; "
+                "a smaller size would do"
             )
-        found = flow.solve(shape, re, estimate=False)
-        miss, flows = math.log(found.drag * re**2) - goal, flows + 1
         if abs(miss) <= BALANCED:
             if estimate:
-                found = flow.solve(shape, re)
-            return Settled(particle.velocity(re), found, flows)
+                found = flow.solve(shape, at)
+            return Settled(particle.velocity(re), re, found, flows)
         if before is not None:
             slope = (miss - before[1]) / math.log(re / before[0])
         before = re, miss
