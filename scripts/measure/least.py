@@ -146,7 +146,7 @@ def _panels(reynolds, bodies):
         found = flow.solve(family_shape(body, dimension=3), reynolds, estimate=False)
         first = first or found.drag
         change = "" if found.drag == first else f"    {100 * (found.drag / first - 1):+.1f} %"
-        panels.append(Panel(found, f"Re {reynolds:g}    {name}    Cd {found.drag:.3f}{change}"))
+        panels.append(Panel(found, f"Re {reynolds:g}    {name}    Cd {found.drag:.4g}{change}"))
     return panels
 
 

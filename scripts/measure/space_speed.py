@@ -186,7 +186,7 @@ def tables(result: Result) -> str:
         for row in result["levels"]
     ]
     result = {**result, "levels": levels}
-    parts = [table(result[name], *texts) for name, texts in TABLES.items() if result[name]]
+    parts = [table(result[name], *texts) for name, texts in TABLES.items() if result.get(name)]
     power = power_of(result["cells"], "n", "ellipsoid")
     form = "The ellipsoid's error goes as cells per D to the power {power:.1f}; what stays of the "
     told = words(f"{form}sphere's is the window's.", power=power)

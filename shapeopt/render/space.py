@@ -13,7 +13,7 @@ from surrogate.flow.solution import Solution
 
 VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # of the flow shown, in D
 SIZE = 820, 560  # pixels of a panel
-TURNS = 72  # frames of a turntable
+TURNS, TURNING = 36, (640, 440)  # frames of a turntable, pixels
 SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines enter, in D
 AROUND = 9  # of them at each distance, behind the body
 SHARES = 2, 99.5  # per cent of the points whose loads the colours reach
@@ -60,10 +60,10 @@ def render_bodies(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
 def render_turntable(panel: Panel, path: str | Path) -> Path:
     """A GIF of a body and its flow, seen from all around."""
     skin = loaded_skin(panel.solution)
-    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter = pv.Plotter(off_screen=True, window_size=TURNING)
     plotter.set_background("white")
     with whole_picture(path) as part:
-        plotter.open_gif(str(part), fps=18, loop=0)
+        plotter.open_gif(str(part), fps=10, loop=0)
         _draw(plotter, panel.solution, skin, np.percentile(skin["Cp"], SHARES))
         write_caption(plotter, panel.title, (0.03, 0.93), 13)
         for azimuth in 360 * np.arange(TURNS) / TURNS:

@@ -41,7 +41,9 @@ def explained(scene: Any, bodies: int) -> str:
             "Left out: "
             + ("" if space else "the third dimension, ")
             + "unsteadiness (bluff bodies shed vortices beyond "
-            f"Re {ONSET_OF_SHEDDING[scene.dimension]:g}), compressibility, roughness.",
+            f"Re {ONSET_OF_SHEDDING[scene.dimension]:g}"
+            + (", those shorter than wide sooner" if space else "")
+            + "), compressibility, roughness.",
             f"On this machine one application of G takes {1e3 * seconds:.2g} ms, so {bodies} "
             f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "
             f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
