@@ -35,7 +35,7 @@ SHIFT = 0.05  # of eigenvalues, D / U: the mode that is about to grow is the nea
 BEYOND = 1.3, 1.2  # of the limit, where to begin: there the mode stands out from decaying ones
 CLOSE = 3e-3  # relative, of Re
 SECANTS, INVERSES = 8, 300  # at most
-TOLERANCE = 1e-6  # relative, of an eigenvalue's distance from the shift
+TOLERANCE = 1e-6  # of an eigenvalue, D / U
 HEADS = "body | length over width | the wake loses its axis at Re | refused beyond"
 FORMS = "{body} | {slenderness:.2f} | {onset:.1f} | {limit:.1f}"
 
@@ -119,10 +119,10 @@ def _rate(ng: Any, space: Any, shifted: Any, mass: Any) -> float:
     for _ in range(INVERSES):
         heavy.data = mass * state
         solved = (inverse * heavy).Evaluate()
-        share = ng.InnerProduct(heavy, solved) / ng.InnerProduct(heavy, state)
-        if abs(share - last) < TOLERANCE * abs(share):
-            return SHIFT - 1 / share
-        last = share
+        rate = SHIFT - ng.InnerProduct(heavy, state) / ng.InnerProduct(heavy, solved)
+        if abs(rate - last) < TOLERANCE:
+            return rate
+        last = rate
         state.data = 1 / math.sqrt(ng.InnerProduct(solved, mass * solved)) * solved
     raise NotConverged("onset: no eigenvalue was found")
 

@@ -12,7 +12,7 @@ from surrogate.scene.stream import Stream, Tunnel
 
 REYNOLDS = {2: (1e-3, 300.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
-STUBBY = 0.85  # power of length over width that the onset goes with, of bodies wider than long
+STUBBY = 0.9  # power of length over width that the onset goes with, of bodies wider than long
 
 
 def onset_of_shedding(reach: Any) -> Any:
