@@ -47,7 +47,9 @@ def render_bodies(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
         ends = np.percentile(np.concatenate([skin[load.array] for skin in skins]), SHARES)
         for j, (panel, skin) in enumerate(zip(row, skins, strict=True)):
             plotter.subplot(i, j)
-            _draw(plotter, panel.solution, skin, ends, load, i)
+            flow = space_mesh(panel.solution)
+            _draw_cut(plotter, flow)
+            _draw(plotter, flow, skin, ends, load, i)
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(-25.0)
@@ -58,14 +60,15 @@ def render_bodies(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
 
 
 def render_turntable(panel: Panel, path: str | Path) -> Path:
-    """A GIF of a body and its flow, seen from all around."""
+    """A GIF of a body and its flow, seen from all around, where a cut would hide it."""
     skin = loaded_skin(panel.solution)
     plotter = pv.Plotter(off_screen=True, window_size=TURNING)
     plotter.set_background("white")
     with whole_picture(path) as part:
         plotter.open_gif(str(part), fps=10, loop=0)
-        _draw(plotter, panel.solution, skin, np.percentile(skin["Cp"], SHARES))
-        write_caption(plotter, panel.title, (0.03, 0.93), 13)
+        flow = space_mesh(panel.solution)
+        _draw(plotter, flow, skin, np.percentile(skin["Cp"], SHARES))
+        write_caption(plotter, panel.title, (0.03, 0.93), 10)
         for azimuth in 360 * np.arange(TURNS) / TURNS:
             plotter.camera_position = _seen_from(azimuth - 25.0)
             plotter.write_frame()
@@ -113,10 +116,9 @@ def space_mesh(solution: Solution) -> pv.ImageData:
     return mesh
 
 
-def _draw(plotter, solution, skin, ends, load=PRESSURE, row=0):
-    """Body, tubes and a cut behind them; bars of the same title would share one scale."""
-    flow = space_mesh(solution)
-    middle = flow.slice("y", origin=(0, 1e-3, 0))  # drawn behind the body
+def _draw_cut(plotter, flow):
+    """The vorticity of the middle plane, drawn behind the body."""
+    middle = flow.slice("y", origin=(0, 1e-3, 0))
     plotter.add_mesh(
         middle.translate((0, VIEW[3], 0)),
         scalars=np.sqrt(middle["vorticity"]),
@@ -126,6 +128,10 @@ def _draw(plotter, solution, skin, ends, load=PRESSURE, row=0):
         lighting=False,
         show_scalar_bar=False,
     )
+
+
+def _draw(plotter, flow, skin, ends, load=PRESSURE, row=0):
+    """Body and tubes; bars of the same title would share one scale."""
     lines = _streamlines(flow)
     plotter.add_mesh(
         lines.tube(radius=0.011),
