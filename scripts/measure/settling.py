@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable
 
+from scipy.optimize import brentq
 from study import TINY, Result, Study, run_study, table_of_rows
 
 from surrogate import Flow, Scene, family_shape
@@ -26,7 +27,6 @@ HEADS = "particle | size, um | Re | velocity, mm/s | Stokes's law for its sphere
 HEADS += " | the curve of its sphere by | estimated error of Cd | flows"
 FORMS = "{name} | {size:g} | {reynolds:.3g} | {velocity:.4g} | {stokes:+.1%} | {curve:+.1%}"
 FORMS += " | {estimate:.2%} | {flows}"
-STEPS = 200  # of a bisection
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
@@ -65,13 +65,13 @@ def sphere_drag(reynolds: float) -> float:
 
 
 def _by_curve(particle: Particle) -> float:
-    """Re of the sphere of the particle's volume, by bisection."""
-    low, high = math.log(1e-12), math.log(RANGE[1])
-    for _ in range(STEPS):
-        middle = math.exp((low + high) / 2)
-        heavy = sphere_drag(middle) * middle**2 < 4 / 3 * particle.archimedes
-        low, high = (math.log(middle), high) if heavy else (low, math.log(middle))
-    return math.exp(low)
+    """Re of the sphere of the particle's volume."""
+
+    def surplus(log_re):
+        re = math.exp(log_re)
+        return math.log(sphere_drag(re) * re**2 / (4 / 3 * particle.archimedes))
+
+    return math.exp(brentq(surplus, math.log(1e-12), math.log(RANGE[1])))
 
 
 STUDY = Study("settling", measure, table_of_rows(HEADS, FORMS))

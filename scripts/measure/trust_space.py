@@ -22,7 +22,7 @@ FAMILIES = {
     "flattened": Family(dimension=3, aspect=ASPECT, flatness=(1.0, 2.0), **BETAS),
 }
 REYNOLDS = (0.08, 120.0)  # the promise is for 0.1 to 100
-COUNTS = {"draft": 24, "standard": 6}  # bodies of each kind
+COUNTS = {"draft": 8, "standard": 3}  # bodies of each kind
 
 
 def measure(tiny: bool, progress: Callable, seed: int) -> Result:
