@@ -357,6 +357,13 @@ def test_commands_in_space(capsys, tmp_path):
     row = solve_command.main([*solve, "--reynolds", "10", "--gradient", "--json"])["results"][0]
     assert set(row["gradient"]) == {"aspect", "flatness", "beta2", "beta3", "beta4", "reynolds"}
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["scene"]["dimension"] == 3
+    grain = ["--dimension", "3", "--aspect", "1", "--fidelity", "draft", "--json"]
+    row = solve_command.main([*grain, "--settling", "2.65,1e-6,1e-6"])["results"][0]
+    assert row["settling_reynolds"] < 1e-6 < 1e-3 == row["reynolds"]
+    assert row["settling_cd"] * row["settling_reynolds"] == pytest.approx(24, rel=0.005)
+    disc = ["--dimension", "3", "--aspect", "0.5", "--reynolds", "1,150"]
+    with pytest.raises(InvalidInput, match="beyond 113"):
+        solve_command.main(disc)
     with pytest.raises(InvalidInput, match="goes with --aspect"):
         solve_command.main(["--dimension", "3", "--naca", "0012", "--reynolds", "10"])
     with pytest.raises(InvalidInput, match="or --settling in its place"):

@@ -24,6 +24,7 @@ from surrogate.flow.settling import RANGE, Particle, settle
 from surrogate.flow.solution import Solution
 from surrogate.progress import progress_bar
 from surrogate.scene.fidelity import read_fidelity
+from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import parse_stream
 
@@ -40,6 +41,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         return _settling(arguments)
     reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady, dimension)
     scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
+    for value in reynolds:  # before the first is solved
+        check_reynolds(value, arguments.allow_unsteady, dimension, shape.reach)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
     flow, results = Flow(scene), []
@@ -67,11 +70,12 @@ def _settling(arguments):
     settled = settle(Flow(scene), shape, particle)
     row = _plain(settled.solution)
     told = {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
-    told |= {"flows": settled.flows}
+    drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
+    told |= {"settling_cd": drag, "flows": settled.flows}
     result = {"results": [row | told], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"
-    text = f"{verb} at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g} "
-    text += f"({settled.flows} flows)\n{_line(row)}"
+    text = f"{verb} at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
+    text += f"Cd {drag:.5g} ({settled.flows} flow{'s'[: settled.flows - 1]})\n{_line(row)}"
     return emit(result, arguments.json, text)
 
 

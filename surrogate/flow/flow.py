@@ -203,7 +203,7 @@ class Flow:
             found, _ = approach(domain, self.settings, shape, reynolds)
             return Forces(found.drag, float(lift_coefficient(domain.modes, found.state.amplitude)))
 
-        height = float(shape.reach[1])
+        height = float(shape.reach[1:].max())
         return judge(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
 
     def _reach(self, parameters):

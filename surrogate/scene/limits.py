@@ -65,7 +65,7 @@ def check_stream(
         sides = " x ".join(f"{side:g}" for side in reach)
         raise InvalidInput(
             f"body: {sides} D is too large for the {fidelity.name} window; "
-            "fine reaches further, and bodies are best scaled to area pi/4"
+            "fine reaches further, and bodies are best scaled to an equivalent diameter of 1"
         )
     if isinstance(stream, Tunnel) and stream.height < reach[1] + 1:
         raise InvalidInput(

@@ -139,7 +139,9 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
+    reach = shape.reach  # the outline is as high as the last of it
     thickness = mean_thickness(shape.draw(NODES_TO_FIT)) * fidelity.cells
+    thickness *= float(reach[1:].min() / reach[-1])
     thinnest = THINNEST[shape.dimension]
     if thickness < thinnest:
         needed = math.ceil(fidelity.cells * thinnest / thickness)
@@ -148,8 +150,7 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
             f"{thinnest:g} are "
             f"needed; {needed} cells per D would resolve it"
         )
-    reach = shape.reach
-    fidelity = fidelity.reaching(reynolds, float(reach[-1]))
+    fidelity = fidelity.reaching(reynolds, float(reach[1:].max()))
     reach = np.ceil(reach * 4) / 4
     room = ROOM[shape.dimension]
     check_stream(stream, fidelity, reach, room)
