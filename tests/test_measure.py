@@ -23,6 +23,7 @@ from surrogate.scene.cost import APPLICATIONS
 MEASURE = SCRIPTS / "measure"
 NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
 LONG = {
+    "corners",
     "devices",
     "dimension",
     "foreseen",

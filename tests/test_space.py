@@ -202,6 +202,21 @@ def test_what_is_no_body_or_scene_of_space_is_refused():
     assert np.isnan(jax.jit(FLOW.drag)(jnp.array([12.0, 1.0, 0, 0, 0]), 10.0))
 
 
+@pytest.mark.parametrize("flatness", [5.0, 0.2])
+def test_thin_bodies_are_refused_whichever_way_they_lie(flatness):
+    thin = family_shape({"aspect": 4.0, "flatness": flatness}, dimension=3)
+    with pytest.raises(InvalidInput, match=r"mean thickness is 1\.73 cells"):
+        DRAFT.solve(thin, 10.0)
+
+
+@pytest.mark.slow
+def test_a_body_on_its_side_is_trusted_as_much():
+    bodies = ({"aspect": 0.5, "flatness": flatness} for flatness in (2.0, 0.5))
+    lying, standing = (DRAFT.solve(family_shape(b, dimension=3), 10.0) for b in bodies)
+    assert (lying.status, lying.sufficient) == (standing.status, standing.sufficient)
+    assert lying.estimated_error == pytest.approx(standing.estimated_error, rel=1e-3)
+
+
 def test_discs_have_no_steady_wake_where_spheres_have():
     disc = family_shape({"aspect": 0.5}, dimension=3)
     assert onset_of_shedding(SPHERE.reach) == pytest.approx(210, rel=1e-3)

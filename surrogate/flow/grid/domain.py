@@ -139,9 +139,9 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
-    reach = shape.reach  # the outline is as high as the last of it
-    thickness = mean_thickness(shape.draw(NODES_TO_FIT)) * fidelity.cells
-    thickness *= float(reach[1:].min() / reach[-1])
+    reach = shape.reach
+    thinner = np.array([1.0, reach[1:].min() / reach[-1]])  # of a body that is higher than wide
+    thickness = mean_thickness(thinner * shape.draw(NODES_TO_FIT)) * fidelity.cells
     thinnest = THINNEST[shape.dimension]
     if thickness < thinnest:
         needed = math.ceil(fidelity.cells * thinnest / thickness)

@@ -1,0 +1,50 @@
+"""Corners of the family in space, where a search found the largest errors: are the promises kept?
+
+python scripts/measure/corners.py
+
+The elements need NGSolve: pip install -e '.[bench]'.
+"""
+
+import sys
+from collections.abc import Callable
+
+from axisymmetric import ELEMENTS, solve_by_axisymmetric_elements
+from space import COARSE
+from study import TINY, Result, Study, run_study, table_of_rows
+
+from surrogate import Flow, InvalidInput, Scene, family_shape
+from surrogate.scene.fidelity import SPACE_FIDELITIES
+
+STUBBY = {"aspect": 0.5, "beta2": -0.2, "beta3": 0.15, "beta4": -0.1}
+BLUNT = {"aspect": 0.6, "beta2": -0.25, "beta3": 0.15, "beta4": -0.08}
+POINTED = {"aspect": 4.0, "beta2": -0.3}
+CORNERS = ((STUBBY, 60.0), (STUBBY, 100.0), (BLUNT, 100.0), (POINTED, 1.0), (POINTED, 10.0))
+HEADS = "body | Re | fidelity | off elements by | promised | estimated error | status"
+FORMS = "{body} | {re:g} | {fidelity} | {error:+.2%} | {promise:.2%} | {estimate:.2%} | {status}"
+
+
+def measure(tiny: bool, progress: Callable) -> Result:
+    """Bodies of revolution on draft and standard, against elements."""
+    levels = [TINY] if tiny else [SPACE_FIDELITIES[name] for name in ("draft", "standard")]
+    chosen = CORNERS[-1:] if tiny else CORNERS
+    rows = []
+    for k, (body, re) in enumerate(chosen):
+        name = ", ".join(f"{key} {value:g}" for key, value in body.items())
+        progress(k / len(chosen), f"{name}, Re {re:g}")
+        try:
+            exact = solve_by_axisymmetric_elements(body, re, COARSE if tiny else ELEMENTS).cd
+        except InvalidInput:
+            exact = None
+        for level in levels:
+            flow = Flow(Scene(dimension=3, fidelity=level))
+            found = flow.solve(family_shape(body, dimension=3), re)
+            row = {"body": name, "re": re, "fidelity": level.name, "promise": level.promise}
+            row |= {"estimate": found.estimated_error, "status": found.status}
+            rows.append(row | {"error": None if exact is None else found.drag / exact - 1})
+    return {"rows": rows}
+
+
+STUDY = Study("corners", measure, table_of_rows(HEADS, FORMS))
+
+if __name__ == "__main__":
+    sys.exit(run_study(STUDY))
