@@ -29,6 +29,7 @@ LONG = {
     "foreseen",
     "least",
     "shards",
+    "space_rival",
     "space_speed",
     "streams",
     "trainings_on_devices",

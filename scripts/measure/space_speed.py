@@ -6,7 +6,6 @@ The elements need NGSolve: pip install -e '.[bench]'.
 """
 
 import dataclasses
-import statistics
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -15,9 +14,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from axisymmetric import ELEMENTS, solve_by_axisymmetric_elements
 from correlations import ellipsoid, oberbeck
-from elements import Elements, stopwatch
+from elements import Elements
 from flattened import MESH, solve_by_elements_in_space
 from space import CREEPING, SPHERE, TINY
 from study import Result, Study, cold_cache, medians, megabytes, power_of, run_study, table, words
@@ -32,7 +30,6 @@ ROUND = Family(dimension=3, aspect=(1.0, 2.0))
 ASPECT, FLATNESS = 2.0, 2.0  # of the flattened body
 MESHES = (MESH._replace(wall=0.2, near=0.5, wake=1.2), MESH)
 COARSE = MESH._replace(box=6.0, wall=0.4, near=0.8, wake=2.0)
-EXPERT = (Elements(2, 12.0, 0.3, 0.8, 3.0), Elements(3, 30.0, 0.4, 1.0, 4.0))  # of revolution
 Rows = Iterator[dict[str, Any]]
 
 TABLES = {  # heads and formats
@@ -46,10 +43,6 @@ TABLES = {  # heads and formats
         "fidelity | Re | a drag | with its gradient, in drags | compilation, cache cold",
         "{fidelity} | {reynolds:g} | {seconds:.2f} s | {gradient:.2f} | {compiling}",
     ),
-    "revolved": (
-        "way | unknowns | Re | Cd | off fine elements by | time on one core",
-        "{way} | {unknowns} | {reynolds:g} | {cd:.4f} | {error:+.2%} | {seconds:.2f} s",
-    ),
     "rival": (
         "way | unknowns | Cd | off the finest flow by | processor time",
         "{way} | {unknowns} | {cd:.4f} | {error:+.2%} | {seconds:.1f} s",
@@ -58,21 +51,18 @@ TABLES = {  # heads and formats
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
-    """Four tables; what is missing where NGSolve is."""
+    """Three tables; what is missing where NGSolve is."""
     standard = TINY if tiny else SPACE_FIDELITIES["standard"]
     levels = [TINY] if tiny else [SPACE_FIDELITIES[name] for name in ("draft", "standard")]
     cells = (TINY.cells,) if tiny else CELLS
-    result: Result = {"cells": [], "revolved": [], "rival": [], "missing": ""}
+    result: Result = {"cells": [], "rival": [], "missing": ""}
     for k, n in enumerate(cells):
         progress(0.5 * k / len(cells), f"{n} cells per D")
         result["cells"].append(_cells(dataclasses.replace(standard, cells=n), 1 if tiny else 3))
-    numbers, repeats = NUMBERS[: 1 if tiny else None], 1 if tiny else 5
     progress(0.5, "levels")
-    result["levels"] = list(_levels(levels, numbers, repeats))
+    result["levels"] = list(_levels(levels, NUMBERS[: 1 if tiny else None], 1 if tiny else 3))
     progress(0.7, "elements")
     try:
-        exact = COARSE if tiny else ELEMENTS
-        result["revolved"] = list(_revolved(levels, numbers, repeats, exact))
         finest = [standard] if tiny else [*levels, SPACE_FIDELITIES["fine"]]
         result["rival"] = _rival(finest, (COARSE,) if tiny else MESHES)
     except InvalidInput as missing:
@@ -123,36 +113,6 @@ def _levels(levels: Sequence[Fidelity], numbers: Sequence[float], repeats: int) 
             yield row | {"seconds": drag, "gradient": both / drag}
 
 
-def _revolved(
-    levels: Sequence[Fidelity], numbers: Sequence[float], repeats: int, exact: Elements
-) -> Rows:
-    """The same spheroid by axisymmetric elements, on meshes as coarse as an expert would dare."""
-    body = {"aspect": ASPECT}
-    for re in numbers:
-        truth = solve_by_axisymmetric_elements(body, re, exact).cd
-        for fidelity in levels:
-            scene = Scene(family=ROUND, reynolds=(min(numbers), max(numbers)), fidelity=fidelity)
-            flow, query = Flow(scene), (jnp.array([ASPECT]), jnp.asarray(re))
-            drag = jax.jit(flow.drag)
-            cd, unknowns = float(drag(*query)), 3 * int(np.prod(flow.domain.lattice.shape))
-            seconds = statistics.median(_timed(drag, *query) for _ in range(repeats))
-            row = {"way": fidelity.name, "unknowns": unknowns, "reynolds": re, "cd": cd}
-            yield row | {"error": cd / truth - 1, "seconds": seconds}
-        for mesh in EXPERT:
-            tries = [solve_by_axisymmetric_elements(body, re, mesh) for _ in range(repeats + 1)]
-            found, seconds = tries[0], statistics.median(one.seconds for one in tries[1:])
-            row = {"way": f"elements of degree {mesh.order}", "unknowns": found.unknowns}
-            row |= {"reynolds": re, "cd": found.cd, "error": found.cd / truth - 1}
-            yield row | {"seconds": seconds}
-
-
-def _timed(call: Any, *arguments: Any) -> float:
-    """Seconds, as of elements."""
-    seconds = stopwatch()
-    jax.block_until_ready(call(*arguments))
-    return seconds()
-
-
 def compiling(call: Any, *arguments: Any) -> float:
     """Seconds of compiling, with nothing kept from before."""
     with cold_cache():
@@ -186,7 +146,7 @@ def tables(result: Result) -> str:
         for row in result["levels"]
     ]
     result = {**result, "levels": levels}
-    parts = [table(result[name], *texts) for name, texts in TABLES.items() if result.get(name)]
+    parts = [table(result[name], *texts) for name, texts in TABLES.items() if result[name]]
     power = power_of(result["cells"], "n", "ellipsoid")
     form = "The ellipsoid's error goes as cells per D to the power {power:.1f}; what stays of the "
     told = words(f"{form}sphere's is the window's.", power=power)
