@@ -28,7 +28,7 @@ from shapeopt import (
     save_run,
     verify,
 )
-from shapeopt.commands import explore, march, payoff, render
+from shapeopt.commands import cli, explore, march, payoff, render
 from shapeopt.commands import optimise as optimise_shape
 from shapeopt.commands.entry import loading
 from shapeopt.payoff.queries import query_stream
@@ -491,6 +491,24 @@ def test_terminated_in_the_middle_it_ends_with_one_line_and_goes_on(tmp_path):
     assert process.returncode == 130
     assert said.splitlines()[-1].startswith("train_surrogate.py: interrupted")
     assert "Traceback" not in said
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_that_a_callback_drops_is_raised_again(ending):
+    class Collected:
+        def __del__(self):
+            signal.raise_signal(ending)  # Python prints what is raised in here and goes on
+
+    def main(argv):
+        collected = Collected()
+        del collected
+        for _ in range(1000):
+            time.sleep(0.01)
+        raise AssertionError("the interrupt was lost")
+
+    for _ in range(20):
+        assert cli.run(main) == 130
 
 
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
