@@ -214,7 +214,7 @@ def test_a_surrogate_beyond_its_trained_ranges():
 def test_the_steady_flow_beyond_the_onset_of_shedding_must_be_asked_for():
     flow = Flow(dataclasses.replace(FLOW.scene, reynolds=(1, 60)))
     for ask in (flow.drag, flow.solve):
-        with pytest.raises(InvalidInput, match="allow_unsteady asks for it all the same"):
+        with pytest.raises(InvalidInput, match=r"allow_unsteady .* asks for it all the same"):
             ask(BODY, 50.0)
     drag = float(flow.drag(BODY, 50.0, allow_unsteady=True))
     assert drag < float(flow.drag(BODY, 46.0))

@@ -70,6 +70,37 @@ def test_exact_extrapolation_of_second_order(cells, extrapolated):
     assert found.extrapolated_drag == (extrapolated and pytest.approx(extrapolated))
 
 
+@pytest.mark.parametrize(("reynolds", "order"), [(0.01, 3.0), (40.0, 2.5), (300.0, 2.0)])
+def test_exact_orders_in_space_fall_as_boundary_layers_thin(reynolds, order):
+    def solve(fidelity):
+        return Forces(2 - 20 / fidelity.cells**order, 0.0)
+
+    fidelity = dataclasses.replace(DRAFT, cells=24)
+    found = judge(solve(fidelity), solve, fidelity, reynolds, 1.0, 3)
+    assert found.extrapolated_drag == pytest.approx(2.0, abs=2e-4 if reynolds == 300 else 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reynolds", "error", "status"),
+    [
+        (1.0, 0.9, "accurate"),
+        (1.0, 1.1, "degraded"),
+        (300.0, 0.35, "accurate"),
+        (300.0, 0.45, "degraded"),
+    ],
+)
+def test_thin_boundary_layers_in_space_ask_for_more(reynolds, error, status):
+    """By the share of its promise that a drag is likely to be off."""
+    order = 3 if reynolds == 1 else 2
+
+    def solve(fidelity):
+        return Forces(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0)
+
+    fidelity = dataclasses.replace(DRAFT, cells=24)
+    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.7, 3).status == status
+    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.9, 3).status == "degraded"
+
+
 def test_a_wake_beyond_the_window_is_degraded():
     """A plate across the stream, its window held short."""
     short = dataclasses.replace(DRAFT, wake=0.0)

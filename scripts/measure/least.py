@@ -17,7 +17,7 @@ from study import Result, Study, run_study, words
 
 from shapeopt import Problem, optimise
 from shapeopt.render.pictures import Panel
-from shapeopt.render.space import FRICTION, render_bodies, render_turntable
+from shapeopt.render.space import AHEAD, FRICTION, render_bodies, render_turntable
 from shapeopt.render.tables import markdown
 from surrogate import Family, Fidelity, Flow, Scene, family_shape
 from surrogate.scene.fidelity import SPACE_FIDELITIES
@@ -31,7 +31,8 @@ REVOLVED = Family(
     beta4=(-0.05, 0.05),
     beta5=(-0.05, 0.05),
 )
-LOW = {"aspect": (1.0, 7.0), "beta3": (-0.1, 0.1)}  # bodies whose height is bounded
+BETAS = {"beta2": (-0.15, 0.15), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
+LOW = {"aspect": (1.0, 7.0), **BETAS}  # bodies whose height is bounded
 FLATTENED = Family(dimension=3, flatness=(1.0, 2.5), **LOW)
 SLENDER = Family(dimension=3, **LOW)
 HEIGHT = 0.55  # D, the bound
@@ -127,14 +128,15 @@ def _told(name, bounded, height):
 
 
 def draw(result: Result, path: Path) -> None:
-    """Sphere, optimum and flattened one at Re 40; optima over Re; friction; a turntable."""
+    """Sphere, optimum and flattened one at Re 40, from two sides; over Re; a turntable."""
     flat = result["bounded"]["flattened"]["parameters"]
     optima = {row["reynolds"]: row["parameters"] for row in result["rows"]}
     bodies = {"least drag": optima[40.0], f"least drag, {result['height']:g} D high": flat}
     panels = _panels(40.0, bodies)
     render_bodies([panels], path)
     render_bodies([panels], path.with_name(f"{path.stem}_friction.png"), FRICTION)
-    render_turntable(panels[-1], path.with_name(f"{path.stem}_turning.gif"))
+    render_bodies([panels], path.with_name(f"{path.stem}_ahead.png"), FRICTION, AHEAD)
+    render_turntable(panels[-1], path.with_name(f"{path.stem}_turning.gif"), FRICTION)
     over_re = [_panels(re, {"least drag": body}) for re, body in optima.items()]
     render_bodies(over_re, path.with_name(f"{path.stem}_over_re.png"))
 

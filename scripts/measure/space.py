@@ -145,6 +145,11 @@ def ellipsoid_body(ratios: Ratios) -> dict[str, float]:
     return {"aspect": aspect} | ({} if flatness == 1 else {"flatness": flatness})
 
 
+def name_of(body: Mapping[str, float], form: str = "g") -> str:
+    """Its parameters, written so."""
+    return ", ".join(f"{name} {value:{form}}" for name, value in body.items())
+
+
 def _name(ratios: Ratios) -> str:
     return "aspect {:g}, flatness {:g}".format(*ratios)
 

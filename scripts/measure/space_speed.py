@@ -133,7 +133,7 @@ def _rival(levels: Sequence[Fidelity], meshes: Sequence[Elements]) -> list[dict[
         row = {"way": fidelity.name, "unknowns": 3 * int(np.prod(shape)), "cd": found.drag}
         rows.append(row | {"seconds": seconds})
     for mesh in meshes:
-        elements = solve_by_elements_in_space(ellipsoid(ASPECT, FLATNESS), RE, mesh)
+        elements = solve_by_elements_in_space(body, RE, mesh)
         way = f"elements, {mesh.wall:g} D at the body"
         rows.append({"way": way} | elements._asdict())
     finest = rows[len(levels) - 1]["cd"]

@@ -22,7 +22,7 @@ from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.render.signature import check_picture
-from shapeopt.render.space import FRICTION, render_bodies, render_turntable
+from shapeopt.render.space import FRICTION, PRESSURE, render_bodies, render_turntable
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -33,22 +33,23 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     """Parse, solve the flows to be shown, render."""
     arguments = _parser().parse_args(argv)
     out = check_picture(arguments.out, ".png", ".gif")
-    if out.suffix == ".gif" and (arguments.surface or arguments.family):
-        raise InvalidInput(f"{out}: --surface and --family make a .png")
     records = [load_run(folder) for folder in arguments.runs]
     dimensions = {run_scene(record).dimension for record in records}
     if len(dimensions) > 1:
         raise InvalidInput("--runs: some are of the plane, some of space; render them apart")
     dimension = dimensions.pop()
+    if out.suffix == ".gif" and (arguments.family or (arguments.surface and dimension == 2)):
+        raise InvalidInput(f"{out}: --family, and in the plane --surface, make a .png")
+    load_shown = FRICTION if arguments.surface else PRESSURE
     with progress_bar("rendering") as progress:
         if out.suffix == ".gif" and dimension == 3:
-            render_turntable(_only(records, out, before_and_after)[1], out)
+            render_turntable(_only(records, out, before_and_after)[1], out, load_shown)
         elif out.suffix == ".gif":
             _only(records, out, functools.partial(_evolution, out=out))
         elif arguments.family:
             plot_family(_verified(records), out)
         elif arguments.surface and dimension == 3:
-            render_bodies(_each(before_and_after, records, progress), out, FRICTION)
+            render_bodies(_each(before_and_after, records, progress), out, load_shown)
         elif arguments.surface:
             loads = _each(_surfaces, records, progress)
             plot_surfaces(list(zip(records, loads, strict=True)), out)

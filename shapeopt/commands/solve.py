@@ -74,8 +74,12 @@ def _settling(arguments):
     told |= {"settling_cd": drag, "flows": settled.flows}
     result = {"results": [row | told], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"
-    text = f"{verb} at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
+    text = f"{verb} along its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
     text += f"Cd {drag:.5g} ({settled.flows} flow{'s'[: settled.flows - 1]})\n{_line(row)}"
+    if shape.reach[0] > 1.01 * max(shape.reach[1:]):
+        text += (
+            "\nheld along its axis, that is: inertia turns free bodies longer than wide broadside"
+        )
     return emit(result, arguments.json, text)
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from shapeopt.render.figures import QUIET, STYLE, plt, save_figure
+from shapeopt.render.figures import QUIET, STYLE, draw_body, plt, save_figure
 from surrogate.body.family import Family
 
 GAP = 0.35  # D, between bodies
@@ -15,12 +15,16 @@ GAP = 0.35  # D, between bodies
 def plot_designs(family: Family, rows: list[dict[str, Any]], path: str | Path) -> Path:
     """Bodies to one scale, columns by Re, rows by length; coloured by what the bound costs.
 
+    Flattened bodies are drawn from above too, as a line.
+
     Returns the path of the PNG, which is written whole or not at all.
     """
     columns = sorted({row["reynolds"] for row in rows})
     lengths = list(dict.fromkeys(row["max_length"] for row in rows))
     bodies = [np.asarray(family.outline(family.parameters(r["parameters"]), 300)) for r in rows]
-    size = np.max([np.ptp(body, axis=0) for body in bodies], axis=0) + np.array([GAP, 2 * GAP])
+    wide = [row["parameters"].get("flatness", 1.0) for row in rows]
+    sides = [np.ptp(body, axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
+    size = np.max(sides, axis=0) + np.array([GAP, 2 * GAP])
     most = max(0.01, *(row["excess"] for row in rows))
     shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(0, 100 * most), "viridis")
     span = size * (len(columns), len(lengths))
@@ -29,11 +33,11 @@ def plot_designs(family: Family, rows: list[dict[str, Any]], path: str | Path) -
         figure, axis = plt.subplots(
             figsize=(width + 1, width * span[1] / span[0] + 1), layout="constrained"
         )
-        for row, body in zip(rows, bodies, strict=True):
+        for row, body, flatness in zip(rows, bodies, wide, strict=True):
             place = columns.index(row["reynolds"]), -lengths.index(row["max_length"])
             centre = size * place
-            axis.fill(*(body + centre).T, color=shades.to_rgba(100 * row["excess"]), lw=0)
-            under = centre - (0, np.ptp(body[:, 1]) / 2 + 0.05)
+            draw_body(axis, body, flatness, shades.to_rgba(100 * row["excess"]), centre)
+            under = centre - (0, flatness * np.ptp(body[:, 1]) / 2 + 0.05)
             text = f"{row['cd']:.3f}"
             axis.annotate(text, under, ha="center", va="top", fontsize=9, color=QUIET)
         axis.set(

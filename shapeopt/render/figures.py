@@ -6,6 +6,8 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float
 
 from shapeopt.render.signature import whole_picture
 
@@ -20,6 +22,16 @@ STYLE = {
     "axes.titlelocation": "left",
     "legend.frameon": False,
 }
+
+
+def draw_body(
+    axis: plt.Axes, outline: Float[np.ndarray, "nodes 2"], flatness: float, colour, centre=(0, 0)
+) -> None:
+    """A body from the side, filled; as a line from above, where it is wider than high."""
+    axis.fill(*(outline + centre).T, color=colour, lw=0)
+    if flatness > 1:
+        above = outline * (1, flatness) + centre
+        axis.plot(*np.vstack([above, above[:1]]).T, color=colour, lw=1)
 
 
 def save_figure(figure: plt.Figure, path: str | Path, dpi: int = 140) -> Path:

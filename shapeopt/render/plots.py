@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.render.figures import INK, OPTIMUM, START, STYLE, plt, save_figure
+from shapeopt.render.figures import INK, OPTIMUM, START, STYLE, draw_body, plt, save_figure
 from shapeopt.render.sheets import standing
 from shapeopt.runs import run_body, run_scene
 from surrogate.flow.loads.surface import Surface
@@ -47,11 +47,15 @@ def plot_surfaces(
 def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
     """The optima of several runs to one scale, in order of Re, over their drag's fall.
 
+    Flattened bodies are drawn from above too, as a line.
+
     Returns the path of the PNG, which is written whole or not at all.
     """
     records = sorted(records, key=lambda record: record["reynolds"])
     bodies = [np.asarray(run_scene(r).family.outline(run_body(r), 400)) for r in records]
-    reach = np.max([np.abs(body).max(axis=0) for body in bodies], axis=0) * 1.06
+    wide = [record["parameters"].get("flatness", 1.0) for record in records]
+    sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
+    reach = np.max(sides, axis=0) * 1.06
     reach[1] = max(reach[1], 0.53)  # the cylinder is drawn too
     colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.72, len(records)))
     width = max(8.0, 2.5 * len(records))
@@ -60,9 +64,9 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
         grid = figure.add_gridspec(2, len(records), height_ratios=(1, 1.5))
         family = run_scene(records[0]).family
         circle = np.asarray(family.outline(family.ellipse(1.0), 200))
-        for k, (record, body) in enumerate(zip(records, bodies, strict=True)):
+        for k, (record, body, flatness) in enumerate(zip(records, bodies, wide, strict=True)):
             axis = figure.add_subplot(grid[0, k])
-            axis.fill(*body.T, color=colours[k], lw=0)
+            draw_body(axis, body, flatness, colours[k])
             axis.plot(*np.vstack([circle, circle[:1]]).T, color=START, lw=1, ls=(0, (4, 3)))
             axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]), aspect="equal")
             axis.set_title(f"Re {record['reynolds']:g}", loc="center")

@@ -13,6 +13,8 @@ from surrogate.flow.solution import Solution
 
 VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # of the flow shown, in D
 SIZE = 820, 560  # pixels of a panel
+ASIDE, AHEAD = -25.0, -68.0  # degrees: a camera beside the body, or nearly before it
+ONWARD = 0.7  # D behind the body's middle that a sheet is centred at, for its wake
 TURNS, TURNING = 36, (640, 440)  # frames of a turntable, pixels
 SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines enter, in D
 AROUND = 9  # of them at each distance, behind the body
@@ -31,7 +33,9 @@ PRESSURE = Load("Cp", "pressure coefficient", "coolwarm")
 FRICTION = Load("friction", "friction coefficient", "inferno")
 
 
-def render_bodies(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:
+def render_bodies(
+    rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE, azimuth: float = ASIDE
+) -> Path:
     """A sheet of bodies and their flows, one scale of colours a row.
 
     Returns the path of the PNG, which is written whole or not at all.
@@ -49,28 +53,35 @@ def render_bodies(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
             plotter.subplot(i, j)
             flow = space_mesh(panel.solution)
             _draw_cut(plotter, flow)
-            _draw(plotter, flow, skin, ends, load, i)
+            _draw_tubes(plotter, _streamlines(flow))
+            _draw_body(plotter, skin, ends, load, i)
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
-            plotter.camera_position = _seen_from(-25.0)
+            plotter.camera_position = _seen_from(azimuth, ONWARD)
     with whole_picture(path) as part:
         plotter.screenshot(str(part))
     plotter.close()
     return Path(path)
 
 
-def render_turntable(panel: Panel, path: str | Path) -> Path:
-    """A GIF of a body and its flow, seen from all around, where a cut would hide it."""
+def render_turntable(panel: Panel, path: str | Path, load: Load = PRESSURE) -> Path:
+    """A GIF of a body and its flow, seen from all around, where a cut would hide it.
+
+    Tubes are drawn on the far side alone, as by its mirror planes it has the same on both.
+    """
     skin = loaded_skin(panel.solution)
     plotter = pv.Plotter(off_screen=True, window_size=TURNING)
     plotter.set_background("white")
     with whole_picture(path) as part:
         plotter.open_gif(str(part), fps=10, loop=0)
-        flow = space_mesh(panel.solution)
-        _draw(plotter, flow, skin, np.percentile(skin["Cp"], SHARES))
+        lines = _streamlines(space_mesh(panel.solution))
+        _draw_body(plotter, skin, np.percentile(skin[load.array], SHARES), load)
+        far, near = (_draw_tubes(plotter, side) for side in (lines, lines.reflect((0, 1, 0))))
         write_caption(plotter, panel.title, (0.03, 0.93), 10)
-        for azimuth in 360 * np.arange(TURNS) / TURNS:
-            plotter.camera_position = _seen_from(azimuth - 25.0)
+        for azimuth in 360 * np.arange(TURNS) / TURNS + ASIDE:
+            camera, _, _ = plotter.camera_position = _seen_from(azimuth, 0.0)
+            far.visibility = bool(camera[1] <= 0)
+            near.visibility = not far.visibility
             plotter.write_frame()
         plotter.close()
     return Path(path)
@@ -130,10 +141,8 @@ def _draw_cut(plotter, flow):
     )
 
 
-def _draw(plotter, flow, skin, ends, load=PRESSURE, row=0):
-    """Body and tubes; bars of the same title would share one scale."""
-    lines = _streamlines(flow)
-    plotter.add_mesh(
+def _draw_tubes(plotter, lines):
+    return plotter.add_mesh(
         lines.tube(radius=0.011),
         scalars="speed",
         cmap="viridis",
@@ -142,6 +151,10 @@ def _draw(plotter, flow, skin, ends, load=PRESSURE, row=0):
         specular=0.3,
         show_scalar_bar=False,
     )
+
+
+def _draw_body(plotter, skin, ends, load, row=0):
+    """The lit skin; bars of the same title would share one scale."""
     plotter.add_mesh(
         skin,
         scalars=load.array,
@@ -167,7 +180,7 @@ def _draw(plotter, flow, skin, ends, load=PRESSURE, row=0):
 
 
 def _streamlines(flow):
-    """Lines that start in circles upstream, with the speed along them."""
+    """Lines that start in half circles upstream, beyond the body, with their speed."""
     angles = np.pi * (np.arange(AROUND) + 0.5) / AROUND
     starts = [
         (flow.bounds[0] + 0.05, radius * np.sin(angle), radius * np.cos(angle))
@@ -186,9 +199,9 @@ def _streamlines(flow):
     return lines
 
 
-def _seen_from(azimuth):
+def _seen_from(azimuth, onward):
     """A camera that looks slightly down on the body, turned about the vertical by degrees."""
     angle = np.deg2rad(azimuth)
     away = 6.3 * np.array([np.sin(angle), -np.cos(angle), 0.25])
-    focus = np.array([0.7, 0.0, -0.12])
+    focus = np.array([onward, 0.0, -0.12])
     return [tuple(focus + away), tuple(focus), (0, 0, 1)]

@@ -48,7 +48,7 @@ def check_reynolds(
         raise InvalidInput(
             f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
             f"{onset:.3g}, so the steady drag is not what nature does; "
-            "allow_unsteady asks for it all the same"
+            "allow_unsteady (--allow-unsteady) asks for it all the same"
         )
     return value
 

@@ -52,7 +52,7 @@ function drawBody(body, { cd, gradient }, valid) {
   const steepness = Math.hypot(...gradient.map((g, k) => (g * model.width[k]) / cd));
   const stride = Math.min(0.12, 0.8 * steepness) / (steepness || 1);
   const downhill = model.within(body.map((x, k) => x - (stride * gradient[k] * model.width[k] ** 2) / cd));
-  const drawn = (parameters) => path(silhouette(parameters));
+  const drawn = (parameters) => silhouette(parameters).map(path).join("");
   element("reference").setAttribute("d", drawn(model.reference));
   element("shape").setAttribute("d", drawn(body));
   element("rings").setAttribute("d", model.dimension === 3 ? rings(body) : "");
@@ -71,26 +71,30 @@ const along = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const seen = (point) => [along(point, RIGHT), along(point, UP)];
 const steps = (count, range) => Array.from({ length: count + 1 }, (_, n) => (range * n) / count);
 
-// The outline of a body as it is drawn: in space the hull of its skin on the screen.
+// The outlines of a body as it is drawn: in space, where its skin turns away from who looks at it.
+// Every ring of it turns away twice or never, as near ends that are seen whole or not at all.
 function silhouette(parameters) {
-  if (model.dimension === 2) return model.contour(parameters, 240);
-  const at = model.skin(parameters);
-  const points = steps(48, Math.PI).flatMap((t) =>
-    steps(64, 2 * Math.PI).map((phi) => seen(at(t, phi).point)),
-  );
-  points.sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-  const half = (list) => {
-    const hull = [];
-    for (const p of list) {
-      while (hull.length > 1 && turn(hull[hull.length - 2], hull[hull.length - 1], p) <= 0) hull.pop();
-      hull.push(p);
+  if (model.dimension === 2) return [model.contour(parameters, 240)];
+  const [at, outlines] = [model.skin(parameters), []];
+  const angles = steps(48, 2 * Math.PI);
+  let sides = null;
+  for (const t of steps(300, Math.PI).slice(1, -1)) {
+    const facing = angles.map((phi) => along(at(t, phi).normal, AWAY));
+    const edge = (sign) => {
+      const k = facing.findIndex((f, n) => n && sign * f > 0 && sign * facing[n - 1] <= 0);
+      if (k < 0) return null;
+      const share = facing[k - 1] / (facing[k - 1] - facing[k]);
+      return seen(at(t, angles[k - 1] + share * (angles[k] - angles[k - 1])).point);
+    };
+    const ends = [edge(1), edge(-1)];
+    if (ends.includes(null)) sides = null;
+    else {
+      if (!sides) outlines.push((sides = []));
+      sides.push(ends);
     }
-    return hull.slice(0, -1);
-  };
-  return [...half(points), ...half([...points].reverse())];
+  }
+  return outlines.map((pairs) => [...pairs.map((p) => p[0]), ...pairs.map((p) => p[1]).reverse()]);
 }
-
-const turn = (a, b, c) => (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 
 // Rings and meridians on the side of a body that is seen.
 function rings(parameters) {

@@ -8,11 +8,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow.grid.immersed import thinned
 from surrogate.scene.fidelity import NAMED, Fidelity
 
 SAFETY = 2.5  # estimates over likely errors: Roache (1994) takes 3 of two grids, 1.25 of three
 ORDERLY = 16  # cells per D from which on the error of the grid falls as it should
-TALLEST = 1.5  # D across the stream: beyond, no promise was measured
+TALLEST = {2: 1.5, 3: 1.8}  # D across the stream: beyond, no promise was measured
 
 
 class Cramped(NamedTuple):
@@ -34,8 +35,8 @@ class Trust(NamedTuple):
     likely error is within what the fidelity promises, ``degraded`` that it is not, that there is
     no estimate, or that the body is taller than any the promise was measured on. ``sufficient``
     names the fidelity that should keep the promise of a degraded one, where there is one.
-    ``extrapolated_drag`` is what the two grids tend to in second order (Richardson 1911), None
-    where the coarser one has too few cells for it: of the named fidelities fine alone has one.
+    ``extrapolated_drag`` is what the two grids tend to (Richardson 1911), None where the coarser
+    one has too few cells for it: of the named fidelities fine alone has one.
     The estimated error is that of the drag itself.
     """
 
@@ -64,8 +65,10 @@ def judge(
     """Estimate the errors of the forces on a body of this height, at two thirds of their cost.
 
     ``solve`` gives those of the same body at another fidelity. The scheme is of second order, so
-    with two thirds of the cells the error of the grid is 9/4 of it; how much greater that of a
-    smaller window is was measured. The two are added up, lest they cancel.
+    with two thirds of the cells the error of the grid is 9/4 of it, and in space of third order
+    where boundary layers are thick; how much greater that of a smaller window is was measured. The
+    two are added up, lest they cancel. Where boundary layers in space are thin the likely error
+    has been half of the error, so that there the estimate must be within the promise.
     """
     window = CRAMPED[dimension]
     fitted = fidelity.reaching(reynolds, height)
@@ -74,23 +77,26 @@ def judge(
         rough, cramped = solve(coarser), solve(coarser.smaller(window.share))
     except (InvalidInput, NotConverged):
         return Trust("degraded")
-    growth = (fitted.cells / coarser.cells) ** 2 - 1
+    thin = thinned(reynolds) if dimension == 3 else 0.0
+    order = 3.0 - thin if dimension == 3 else 2.0
+    growth = (fitted.cells / coarser.cells) ** order - 1
     of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
     of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
     likely, lift = np.add(of_grid, of_window).tolist()
     errors = SAFETY * likely / forces.drag, SAFETY * lift
     tends = forces.drag + (forces.drag - rough.drag) / growth
     extrapolated = tends if coarser.cells >= ORDERLY else None
-    if likely <= fidelity.promise * forces.drag and height <= TALLEST:
+    allowed = fidelity.promise * forces.drag / (1 + (SAFETY - 1) * thin)
+    if likely <= allowed and height <= TALLEST[dimension]:
         return Trust("accurate", *errors, extrapolated_drag=extrapolated)
     finer = (
         level.name
         for level in NAMED[dimension].values()
-        if of_grid[0] * (fitted.cells / level.cells) ** 2
+        if of_grid[0] * (fitted.cells / level.cells) ** order
         + of_window[0] * _left(fitted, level.reaching(reynolds, height), window)
-        <= fidelity.promise * forces.drag
+        <= allowed
     )
-    sufficient = next(finer, None) if height <= TALLEST else None
+    sufficient = next(finer, None) if height <= TALLEST[dimension] else None
     return Trust("degraded", *errors, sufficient, extrapolated)
 
 

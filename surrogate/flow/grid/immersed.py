@@ -1,5 +1,7 @@
 """The body in the grid: traction modes spread by cubic B-splines, slip tested by the same modes."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -201,7 +203,12 @@ def _lawful(reynolds):
     well. A mixture, whose error is not the mean of theirs, leaves little. Which one, and from which
     Re, was measured on spheroids of aspect 0.5 to 4 and one other body at Re 22 to 100.
     """
-    return 1 - PULLED * reynolds**4 / (reynolds**4 + THIN**4)
+    return 1 - PULLED * thinned(reynolds)
+
+
+def thinned(reynolds: Any) -> Any:
+    """How far a boundary layer in space has thinned to few cells: 0 at low Re, 1 at high."""
+    return reynolds**4 / (reynolds**4 + THIN**4)
 
 
 def _second_order(points, speed):
