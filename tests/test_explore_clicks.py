@@ -1,5 +1,7 @@
 """A page in the browser: sliders, buttons and keys do what they say."""
 
+import re
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -78,6 +80,17 @@ def test_reference_button_returns_to_it(name):
     np.testing.assert_array_equal(body_of(name, state), reference_body(family))
     assert state["drag"] == state["reference"]
     assert number(state["difference"]) == 0
+
+
+@every
+def test_reference_bodies_are_drawn_closed_and_to_scale(name):
+    """In space spheres, by their outline as it is seen."""
+    drawn = visited(name)["states"]["round"]["shape"]
+    x, y = np.array(re.findall(r"-?[\d.]+", drawn), float).reshape(-1, 2).T
+    if reference_body(surrogate_of(name).scene.family)[0] == 1:
+        np.testing.assert_allclose(np.hypot(x, y), 0.5, atol=2e-3)
+    area = np.sum(x * np.roll(y, 1) - y * np.roll(x, 1)) / 2
+    assert abs(area) == pytest.approx(np.pi / 4, rel=5e-3)
 
 
 @every

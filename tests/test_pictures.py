@@ -17,6 +17,7 @@ from shapeopt import Problem, optimise, save_run
 from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.export.solid import pv, solid
+from shapeopt.render.figures import draw_body, plt
 from shapeopt.render.mesh import flow_mesh
 from shapeopt.render.pictures import Panel, render_evolution, render_flows
 from shapeopt.render.plots import plot_family, plot_surfaces
@@ -127,6 +128,19 @@ def test_flow_pictures_show_their_bodies(flows, tmp_path):
     rows = pixels(render_flows([[panel], [panel]], tmp_path / "rows.png"))[0]
     assert rows[0] < size[0]
     assert rows[1] > 1.5 * size[1]
+
+
+def test_flattened_bodies_are_drawn_from_above_too():
+    figure, axes = plt.subplots(1, 2)
+    for axis, flatness in zip(axes, (1.0, 2.0), strict=True):
+        draw_body(
+            axis, np.asarray(FAMILY.outline(FAMILY.ellipse(2.0), 100)), flatness, "k", (3.0, 1.0)
+        )
+    plt.close(figure)
+    side, above = axes[1].patches[0].get_path().vertices, axes[1].lines[0].get_xydata()
+    assert not axes[0].lines
+    np.testing.assert_allclose(above.mean(axis=0), [3.0, 1.0], atol=0.02)
+    assert np.ptp(above[:, 1]) == pytest.approx(2 * np.ptp(side[:, 1]))
 
 
 def test_plots_of_bodies_differ_with_the_bodies(tiny_scene, surfaces, tmp_path):

@@ -360,7 +360,7 @@ def test_pictures_of_a_run_in_space(network, slender, tmp_path):
     render.main([*run, "--surface", "--out", str(tmp_path / "friction.png")])
     shown.append(pixels(tmp_path / "friction.png")[1])
     assert np.mean(np.any(shown[0] != shown[1], axis=-1)) > 0.01  # the bodies have other colours
-    render.main([*run, "--out", str(tmp_path / "turn.gif")])
+    render.main([*run, "--surface", "--out", str(tmp_path / "turn.gif")])
     frames = imageio.imread(tmp_path / "turn.gif")
     assert len(frames) == TURNS
     for one, other in itertools.pairwise(frames[:: TURNS // 4]):

@@ -23,7 +23,7 @@ from study import Result, Study, cold_cache, medians, megabytes, power_of, run_s
 from surrogate import Family, Fidelity, Flow, InvalidInput, Scene, family_shape
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
-CELLS = (6, 8, 10, 12, 16, 20, 24, 32, 40)
+CELLS = (6, 8, 10, 12, 16, 20, 24, 32)
 NUMBERS = (1.0, 10.0, 40.0)
 RE = 10.0  # of the sphere over cells, and of the flattened body
 ROUND = Family(dimension=3, aspect=(1.0, 2.0))
