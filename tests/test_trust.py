@@ -97,8 +97,8 @@ def test_thin_boundary_layers_in_space_ask_for_more(reynolds, error, status):
         return Forces(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.7, 3).status == status
-    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.9, 3).status == "degraded"
+    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.6, 3).status == status
+    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.7, 3).status == "degraded"
 
 
 def test_a_wake_beyond_the_window_is_degraded():

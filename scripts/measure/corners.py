@@ -22,11 +22,11 @@ BLUNT = {"aspect": 0.6, "beta2": -0.25, "beta3": 0.15, "beta4": -0.08}
 POINTED = {"aspect": 4.0, "beta2": -0.3}
 FLATTENED = {"aspect": 2.5, "flatness": 2.0, "beta2": 0.2, "beta3": 0.1}
 BROAD = {"aspect": 0.7, "flatness": 2.0, "beta2": -0.1}
-BROADEST = {"aspect": 0.5, "flatness": 2.0}
+FULL = {"aspect": 0.5, "beta2": 0.25, "beta3": 0.15, "beta4": 0.08}
+LEAN = {"aspect": 4.0, "beta2": 0.2, "beta3": -0.1, "beta4": 0.05}
 CORNERS = (
-    *((STUBBY, 60.0), (STUBBY, 100.0), (BLUNT, 100.0)),
-    *((FLATTENED, 40.0), (BROAD, 10.0), (BROADEST, 40.0)),
-    *((POINTED, 1.0), (POINTED, 10.0)),
+    *((STUBBY, 60.0), (STUBBY, 100.0), (BLUNT, 100.0), (FULL, 20.0), (LEAN, 5.0)),
+    *((FLATTENED, 40.0), (BROAD, 10.0), (POINTED, 1.0), (POINTED, 10.0)),
 )
 HEADS = "body | Re | fidelity | off elements by | promised | estimated error | status"
 FORMS = "{body} | {re:g} | {fidelity} | {error:+.2%} | {promise:.2%} | {estimate:.2%} | {status}"

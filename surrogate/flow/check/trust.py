@@ -13,7 +13,8 @@ from surrogate.scene.fidelity import NAMED, Fidelity
 
 SAFETY = 2.5  # estimates over likely errors: Roache (1994) takes 3 of two grids, 1.25 of three
 ORDERLY = 16  # cells per D from which on the error of the grid falls as it should
-TALLEST = {2: 1.5, 3: 1.8}  # D across the stream: beyond, no promise was measured
+FEWER = 1.5  # times the likely error in space, of fewer: what must be within the promise
+TALLEST = {2: 1.5, 3: 1.65}  # D across the stream: beyond, no promise was measured
 
 
 class Cramped(NamedTuple):
@@ -32,9 +33,10 @@ class Trust(NamedTuple):
     ``estimated_error`` of the drag is relative, ``estimated_lift_error`` that of the lift
     coefficient itself; None where the coarser flow does not exist. They are so large that they
     cover nearly every error: ``SAFETY`` times what is likely. ``accurate`` says that the drag's
-    likely error is within what the fidelity promises, ``degraded`` that it is not, that there is
-    no estimate, or that the body is taller than any the promise was measured on. ``sufficient``
-    names the fidelity that should keep the promise of a degraded one, where there is one.
+    likely error, in space with a margin, is within what the fidelity promises, ``degraded`` that
+    it is not, that there is no estimate, or that the body is taller than any the promise was
+    measured on. ``sufficient`` names the fidelity that should keep the promise of a degraded one,
+    where there is one.
     ``extrapolated_drag`` is what the two grids tend to (Richardson 1911), None where the coarser
     one has too few cells for it: of the named fidelities fine alone has one.
     The estimated error is that of the drag itself.
@@ -65,10 +67,8 @@ def judge(
     """Estimate the errors of the forces on a body of this height, at two thirds of their cost.
 
     ``solve`` gives those of the same body at another fidelity. The scheme is of second order, so
-    with two thirds of the cells the error of the grid is 9/4 of it, and in space of third order
-    where boundary layers are thick; how much greater that of a smaller window is was measured. The
-    two are added up, lest they cancel. Where boundary layers in space are thin the likely error
-    has been half of the error, so that there the estimate must be within the promise.
+    with two thirds of the cells the error of the grid is 9/4 of it, or in space up to 27/8; how
+    much greater that of a smaller window is was measured. The two are added up, lest they cancel.
     """
     window = CRAMPED[dimension]
     fitted = fidelity.reaching(reynolds, height)
@@ -77,8 +77,7 @@ def judge(
         rough, cramped = solve(coarser), solve(coarser.smaller(window.share))
     except (InvalidInput, NotConverged):
         return Trust("degraded")
-    thin = thinned(reynolds) if dimension == 3 else 0.0
-    order = 3.0 - thin if dimension == 3 else 2.0
+    order = _order(reynolds, dimension)
     growth = (fitted.cells / coarser.cells) ** order - 1
     of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
     of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
@@ -86,7 +85,7 @@ def judge(
     errors = SAFETY * likely / forces.drag, SAFETY * lift
     tends = forces.drag + (forces.drag - rough.drag) / growth
     extrapolated = tends if coarser.cells >= ORDERLY else None
-    allowed = fidelity.promise * forces.drag / (1 + (SAFETY - 1) * thin)
+    allowed = fidelity.promise * forces.drag / _margin(coarser.cells, reynolds, dimension)
     if likely <= allowed and height <= TALLEST[dimension]:
         return Trust("accurate", *errors, extrapolated_drag=extrapolated)
     finer = (
@@ -98,6 +97,23 @@ def judge(
     )
     sufficient = next(finer, None) if height <= TALLEST[dimension] else None
     return Trust("degraded", *errors, sufficient, extrapolated)
+
+
+def _order(reynolds, dimension):
+    """Power of the cells' size that the error of the grid goes with; in space it was measured."""
+    return 2.0 if dimension == 2 else 3.0 - thinned(reynolds)
+
+
+def _margin(cells, reynolds, dimension):
+    """Times its likely error that must be within the promise.
+
+    In space the error has been up to 1.5 times the likely one of few cells, and twice that where
+    boundary layers are thin.
+    """
+    if dimension == 2:
+        return 1.0
+    margin = 1.0 if cells >= ORDERLY else FEWER
+    return margin + (SAFETY - margin) * thinned(reynolds)
 
 
 def _left(fitted, level, window):
