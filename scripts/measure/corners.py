@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 from axisymmetric import cd_by_axisymmetric_elements
 from flattened import FINER, solve_by_elements_in_space
 from space import COARSE, name_of
-from study import TINY, Result, Study, run_study, table_of_rows
+from study import TINY, Result, Study, has_ngsolve, run_study, table_of_rows
 
-from surrogate import Flow, InvalidInput, Scene, family_shape
+from surrogate import Flow, Scene, family_shape
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
 STUBBY = {"aspect": 0.5, "beta2": -0.2, "beta3": 0.15, "beta4": -0.1}
@@ -54,10 +54,7 @@ def _by_elements(body: Mapping[str, float], re: float, tiny: bool) -> float | No
     """Cd, of bodies of revolution by elements of their half plane; None without NGSolve."""
     if "flatness" not in body:
         return cd_by_axisymmetric_elements(body, re, *((COARSE,) if tiny else ()))
-    try:
-        return solve_by_elements_in_space(body, re, FINER).cd
-    except InvalidInput:
-        return None
+    return solve_by_elements_in_space(body, re, FINER).cd if has_ngsolve() else None
 
 
 STUDY = Study("corners", measure, table_of_rows(HEADS, FORMS))

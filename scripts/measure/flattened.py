@@ -16,7 +16,7 @@ from surrogate import Shape, family_shape
 NODES = 100  # of the outline that a spline goes through
 QUARTER = Part(cartesian_form, 4.0, far_in_space)  # by its two mirror planes
 MESH = Elements(order=2, box=20.0, wall=0.1, near=0.3, wake=0.8)
-FINER = Elements(order=3, box=14.0, wall=0.25, near=0.5, wake=1.2)  # 0.03 % off for hollow bodies
+FINER = Elements(order=3, box=14.0, wall=0.25, near=0.5, wake=1.2)
 
 
 def solve_by_elements_in_space(

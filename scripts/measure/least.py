@@ -20,6 +20,7 @@ from shapeopt.render.pictures import Panel
 from shapeopt.render.space import AHEAD, FRICTION, render_bodies, render_turntable
 from shapeopt.render.tables import markdown
 from surrogate import Family, Fidelity, Flow, Scene, family_shape
+from surrogate.flow.check.trust import order
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
 THEORY = {0.01: 0.95425, 1.0: 0.94745, 40.0: 0.79645}
@@ -31,8 +32,12 @@ REVOLVED = Family(
     beta4=(-0.05, 0.05),
     beta5=(-0.05, 0.05),
 )
-BETAS = {"beta2": (-0.15, 0.15), "beta3": (-0.15, 0.2), "beta4": (-0.1, 0.1)}
-LOW = {"aspect": (1.0, 7.0), **BETAS}  # bodies whose height is bounded
+LOW = {  # bodies whose height is bounded
+    "aspect": (1.0, 6.0),
+    "beta2": (-0.1, 0.1),
+    "beta3": (-0.1, 0.15),
+    "beta4": (-0.05, 0.05),
+}
 FLATTENED = Family(dimension=3, flatness=(1.0, 2.5), **LOW)
 SLENDER = Family(dimension=3, **LOW)
 HEIGHT = 0.55  # D, the bound
@@ -42,7 +47,7 @@ TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
-    """Optima over Re and cells, extrapolated by the third order of the two finest; bounded ones."""
+    """Optima over Re and cells; bounded ones."""
     standard = TINY if tiny else SPACE_FIDELITIES["standard"]
     numbers, cells = ((40.0,), (5,)) if tiny else (tuple(THEORY), CELLS)
     family = Family(dimension=3, aspect=(1.5, 3)) if tiny else REVOLVED
@@ -63,7 +68,6 @@ def measure(tiny: bool, progress: Callable) -> Result:
     return {
         "rows": rows,
         "theory": {f"{re:g}": THEORY[re] for re in numbers},
-        "extrapolated": {f"{re:g}": _extrapolated(rows, re) for re in numbers},
         "height": HEIGHT,
         "bounded": bounded,
     }
@@ -84,12 +88,12 @@ def _least(scene, reynolds, **bounds):
 
 
 def _extrapolated(rows, reynolds):
-    """The ratio at no cell size, from the two finest grids; None where there is one."""
+    """The ratio at no cell size, of the two finest grids, as drags are; None where there is one."""
     found = [(row["cells"], row["ratio"]) for row in rows if row["reynolds"] == reynolds]
     if len(found) < 2:
         return None
     (coarse, rough), (fine, good) = found[-2:]
-    return good + (good - rough) / ((fine / coarse) ** 3 - 1)
+    return good + (good - rough) / ((fine / coarse) ** order(reynolds, 3) - 1)
 
 
 def tables(result: Result) -> str:
@@ -98,7 +102,7 @@ def tables(result: Result) -> str:
     for re, theory in result["theory"].items():
         own = [row for row in result["rows"] if f"{row['reynolds']:g}" == re]
         body = ", ".join(f"{name} {value:.2f}" for name, value in own[-1]["parameters"].items())
-        last = result["extrapolated"][re]
+        last = _extrapolated(result["rows"], float(re))
         grids = ", ".join(f"{row['ratio']:.4f} ({row['cells']})" for row in own)
         outline = np.asarray(family_shape(own[-1]["parameters"], dimension=3).draw(NODES))
         tip = f"{front_angles(outline)[1]:.0f} degrees"

@@ -35,11 +35,12 @@ Rows = Iterator[dict[str, Any]]
 
 
 def measure(tiny: bool, progress: Callable) -> Result:
-    """The spheroid of aspect 2 by both, on one core each."""
+    """The spheroid of aspect 2 by both."""
     levels = [TINY] if tiny else [SPACE_FIDELITIES[name] for name in ("draft", "standard")]
     rows, repeats = [], 1 if tiny else 5
-    for re in NUMBERS[:1] if tiny else NUMBERS:
-        progress(len(rows) / 12, f"Re {re:g}")
+    numbers = NUMBERS[:1] if tiny else NUMBERS
+    for k, re in enumerate(numbers):
+        progress(k / len(numbers), f"Re {re:g}")
         exact = cd_by_axisymmetric_elements({"aspect": ASPECT}, re, COARSE if tiny else ELEMENTS)
         meshes = (COARSE._replace(wall=0.4),) if tiny else MESHES
         rivals = () if exact is None else _by_elements(re, meshes, repeats)

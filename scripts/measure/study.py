@@ -4,8 +4,8 @@ import contextlib
 import dataclasses
 import datetime
 import functools
-import importlib
 import importlib.metadata
+import importlib.util
 import json
 import math
 import os
@@ -102,6 +102,11 @@ def keep(
     with whole_file(Path(out) / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
     return record
+
+
+def has_ngsolve() -> bool:
+    """Whether the package of the finite elements is installed."""
+    return importlib.util.find_spec("ngsolve") is not None
 
 
 def ngsolve() -> Any:

@@ -21,7 +21,7 @@ from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 
 NOT_CONVERGED, NOT_WRITTEN, LOST = 3, 4, 5
-A_MOMENT = 0.05  # seconds until an interrupt that was dropped is raised again
+A_MOMENT = 0.05  # seconds until an interrupt that was dropped is sent again
 STATUSES = (
     "exit status: 0 done, 2 bad input, 3 not converged, 4 not written, 5 a process lost, "
     "130 interrupted"
@@ -125,17 +125,21 @@ def _interrupted_for_sure():
     """SIGTERM ends a command as Ctrl-C does, and neither is lost where it comes at a bad moment.
 
     An interrupt in a callback that Python may not leave, such as JAX's at garbage collection, is
-    dropped and said to ``unraisablehook``. It is raised again a moment later, by a thread: at once
-    it would come in the hook itself, and be dropped too. Threads but the main one hear none.
+    dropped and said to ``unraisablehook``. It is sent again a moment later, by a thread: at once it
+    would come in the hook itself, and be dropped too. Threads but the main one hear none.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     before, hook = signal.signal(signal.SIGTERM, signal.default_int_handler), sys.unraisablehook
 
+    main, listening, turn = threading.get_ident(), [True], threading.Lock()
+
     def later():
         time.sleep(A_MOMENT)
-        _thread.interrupt_main(signal.SIGTERM)  # SIGINT may be ignored, as in a shell's background
+        with turn:
+            if listening:  # SIGINT may be ignored, as in a shell's background
+                signal.pthread_kill(main, signal.SIGTERM)
 
     def again(unraisable):
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
@@ -147,6 +151,8 @@ def _interrupted_for_sure():
     try:
         yield
     finally:
+        with turn:
+            listening.clear()
         signal.signal(signal.SIGTERM, before)
         sys.unraisablehook = hook
 

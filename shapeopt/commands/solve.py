@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 def _settling(arguments):
     """The terminal velocity of a particle, and its flow there."""
-    values = numbers(arguments.settling, "--settling")
+    values = numbers(arguments.settling, "--settling", "2.65,1e-6,2e-4")
     if len(values) != 3:
         raise InvalidInput(f"--settling {arguments.settling}: density ratio,viscosity,size")
     particle = Particle(*values)
@@ -71,14 +71,15 @@ def _settling(arguments):
     row = _plain(settled.solution)
     told = {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
-    told |= {"settling_cd": drag, "flows": settled.flows}
+    turns = bool(shape.reach[0] > 1.01 * min(shape.reach[1:]))
+    told |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
     result = {"results": [row | told], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"
     text = f"{verb} along its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
     text += f"Cd {drag:.5g} ({settled.flows} flow{'s'[: settled.flows - 1]})\n{_line(row)}"
-    if shape.reach[0] > 1.01 * max(shape.reach[1:]):
+    if turns:
         text += (
-            "\nheld along its axis, that is: inertia turns free bodies longer than wide broadside"
+            "\nheld along its axis, that is: inertia turns a free body's shortest side to its fall"
         )
     return emit(result, arguments.json, text)
 

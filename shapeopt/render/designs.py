@@ -6,7 +6,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from shapeopt.render.figures import QUIET, STYLE, draw_body, plt, save_figure
+from shapeopt.render.figures import FROM_ABOVE, QUIET, STYLE, draw_body, plt, save_figure
 from surrogate.body.family import Family
 
 GAP = 0.35  # D, between bodies
@@ -44,7 +44,7 @@ def plot_designs(family: Family, rows: list[dict[str, Any]], path: str | Path) -
             aspect="equal",
             xlim=(-size[0] / 2, span[0] - size[0] / 2),
             ylim=(size[1] / 2 - span[1], size[1] / 2),
-            title="least drag: $C_d$ under each body",
+            title="least drag: $C_d$ under each body" + FROM_ABOVE * (max(wide) > 1),
         )
         axis.set_xticks(size[0] * np.arange(len(columns)), [f"Re {re:g}" for re in columns])
         words = ["any length" if length is None else f"≤ {length:g} D" for length in lengths]

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from shapeopt.render.signature import whole_picture
 
 INK, QUIET, START, OPTIMUM = "#1a1a1a", "#5f6368", "#8a8f98", "#0b5394"
+FROM_ABOVE = "; the line: from above"
 STYLE = {
     "font.size": 11,
     "axes.spines.top": False,

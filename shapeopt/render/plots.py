@@ -5,7 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.render.figures import INK, OPTIMUM, START, STYLE, draw_body, plt, save_figure
+from shapeopt.render.figures import (
+    FROM_ABOVE,
+    INK,
+    OPTIMUM,
+    START,
+    STYLE,
+    draw_body,
+    plt,
+    save_figure,
+)
 from shapeopt.render.sheets import standing
 from shapeopt.runs import run_body, run_scene
 from surrogate.flow.loads.surface import Surface
@@ -69,7 +78,8 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
             draw_body(axis, body, flatness, colours[k])
             axis.plot(*np.vstack([circle, circle[:1]]).T, color=START, lw=1, ls=(0, (4, 3)))
             axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]), aspect="equal")
-            axis.set_title(f"Re {record['reynolds']:g}", loc="center")
+            above = FROM_ABOVE * (flatness > 1)
+            axis.set_title(f"Re {record['reynolds']:g}{above}", loc="center")
             axis.set_axis_off()
         _draw_fall(figure.add_subplot(grid[1, :]), records, colours)
         return save_figure(figure, path)

@@ -70,7 +70,7 @@ class Settled(NamedTuple):
 def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) -> Settled:
     """The steady fall or rise of a body along its axis: Cd Re^2 = 4/3 Archimedes number.
 
-    Left to itself a body longer than wide turns broadside by inertia (Khayat and Cox 1989).
+    Left to itself a body turns its shortest side to its fall, by inertia (Khayat and Cox 1989).
     By secants in logarithms from the sphere's correlation (Schiller and Naumann 1933). Slower
     particles than any flow is tested for are in Stokes flow: Cd Re is taken as constant.
 

@@ -72,28 +72,39 @@ const seen = (point) => [along(point, RIGHT), along(point, UP)];
 const steps = (count, range) => Array.from({ length: count + 1 }, (_, n) => (range * n) / count);
 
 // The outlines of a body as it is drawn: in space, where its skin turns away from who looks at it.
-// Every ring of it turns away twice or never, as near ends that are seen whole or not at all.
+// Every ring of it turns away twice or, near ends that are seen whole or not at all, never.
 function silhouette(parameters) {
   if (model.dimension === 2) return [model.contour(parameters, 240)];
-  const [at, outlines] = [model.skin(parameters), []];
-  const angles = steps(48, 2 * Math.PI);
-  let sides = null;
-  for (const t of steps(300, Math.PI).slice(1, -1)) {
-    const facing = angles.map((phi) => along(at(t, phi).normal, AWAY));
-    const edge = (sign) => {
-      const k = facing.findIndex((f, n) => n && sign * f > 0 && sign * facing[n - 1] <= 0);
-      if (k < 0) return null;
-      const share = facing[k - 1] / (facing[k - 1] - facing[k]);
-      return seen(at(t, angles[k - 1] + share * (angles[k] - angles[k - 1])).point);
-    };
-    const ends = [edge(1), edge(-1)];
-    if (ends.includes(null)) sides = null;
-    else {
-      if (!sides) outlines.push((sides = []));
-      sides.push(ends);
-    }
+  const at = model.skin(parameters);
+  const facing = (t, phi) => along(at(t, phi).normal, AWAY);
+  const turning = (t) => {
+    const [front, side, back] = [0, Math.PI / 2, Math.PI].map((phi) => facing(t, phi));
+    const level = (front + back) / 2;
+    const [a, b] = [(front - back) / 2, side - level];
+    const share = -level / Math.hypot(a, b);
+    if (!(Math.abs(share) <= 1)) return null;
+    return [1, -1].map((sign) => seen(at(t, Math.atan2(b, a) + sign * Math.acos(share)).point));
+  };
+  const outlines = [];
+  let [before, pair] = [0, null];
+  for (const t of steps(200, Math.PI).slice(1)) {
+    const found = turning(t);
+    if (found && !pair) outlines.push([]);
+    if (!found !== !pair) outlines.at(-1).push(lastOf(turning, ...(found ? [t, before] : [before, t])));
+    if (found) outlines.at(-1).push(found);
+    [before, pair] = [t, found];
   }
   return outlines.map((pairs) => [...pairs.map((p) => p[0]), ...pairs.map((p) => p[1]).reverse()]);
+}
+
+// What was last found on the way from where there is something to where there is nothing.
+function lastOf(find, some, none) {
+  for (let n = 0; n < 40; n++) {
+    const middle = (some + none) / 2;
+    if (find(middle)) some = middle;
+    else none = middle;
+  }
+  return find(some);
 }
 
 // Rings and meridians on the side of a body that is seen.

@@ -77,8 +77,8 @@ def judge(
         rough, cramped = solve(coarser), solve(coarser.smaller(window.share))
     except (InvalidInput, NotConverged):
         return Trust("degraded")
-    order = _order(reynolds, dimension)
-    growth = (fitted.cells / coarser.cells) ** order - 1
+    falls = order(reynolds, dimension)
+    growth = (fitted.cells / coarser.cells) ** falls - 1
     of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
     of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
     likely, lift = np.add(of_grid, of_window).tolist()
@@ -91,7 +91,7 @@ def judge(
     finer = (
         level.name
         for level in NAMED[dimension].values()
-        if of_grid[0] * (fitted.cells / level.cells) ** order
+        if of_grid[0] * (fitted.cells / level.cells) ** falls
         + of_window[0] * _left(fitted, level.reaching(reynolds, height), window)
         <= allowed
     )
@@ -99,7 +99,7 @@ def judge(
     return Trust("degraded", *errors, sufficient, extrapolated)
 
 
-def _order(reynolds, dimension):
+def order(reynolds: float, dimension: int) -> float:
     """Power of the cells' size that the error of the grid goes with; in space it was measured."""
     return 2.0 if dimension == 2 else 3.0 - thinned(reynolds)
 
