@@ -18,7 +18,8 @@ class Fidelity:
     """Resolution: ``cells`` per D, the window's reach in D, harmonics of the traction.
 
     ``promise`` is the relative error of the drag that it is made for (Re 0.5 to 45, aspect 0.5 to
-    5), ``wake`` how much window a wake takes: reach downstream in D per Re (height / D)^2.
+    5; in space Re 0.1 to 100, aspect 0.5 to 4), which a solution's ``status`` says whether it is
+    kept, ``wake`` how much window a wake takes: reach downstream in D per Re (height / D)^2.
     """
 
     name: str
