@@ -183,6 +183,7 @@ def test_march(capsys, tmp_path):
     assert Path(result["gif"]).read_bytes().startswith(b"GIF8")
 
 
+@pytest.mark.slow
 def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
     """The README's main job, tiny: four trainings, designs by each, tables and pictures."""
     out = tmp_path / "payoff"
