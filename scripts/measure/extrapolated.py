@@ -20,6 +20,7 @@ from space import (
     held_out,
     mean_and_most,
     name_of,
+    relative_error,
     whole,
 )
 from study import TINY, Result, Study, run_study, table_of_rows, words
@@ -49,8 +50,8 @@ def measure(tiny: bool, progress: Callable) -> Result:
         found = flow.solve(family_shape(body, dimension=3), re)
         exact = exact or cd_by_axisymmetric_elements(body, re, elements)
         errors = {
-            "error": _off(found.drag, exact),
-            "extrapolated": _off(found.extrapolated_drag, exact),
+            "error": relative_error(found.drag, exact),
+            "extrapolated": relative_error(found.extrapolated_drag, exact),
         }
         estimate = {"estimate": found.estimated_error, "status": found.status}
         rows.append({"body": name, "re": re} | errors | estimate)
@@ -69,10 +70,6 @@ def cases() -> Iterator[Case]:
         yield Case(ellipsoid_body(ratios), CREEPING, exact)
     for body, re in held_out(extent.revolved):
         yield Case(body, re)
-
-
-def _off(drag: float | None, exact: float | None) -> float | None:
-    return None if drag is None or exact is None else drag / exact - 1
 
 
 def tables(result: Result) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from literature import front_angles
+from space import name_of
 from study import Result, Study, run_study, words
 
 from shapeopt import Problem, optimise
@@ -101,7 +102,7 @@ def tables(result: Result) -> str:
     rows = []
     for re, theory in result["theory"].items():
         own = [row for row in result["rows"] if f"{row['reynolds']:g}" == re]
-        body = ", ".join(f"{name} {value:.2f}" for name, value in own[-1]["parameters"].items())
+        body = name_of(own[-1]["parameters"], ".2f")
         last = _extrapolated(result["rows"], float(re))
         grids = ", ".join(f"{row['ratio']:.4f} ({row['cells']})" for row in own)
         outline = np.asarray(family_shape(own[-1]["parameters"], dimension=3).draw(NODES))

@@ -161,7 +161,7 @@ def _place(panel: str, row: str, column: str) -> dict[str, Any]:
 def _found(
     cd: float, exact: float | None = None, work: int | None = None, seconds: float | None = None
 ) -> dict[str, Any]:
-    error = None if exact is None else cd / exact - 1
+    error = relative_error(cd, exact)
     return {"cd": cd, "error": error, "green_applications": work, "seconds": seconds}
 
 
@@ -203,6 +203,11 @@ def _off(form: str, name: str, rows: list[Field]) -> str:
     """What errors come to, in words."""
     mean, most = mean_and_most(row["error"] for row in rows)
     return words(form, name=name, mean=mean, most=most)
+
+
+def relative_error(cd: float | None, exact: float | None) -> float | None:
+    """Where both are known."""
+    return None if cd is None or exact is None else cd / exact - 1
 
 
 def mean_and_most(errors: Iterable[float | None]) -> tuple[float | None, float | None]:

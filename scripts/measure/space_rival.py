@@ -19,7 +19,7 @@ from axisymmetric import (
     solve_by_axisymmetric_elements,
 )
 from elements import Elements, stopwatch
-from space import COARSE
+from space import COARSE, relative_error
 from study import TINY, Result, Study, run_study, table_of_rows
 
 from surrogate import Family, Fidelity, Flow, Scene
@@ -45,8 +45,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         meshes = (COARSE._replace(wall=0.4),) if tiny else MESHES
         rivals = () if exact is None else _by_elements(re, meshes, repeats)
         for row in (*_by_flow(re, levels, repeats), *rivals):
-            error = None if exact is None else row["cd"] / exact - 1
-            rows.append({"reynolds": re, "error": error} | row)
+            rows.append({"reynolds": re, "error": relative_error(row["cd"], exact)} | row)
     return {"rows": rows}
 
 

@@ -132,13 +132,12 @@ def _interrupted_for_sure():
         yield
         return
     before, hook = signal.signal(signal.SIGTERM, signal.default_int_handler), sys.unraisablehook
-
-    main, listening, turn = threading.get_ident(), [True], threading.Lock()
+    main, turn = threading.get_ident(), threading.Lock()
 
     def later():
         time.sleep(A_MOMENT)
         with turn:
-            if listening:  # SIGINT may be ignored, as in a shell's background
+            if sys.unraisablehook is again:  # SIGINT may be ignored, as in a shell's background
                 signal.pthread_kill(main, signal.SIGTERM)
 
     def again(unraisable):
@@ -152,9 +151,8 @@ def _interrupted_for_sure():
         yield
     finally:
         with turn:
-            listening.clear()
+            sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before)
-        sys.unraisablehook = hook
 
 
 def emit(result: dict[str, Any], as_json: bool, text: str) -> dict[str, Any]:
