@@ -25,10 +25,10 @@ from surrogate.processes import together
 AXIS = "bodies"
 LANES = {"cpu": 1}  # elsewhere as below
 ELSEWHERE = 32
-PORTION = 64  # bodies of a device whose fields are fetched at once, at least
+CHUNK = 64  # bodies of a device whose fields are fetched at once, at least
 
 
-class Owned(eqx.Module):
+class Sharded(eqx.Module):
     """Arrays with a row for every body, each on the device that owns the body."""
 
     rows: PyTree
@@ -56,7 +56,7 @@ class Devices:
         return {"xla_disable_hlo_passes": "algsimp"} if on_cpu else {}
 
     def share(self, tree: PyTree) -> PyTree:
-        """The same on every device, but of what is ``Owned`` to each its rows."""
+        """The same on every device, but of what is ``Sharded`` to each its rows."""
         places = jax.tree.map(lambda spec: NamedSharding(self.mesh, spec), specs(tree))
         return jax.device_put(tree, places)
 
@@ -77,11 +77,11 @@ class Devices:
         )
 
 
-def share_out(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
+def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
     """``function(model, *rows)`` by every device on its share of the rows; answers on the host."""
     count = len(jax.tree.leaves(rows)[0])
     taken = np.arange(-(-count // devices.count) * devices.count) % count
-    rows = Owned(jax.tree.map(lambda leaf: np.asarray(leaf)[taken], rows))
+    rows = Sharded(jax.tree.map(lambda leaf: np.asarray(leaf)[taken], rows))
     answers = _by_all(devices, function)(*devices.share((model, rows)))
     return jax.tree.map(lambda leaf: together(leaf)[:count], answers.rows)
 
@@ -91,9 +91,9 @@ def _by_all(devices, function):
     @jax.jit
     def by_all(model, rows):
         def local(model, mine):
-            return Owned(function(model, *mine.rows))
+            return Sharded(function(model, *mine.rows))
 
-        return devices.spread(local, (model, rows), Owned(()))(model, rows)
+        return devices.spread(local, (model, rows), Sharded(()))(model, rows)
 
     return by_all
 
@@ -121,20 +121,20 @@ def specs(tree: PyTree) -> PyTree:
     """Partition of a tree over the mesh."""
 
     def owned(node):
-        return isinstance(node, Owned)
+        return isinstance(node, Sharded)
 
     return jax.tree.map(lambda node: P(AXIS) if owned(node) else P(), tree, is_leaf=owned)
 
 
-class Visited(NamedTuple):
-    """Of a visit to some bodies: everybody's answers, what owners keep, G spent by waiting."""
+class Evaluated(NamedTuple):
+    """Of a visit to some bodies: everybody's answers, what owners keep, G spent by idle_work."""
 
     answers: PyTree
-    owned: Owned
-    waiting: Int[Array, ""]
+    owned: Sharded
+    idle_work: Int[Array, ""]
 
 
-class Deal(eqx.Module):
+class Partition(eqx.Module):
     """Which row is whose: ``places`` of the bodies, the first device's rows first."""
 
     places: Int[AnyArray, " bodies"]
@@ -145,56 +145,58 @@ class Deal(eqx.Module):
         """Of every device; the last of one may be nobody's."""
         return -(-self.places.size // self.devices.count)
 
-    def dealt(self, bodies: PyTree) -> Owned:
+    def scatter(self, bodies: PyTree) -> Sharded:
         """Rows of arrays of the bodies; those that are nobody's repeat the first body."""
         sources = np.zeros(self.rows * self.devices.count, int)
         sources = jnp.asarray(sources).at[self.places].set(jnp.arange(self.places.size))
-        return Owned(jax.tree.map(lambda leaf: leaf[sources], bodies))
+        return Sharded(jax.tree.map(lambda leaf: leaf[sources], bodies))
 
-    def gathered(self, owned: Owned) -> PyTree:
+    def gather(self, owned: Sharded) -> PyTree:
         """Arrays in the order of the bodies, the same on every device."""
         whole = NamedSharding(self.devices.mesh, P())
         return jax.tree.map(
             lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), owned.rows
         )
 
-    def portions(self, batch: Int[np.ndarray, " batch"]) -> Iterator[Int[np.ndarray, " portion"]]:
-        """A batch in portions of one size, the last filled up with nobody.
+    def chunks(self, batch: Int[np.ndarray, " batch"]) -> Iterator[Int[np.ndarray, " chunk"]]:
+        """A batch in chunks of one size, the last filled up with nobody.
 
         Every device has as many bodies of each, and alike hard ones.
         """
-        size = min(batch.size, max(PORTION, 8 * self.devices.lanes) * self.devices.count)
+        size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
         batch = batch[np.argsort(np.asarray(self.places)[batch] % self.rows, kind="stable")]
         nobody = np.full(-batch.size % size, self.places.size)
         yield from np.append(batch, nobody).reshape(-1, size)
 
-    def each(self, function: Callable, owned: Owned) -> Owned:
+    def each(self, function: Callable, owned: Sharded) -> Sharded:
         """What ``function`` answers of every row, by its owner; to be traced."""
         lanes = self.devices.lanes
 
         def local(mine):
-            return Owned(jax.lax.map(function, mine.rows, batch_size=lanes if lanes > 1 else None))
+            return Sharded(
+                jax.lax.map(function, mine.rows, batch_size=lanes if lanes > 1 else None)
+            )
 
-        return self.devices.spread(local, (owned,), Owned(()))(owned)
+        return self.devices.spread(local, (owned,), Sharded(()))(owned)
 
-    def fetched(self, batch: Int[Array, " batch"], owned: Owned) -> Owned:
+    def take_local(self, batch: Int[Array, " batch"], owned: Sharded) -> Sharded:
         """The rows of a batch that this device owns, in the order of its visits; in ``spread``."""
         rows, _ = self._mine(batch)
-        return Owned(jax.tree.map(lambda leaf: leaf[rows.at], owned.rows))
+        return Sharded(jax.tree.map(lambda leaf: leaf[rows.at], owned.rows))
 
-    def returned(self, batch: Int[Array, " batch"], owned: Owned, fetched: Owned) -> Owned:
+    def put_local(self, batch: Int[Array, " batch"], owned: Sharded, fetched: Sharded) -> Sharded:
         """``owned`` with the rows of a batch as they are after its visits; in ``spread``."""
         rows, _ = self._mine(batch)
         at = jnp.where(jnp.arange(rows.at.size) < rows.count, rows.at, self.rows)
-        return Owned(
+        return Sharded(
             jax.tree.map(
                 lambda leaf, new: leaf.at[at].set(new, mode="drop"), owned.rows, fetched.rows
             )
         )
 
-    def visit(
-        self, batch: Int[Array, " batch"], fetched: Owned, function: Callable, *arguments: PyTree
-    ) -> Visited:
+    def evaluate(
+        self, batch: Int[Array, " batch"], fetched: Sharded, function: Callable, *arguments: PyTree
+    ) -> Evaluated:
         """``function(row, own, *sample) -> (answer, own)`` of a batch by its owners; in ``spread``.
 
         Numbers beyond the bodies' are nobody's, and are answered by noughts. ``own`` is the body's
@@ -225,8 +227,8 @@ class Deal(eqx.Module):
         turns, start = -(-rows.count // lanes), (blank, fetched.rows, jnp.array(0))
         answers, kept, busy = jax.lax.fori_loop(0, turns, turn, start)
         answers = jax.tree.map(_everybodys, answers)
-        waiting = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(answers.products)
-        return Visited(answers, Owned(kept), waiting)
+        idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(answers.products)
+        return Evaluated(answers, Sharded(kept), idle_work)
 
     def _mine(self, batch):
         """Rows of this device in a batch, then others; the places in the batch in that order."""
@@ -245,7 +247,7 @@ class _Rows(NamedTuple):
     count: Int[Array, ""]
 
 
-def where_wanted(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
+def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
     """``compute()`` or else ``otherwise``; of many lanes not at all unless one of them wants it.
 
     A loop of one turn or none: what ``lax.cond`` chooses lane by lane, it computes for all.
@@ -263,11 +265,11 @@ def _everybodys(leaf):
     return total.astype(leaf.dtype)
 
 
-def deal_bodies(devices: Devices, hardness: Float[AnyArray, " bodies"]) -> Deal:
-    """Bodies to devices, hard and easy ones to each alike, and in order of hardness."""
-    bodies = len(hardness)
+def partition_bodies(devices: Devices, estimated_cost: Float[AnyArray, " bodies"]) -> Partition:
+    """Bodies to devices, hard and easy ones to each alike, and in order of estimated_cost."""
+    bodies = len(estimated_cost)
     rank = np.empty(bodies, int)
-    rank[np.argsort(-np.asarray(hardness), kind="stable")] = np.arange(bodies)
+    rank[np.argsort(-np.asarray(estimated_cost), kind="stable")] = np.arange(bodies)
     turn, seat = np.divmod(rank, devices.count)
     owner = np.where(turn % 2, devices.count - 1 - seat, seat)
-    return Deal(owner * -(-bodies // devices.count) + turn, devices)
+    return Partition(owner * -(-bodies // devices.count) + turn, devices)

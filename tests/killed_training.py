@@ -11,7 +11,7 @@ import numpy as np
 from surrogate import Fidelity, Scene
 from surrogate.cache import use_compilation_cache
 from surrogate.processes import first, join
-from surrogate.training.loop import make_bench, run_training
+from surrogate.training.loop import make_setup, run_training
 from surrogate.training.plan import Plan
 
 use_compilation_cache()
@@ -27,7 +27,7 @@ def announce(point, done):
 
 
 trained = run_training(
-    plan, make_bench(plan), folder / "checkpoint", announce, checkpoint_every_s=0.0
+    plan, make_setup(plan), folder / "checkpoint", announce, checkpoint_every_s=0.0
 )
 if first():
     np.save(folder / "weights.npy", np.asarray(trained.network.weights))

@@ -16,7 +16,7 @@ from shapeopt.search.propose import propose
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load
 from surrogate.body.measures import chord
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import Told, kriging
+from surrogate.model.kriging import Observation, kriging
 
 
 def smooth_drag(parameters, reynolds):
@@ -36,7 +36,7 @@ def told_by(function, parameters, reynolds):
     shape, re = jax.grad(lambda p, x: jnp.log(function(p, jnp.exp(x))), (0, 1))(
         parameters, jnp.log(reynolds)
     )
-    return Told(np.asarray(parameters), float(reynolds), drag, np.append(shape, re))
+    return Observation(np.asarray(parameters), float(reynolds), drag, np.append(shape, re))
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from study import free_port
 
 from shapeopt import Designer, Problem
 from surrogate import InvalidInput
-from surrogate.devices import choose_devices, deal_bodies, where_wanted
+from surrogate.devices import choose_devices, compute_where, partition_bodies
 from surrogate.processes import join, scheduled
 
 HERE = Path(__file__).parent
@@ -32,17 +32,17 @@ beta2 = [-0.2, 0.2]
 
 @pytest.mark.parametrize(("bodies", "count"), [(13, 4), (64, 2), (3, 4), (1, 1)])
 def test_every_body_has_one_owner_and_hard_ones_are_spread(generator, bodies, count):
-    hardness = generator.random(bodies)
-    deal = deal_bodies(_stands_for(count), hardness)
-    assert len(set(deal.places.tolist())) == bodies
-    assert deal.places.max() < deal.rows * count
-    shares = [hardness[deal.places // deal.rows == k] for k in range(count)]
+    estimated_cost = generator.random(bodies)
+    partition = partition_bodies(_stands_for(count), estimated_cost)
+    assert len(set(partition.places.tolist())) == bodies
+    assert partition.places.max() < partition.rows * count
+    shares = [estimated_cost[partition.places // partition.rows == k] for k in range(count)]
     assert max(map(len, shares)) - min(map(len, shares)) <= 1
     if bodies >= 8 * count:
         sums = [share.mean() for share in shares]
         assert max(sums) < 1.15 * min(sums)
-    rows = deal.dealt(np.arange(bodies)).rows
-    assert np.array_equal(np.asarray(rows)[deal.places], np.arange(bodies))
+    rows = partition.scatter(np.arange(bodies)).rows
+    assert np.array_equal(np.asarray(rows)[partition.places], np.arange(bodies))
 
 
 def _stands_for(count):
@@ -245,7 +245,7 @@ def test_where_wanted_computes_for_lanes_that_want_it_alone():
         return 2 * x
 
     def one(wanted, x):
-        return where_wanted(wanted, lambda: compute(x), x)
+        return compute_where(wanted, lambda: compute(x), x)
 
     lanes = jax.jit(jax.vmap(one))
     x = np.arange(3.0)

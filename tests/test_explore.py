@@ -60,7 +60,7 @@ def test_page_says_what_it_knows(name):
     assert f"{100 * record['drag_error_mean']:.2f} %" in text
     assert f"{100 * record['drag_error_max']:.2f} %" in text
     assert f"{record['held_out']} unseen bodies" in text
-    assert f"Trained by the method {record['method']} on Re" in text
+    assert f"TrainingResult by the method {record['method']} on Re" in text
     low, high = surrogate_of(name).scene.reynolds
     assert f"Re {low:g} to {high:g}, aspect" in text
 

@@ -56,14 +56,14 @@ def test_exact_lift_of_the_mirrored_body(stream):
     assert a.drag == pytest.approx(b.drag, rel=1e-9)
 
 
-ROOMY = make_domain(Unbounded(), TINY, (2.5, 2.5), symmetric=False)
+WIDE = make_domain(Unbounded(), TINY, (2.5, 2.5), symmetric=False)
 
 
 def forces_in_room(shape, reynolds):
-    markers = jnp.asarray(shape.draw(ROOMY.nodes))
-    found = solve_contour(ROOMY, NewtonSettings(1e-10), markers, jnp.asarray(reynolds))
+    markers = jnp.asarray(shape.draw(WIDE.nodes))
+    found = solve_contour(WIDE, NewtonSettings(1e-10), markers, jnp.asarray(reynolds))
     assert bool(found.info.converged)
-    return loads(ROOMY, markers, found.state, reynolds)
+    return loads(WIDE, markers, found.state, reynolds)
 
 
 def test_exact_moment_turns_an_ellipse_across_the_stream():
@@ -78,14 +78,14 @@ def test_exact_moment_turns_an_ellipse_across_the_stream():
 
 def test_exact_moment_of_a_known_traction():
     """A couple f on a circle of radius 1/2 turns it by pi f: nose up, since it runs clockwise."""
-    t = 2 * np.pi * np.arange(ROOMY.nodes) / ROOMY.nodes
+    t = 2 * np.pi * np.arange(WIDE.nodes) / WIDE.nodes
     couple = 0.3 * np.stack([np.sin(t), np.cos(t)])  # of the fluid on the body, per unit t
-    modes = np.asarray(ROOMY.modes.values(ROOMY.nodes)).reshape(ROOMY.modes.count, -1)
+    modes = np.asarray(WIDE.modes.values(WIDE.nodes)).reshape(WIDE.modes.count, -1)
     amplitude = np.linalg.lstsq(modes.T, -couple.ravel(), rcond=None)[0]
     assert np.allclose(modes.T @ amplitude, -couple.ravel(), atol=1e-12)
-    stream = jnp.zeros((2, *ROOMY.lattice.shape))
-    markers = jnp.asarray(CYLINDER.draw(ROOMY.nodes))
-    found = coefficients(ROOMY, markers, stream, jnp.asarray(amplitude), jnp.asarray(1.0))
+    stream = jnp.zeros((2, *WIDE.lattice.shape))
+    markers = jnp.asarray(CYLINDER.draw(WIDE.nodes))
+    found = coefficients(WIDE, markers, stream, jnp.asarray(amplitude), jnp.asarray(1.0))
     assert float(found.moment) == pytest.approx(2 * np.pi * 0.3, rel=1e-12)
     assert float(found.drag) == pytest.approx(0, abs=1e-12)
     assert float(found.lift) == pytest.approx(0, abs=1e-12)
@@ -115,7 +115,7 @@ def test_drag_does_not_jitter_as_the_body_moves_through_the_grid():
 
 
 def test_drag_does_not_jitter_as_a_flat_side_moves_through_the_rows():
-    """Half a cell sideways; without the ripple of the retraction this is 4e-4."""
+    """Half a cell sideways; without the offset_correction of the retraction this is 4e-4."""
     ellipse = family_shape({"aspect": 16 / 9})  # 12 cells high
     domain = make_domain(Unbounded(), FIDELITIES["standard"], (1.75, 1.25), symmetric=False)
     here, there = (

@@ -86,20 +86,20 @@ def driven(cylinder_domain):
 
     @jax.jit
     def start():
-        case = steady.prepare(domain, cylinder, jnp.asarray(20.0))
-        return case, steady.body_flow(domain, case)[0].amplitude
+        operators = steady.prepare(domain, cylinder, jnp.asarray(20.0))
+        return operators, steady.body_flow(domain, operators)[0].amplitude
 
-    case, solved = start()
+    operators, solved = start()
 
     @jax.jit
     def drive(amplitude):
-        velocity, info = steady.forced_flow(domain, case, amplitude, settings=tight)
+        velocity, info = steady.forced_flow(domain, operators, amplitude, settings=tight)
         state = steady.FlowState(velocity, amplitude)
-        return state, steady.slip_residual(domain, case, state), info.converged
+        return state, steady.slip_residual(domain, operators, state), info.converged
 
     state, _, converged = drive(0.9 * solved)
     assert bool(converged)
-    return case, state, lambda amplitude: drive(amplitude)[1]
+    return operators, state, lambda amplitude: drive(amplitude)[1]
 
 
 TIGHT = tangent.Effort(1e-6, 60)
@@ -107,8 +107,8 @@ TIGHT = tangent.Effort(1e-6, 60)
 
 @pytest.fixture(scope="module")
 def compliance(cylinder_domain, driven):
-    case, state, _ = driven
-    matrix, cost = jax.jit(lambda: tangent.compliance(cylinder_domain, case, state, TIGHT))()
+    operators, state, _ = driven
+    matrix, cost = jax.jit(lambda: tangent.compliance(cylinder_domain, operators, state, TIGHT))()
     assert bool(cost.converged)
     return matrix
 
@@ -122,10 +122,10 @@ def test_compliance_is_the_derivative_of_the_slip(driven, compliance):
 
 def test_slip_adjoint_agrees_with_the_compliance(cylinder_domain, driven, compliance):
     """And both with a central difference."""
-    case, state, slip = driven
+    operators, state, slip = driven
     weights = jnp.linspace(-1, 2, state.amplitude.size)
     gradient, _ = jax.jit(
-        lambda: tangent.slip_adjoint(cylinder_domain, case, state, weights, TIGHT)
+        lambda: tangent.slip_adjoint(cylinder_domain, operators, state, weights, TIGHT)
     )()
     assert np.allclose(gradient, compliance.T @ weights, rtol=1e-5, atol=1e-6)
     step = 1e-5 * np.cos(np.arange(state.amplitude.size))
@@ -135,13 +135,13 @@ def test_slip_adjoint_agrees_with_the_compliance(cylinder_domain, driven, compli
 
 def test_drag_weights_predict_the_newton_step(cylinder_domain, driven):
     """lambda . y is the drag that one coupled step removes, for the flow a traction drives."""
-    case, state, _ = driven
+    operators, state, _ = driven
 
     @jax.jit
     def steps():
-        weights, _ = tangent.drag_weights(cylinder_domain, case, state, TIGHT)
-        moved, _ = tangent.coupled_step(cylinder_domain, case, state, TIGHT)
-        return weights, moved.amplitude, steady.slip_residual(cylinder_domain, case, state)
+        weights, _ = tangent.drag_weights(cylinder_domain, operators, state, TIGHT)
+        moved, _ = tangent.coupled_step(cylinder_domain, operators, state, TIGHT)
+        return weights, moved.amplitude, steady.slip_residual(cylinder_domain, operators, state)
 
     weights, moved, slip = steps()
     change = drag_coefficient(moved) - drag_coefficient(state.amplitude)

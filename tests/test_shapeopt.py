@@ -11,7 +11,7 @@ import pytest
 import shapeopt
 from shapeopt import Design, LogNormal, Problem, Robust, load_run, optimise, save_run, verify
 from shapeopt.export.solid import pv
-from shapeopt.payoff.payoff import Bill, Way, best_known, break_even, overtakes, pays_after
+from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
 from shapeopt.payoff.tables import payoff_rows
@@ -82,10 +82,10 @@ def known_design(seconds, work, objective=1.0, flows=1):
 
 
 def example_ways():
-    direct = Way("direct", [Bill()], [[known_design(3, 110), known_design(5, 90, 1.02)]])
-    sip = Way("sip", [Bill(30.0, 900.0)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
+    direct = Strategy("direct", [Cost()], [[known_design(3, 110), known_design(5, 90, 1.02)]])
+    sip = Strategy("sip", [Cost(30.0, 900.0)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
     growing = [[known_design(2, 100 / (k + 1)) for k in range(2)]]
-    return direct, sip, Way("growing kriging", [Bill()], growing, remembers=True)
+    return direct, sip, Strategy("growing kriging", [Cost()], growing, remembers=True)
 
 
 def test_payoff_of_known_designs():

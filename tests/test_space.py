@@ -19,13 +19,13 @@ from shapeopt.commands import optimise as optimise_command
 from shapeopt.commands import solve as solve_command
 from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.problem.conflicts import candidates
+from shapeopt.render.bodies_3d import TURNS, render_bodies
 from shapeopt.render.pictures import Panel
-from shapeopt.render.space import TURNS, render_bodies
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape, load, train
 from surrogate.body.measures import chord, thickness
 from surrogate.body.outline import opening
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.grid.oseen_space import space_kernel
+from surrogate.flow.grid.oseen_3d import space_kernel
 from surrogate.flow.settling import Particle, settle
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.scene.fidelity import SPACE_FIDELITIES, Fidelity

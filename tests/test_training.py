@@ -10,9 +10,9 @@ import pytest
 from surrogate import Family, InvalidInput, load, train
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.training import train as training
-from surrogate.training.loop import drag_errors, make_bench, run_training
+from surrogate.training.loop import drag_errors, make_setup, run_training
 from surrogate.training.methods.hig import half_inverse_gradients
-from surrogate.training.methods.targets import improving, whole_flow
+from surrogate.training.methods.targets import evaluate_by_inversion, full_inversion
 from surrogate.training.plan import METHODS, Plan
 from surrogate.training.samples import held_out_samples, training_samples
 from surrogate.training.step import compile_step, first_state
@@ -26,7 +26,7 @@ def plan(tiny_scene):
 
 @pytest.fixture(scope="module")
 def bench(plan):
-    return make_bench(plan)
+    return make_setup(plan)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_samples_that_have_told_all_are_left_in_peace(plan, bench):
 def test_a_flow_that_is_not_found_is_not_sought_again(plan, bench):
     """Nothing else would come of it; the network learns from the others, here from none."""
     batch, hopeless = np.arange(24), NewtonSettings(1e-12, 1, 1)
-    visit = improving(whole_flow(hopeless, slopes=True))
+    visit = evaluate_by_inversion(full_inversion(hopeless, slopes=True))
     method = half_inverse_gradients(24)._replace(visit=visit)
     start = first_state(method, bench.network, bench.physics, bench.oseen)
     step = compile_step(method, start, bench.physics, batch)
@@ -102,7 +102,7 @@ def test_same_seed_same_weights_and_another_seed_others(plan, bench, trained):
     again = run_training(plan, bench)
     assert trained("sip").stopped is None
     assert np.array_equal(trained("sip").network.weights, again.network.weights)
-    other = make_bench(dataclasses.replace(plan, seed=1))
+    other = make_setup(dataclasses.replace(plan, seed=1))
     assert not np.array_equal(other.network.weights, bench.network.weights)
 
 

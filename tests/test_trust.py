@@ -17,8 +17,8 @@ from surrogate import (
     Unbounded,
     family_shape,
 )
-from surrogate.flow.check.trust import Forces, judge
-from surrogate.flow.grid.immersed import bspline, retraction, ripple
+from surrogate.flow.check.error_estimate import Forces, estimate_error
+from surrogate.flow.grid.immersed import bspline, offset_correction, retraction
 
 DRAFT = FIDELITIES["draft"]
 
@@ -44,7 +44,7 @@ def test_exact_retraction_between_two_rows_is_the_mean_it_stands_for(offset):
     rows = np.arange(-3, 5)
     weights = np.asarray(bspline(rows - offset))
     expected = weights @ np.abs(rows[:, None] - rows) @ weights / 2
-    found = float(retraction(np.array([[0.0, 1.0]]))[0] + ripple(np.array(offset)))
+    found = float(retraction(np.array([[0.0, 1.0]]))[0] + offset_correction(np.array(offset)))
     assert found == pytest.approx(expected, abs=3e-4)
 
 
@@ -66,7 +66,7 @@ def test_exact_extrapolation_of_second_order(cells, extrapolated):
         return Forces(2 - 20 / fidelity.cells**2, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=cells)
-    found = judge(solve(fidelity), solve, fidelity, 1.0, 1.0, 2)
+    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2)
     assert found.extrapolated_drag == (extrapolated and pytest.approx(extrapolated))
 
 
@@ -76,7 +76,7 @@ def test_exact_orders_in_space_fall_as_boundary_layers_thin(reynolds, order):
         return Forces(2 - 20 / fidelity.cells**order, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    found = judge(solve(fidelity), solve, fidelity, reynolds, 1.0, 3)
+    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3)
     assert found.extrapolated_drag == pytest.approx(2.0, abs=2e-4 if reynolds == 300 else 1e-9)
 
 
@@ -97,8 +97,8 @@ def test_thin_boundary_layers_in_space_ask_for_more(reynolds, error, status):
         return Forces(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.6, 3).status == status
-    assert judge(solve(fidelity), solve, fidelity, reynolds, 1.7, 3).status == "degraded"
+    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3).status == status
+    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.7, 3).status == "degraded"
 
 
 def test_a_wake_beyond_the_window_is_degraded():

@@ -86,7 +86,7 @@ def _solve(fidelity, way, lanes, bodies, tiny, accelerator) -> dict[str, Any]:
 def _model(rate: float, work: np.ndarray) -> list[dict[str, Any]]:
     """Seconds of a set's flows over devices, from what one device takes.
 
-    Stragglers: the measured applications of G, drawn anew for every body and dealt at random in
+    Stragglers: the measured applications of G, drawn anew for every body and scatter at random in
     equal numbers; the answers of all bodies reach all devices once.
     """
     rng = np.random.default_rng(0)
@@ -110,7 +110,7 @@ def tables(result: Result) -> str:
     said = words(
         "A body takes {mean:.0f} applications of G on average and {most} at most. From that, a "
         "model (not a measurement) of the flows of {bodies} bodies on the grid of the first row, "
-        "dealt in equal numbers: all wait for the slowest device, then tell each other the answers "
+        "scatter in equal numbers: all wait for the slowest device, then tell each other the answers "
         "({kilobytes:.0f} kB at {link:.0e} bytes a second). The network's steps are done by one "
         "device and take as long as there.",
         mean=work.mean(),

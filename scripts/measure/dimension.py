@@ -23,7 +23,7 @@ from shapeopt.payoff.queries import query_stream
 from shapeopt.render.figures import STYLE, plt, save_figure
 from shapeopt.render.tables import markdown
 from surrogate import Family, Flow, NotConverged, Scene, Surrogate
-from surrogate.training.loop import make_bench
+from surrogate.training.loop import make_setup
 from surrogate.training.plan import make_plan
 from surrogate.training.record import surrogate_of
 from surrogate.training.samples import held_out_samples, training_samples
@@ -89,7 +89,7 @@ def _trained(scene: Scene, method: str, count: int, tiny: bool) -> tuple[Surroga
     iterations = 2 if tiny else plan.iterations
     changes = {"held_out": 4, "iterations": iterations, "report_every": max(1, iterations // 5)}
     plan = dataclasses.replace(plan, **changes)
-    bench = make_bench(plan)
+    bench = make_setup(plan)
     trained, seconds = timed_fit(plan, bench)
     return surrogate_of(plan, trained, bench), seconds
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from surrogate import FIDELITIES, Flow, Scene
 from surrogate.cache import use_compilation_cache
-from surrogate.devices import choose_devices, deal_bodies
-from surrogate.flow.steps import all_solver, hardness
+from surrogate.devices import choose_devices, partition_bodies
+from surrogate.flow.steps import batch_solver, estimated_cost
 from surrogate.processes import first, join
 from surrogate.training.samples import training_samples
 
@@ -30,9 +30,9 @@ def main() -> None:
     scene = Scene(fidelity=FIDELITIES[asked["fidelity"]])
     flow, samples = Flow(scene), training_samples(scene, 0, asked["bodies"])
     devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])
-    deal = deal_bodies(devices, hardness(*samples))
-    given = devices.share((deal, *map(np.asarray, samples)))
-    solve = all_solver(flow, devices).lower(*given).compile()
+    partition = partition_bodies(devices, estimated_cost(*samples))
+    given = devices.share((partition, *map(np.asarray, samples)))
+    solve = batch_solver(flow, devices).lower(*given).compile()
     seconds = []
     for _ in range(1 + asked["rounds"]):
         start = time.perf_counter()

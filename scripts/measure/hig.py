@@ -17,8 +17,8 @@ from surrogate.devices import choose_devices
 from surrogate.model.network import make_network
 from surrogate.training.methods.hig import weight_step, with_goal_row
 from surrogate.training.methods.method import predict
-from surrogate.training.methods.targets import oseen_compliances
-from surrogate.training.physics import Physics, deal_samples, prepare_physics
+from surrogate.training.methods.targets import oseen_influence_matrices
+from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.samples import training_samples
 
 TAU, KAPPA, GOAL = 1e-3, 0.5, 3.0
@@ -28,7 +28,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
     """Build the real chain dy/da da/dw on networks of growing width, time both inverses."""
     flow = Flow(Scene(fidelity=TINY if tiny else FIDELITIES["draft"]))
     samples, rows = training_samples(flow.scene, 0, 4 if tiny else 16), []
-    physics, _ = prepare_physics(flow, samples, deal_samples(samples, choose_devices()))
+    physics, _ = prepare_physics(flow, samples, partition_samples(samples, choose_devices()))
     sizes, counts = ((1e3,), (8,)) if tiny else ((1e3, 1e4, 1e5, 1e6), (16, 64, 256))
     for k, weights in enumerate(sizes):
         progress(k / len(sizes), f"{weights:g} weights")
@@ -41,7 +41,7 @@ def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Itera
     oseen, key = np.asarray(physics.tractions), jax.random.key(1)
     width = round(np.sqrt(weights + 121) - 11)
     network = make_network(physics.flow.scene, key, *physics.samples, oseen, width)
-    batch, matrix = jnp.arange(physics.count), oseen_compliances(physics)
+    batch, matrix = jnp.arange(physics.count), oseen_influence_matrices(physics)
     slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics.samples, batch) - oseen)
     y, physical = with_goal_row(slip, matrix, GOAL, oseen[:, 0])
     dense = None

@@ -17,11 +17,11 @@ from space import name_of
 from study import Result, Study, run_study, words
 
 from shapeopt import Problem, optimise
+from shapeopt.render.bodies_3d import AHEAD, FRICTION, render_bodies, render_turntable
 from shapeopt.render.pictures import Panel
-from shapeopt.render.space import AHEAD, FRICTION, render_bodies, render_turntable
 from shapeopt.render.tables import markdown
 from surrogate import Family, Fidelity, Flow, Scene, family_shape
-from surrogate.flow.check.trust import order
+from surrogate.flow.check.error_estimate import order
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
 THEORY = {0.01: 0.95425, 1.0: 0.94745, 40.0: 0.79645}

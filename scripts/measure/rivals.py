@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from surrogate.model.inputs import Inputs
-from surrogate.model.kriging import Told, kriging
+from surrogate.model.kriging import Observation, kriging
 
 
 class Solved(NamedTuple):
@@ -18,7 +18,7 @@ class Solved(NamedTuple):
 
     inputs: Inputs
     z: np.ndarray
-    told: list[Told]
+    told: list[Observation]
 
     def head(self, count: int) -> "Solved":
         return Solved(self.inputs, self.z[:count], self.told[:count])

@@ -11,7 +11,7 @@ from typing import Any
 from study import Result, Study, run_study, table_of_rows
 from training import attempt, shrunk
 
-from surrogate.training.loop import make_bench
+from surrogate.training.loop import make_setup
 from surrogate.training.plan import MAKERS, make_plan
 
 VARIANTS: dict[str, dict[str, dict[str, Any]]] = {
@@ -45,7 +45,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         plan = make_plan(None, method, "quick")
         plan = dataclasses.replace(plan, report_every=1)
         plan = shrunk(plan) if tiny else plan
-        bench = bench or make_bench(plan)
+        bench = bench or make_setup(plan)
         found = attempt(plan, bench, MAKERS[method](**settings))
         rows.append({"method": method, "variant": name} | found)
     return {"rows": rows}

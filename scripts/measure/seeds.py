@@ -13,7 +13,7 @@ from study import Result, Study, run_study, table_of_rows
 from training import GRADIENTS, Truth, learned, shrunk, timed_fit
 
 from surrogate import Flow
-from surrogate.training.loop import make_bench
+from surrogate.training.loop import make_setup
 from surrogate.training.plan import make_plan
 from surrogate.training.record import surrogate_of
 
@@ -28,7 +28,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         progress(k / len(jobs), f"seed {seed}, {count} bodies, {method}")
         plan = dataclasses.replace(make_plan(None, method, "full", count, seed), report_every=20)
         plan = shrunk(plan) if tiny else plan
-        bench = make_bench(plan)
+        bench = make_setup(plan)
         trained, fit = timed_fit(plan, bench)
         flow, unseen = Flow(plan.scene), bench.held_out
         slopes = adjoint_slopes(flow, unseen.head(GRADIENTS))

@@ -13,7 +13,7 @@ from study import TINY, Result, Study, run_study, table, words
 
 from surrogate import FIDELITIES, Family, Scene
 from surrogate.devices import choose_devices
-from surrogate.training.loop import make_bench, run_training
+from surrogate.training.loop import make_setup, run_training
 from surrogate.training.plan import make_plan
 
 COUNTS, STEPS = (256, 1024, 4096), 12
@@ -33,7 +33,7 @@ def measure(tiny: bool, progress: Callable, devices: int) -> Result:
         steps = {"iterations": 2 if tiny else STEPS, "report_every": 1}
         plan = dataclasses.replace(plan, held_out=4 if tiny else 128, **steps)
         begin = time.perf_counter()
-        bench = make_bench(plan, mesh)
+        bench = make_setup(plan, mesh)
         method = plan.make_method()._replace(batch=count)
         trained = run_training(plan, bench, method=method)
         first, last = trained.history[0], trained.history[-1]

@@ -16,7 +16,7 @@ from study import Result, Study, run_study, words
 from training import attempt, shrunk
 
 from surrogate import Scene
-from surrogate.training.loop import drag_errors, make_bench
+from surrogate.training.loop import drag_errors, make_setup
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import MAKERS, Plan, make_plan
 
@@ -79,7 +79,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
         progress(k / len(chosen), f"{panel} {value}, {plan.method}")
         plan = shrunk(plan) if tiny else plan
         ground = plan.scene, plan.samples
-        bench = benches[ground] = benches.get(ground) or make_bench(plan)
+        bench = benches[ground] = benches.get(ground) or make_setup(plan)
         before = float(drag_errors(bench.network, bench.held_out, bench.labels.drag).mean())
         found = attempt(plan, bench, method) | {"before": before}
         if found["outcome"] == "trained":

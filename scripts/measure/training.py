@@ -24,9 +24,9 @@ from shapeopt.render.figures import STYLE, plt, save_figure
 from shapeopt.search.memory import Memory
 from surrogate import Flow, NotConverged, Surrogate
 from surrogate.checks import whole_number
-from surrogate.flow.steps import Labels
+from surrogate.flow.steps import FlowBatch
 from surrogate.model.inputs import scene_inputs
-from surrogate.training.loop import Bench, Trained, make_bench, run_training
+from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import PRESETS, Plan, compared_plans
 from surrogate.training.samples import Samples, held_out_samples, training_samples
@@ -57,7 +57,7 @@ def shrunk(plan: Plan) -> Plan:
     return dataclasses.replace(plan, scene=scene, **small)
 
 
-def attempt(plan: Plan, bench: Bench, method: Method) -> Row:
+def attempt(plan: Plan, bench: TrainingSetup, method: Method) -> Row:
     """What comes of a training; its ``outcome`` is "trained" where nothing went wrong."""
     try:
         trained = run_training(plan, bench, method=method)
@@ -86,7 +86,7 @@ def compile_seconds(plan: Plan) -> float:
     """What compiling a training takes where nothing is kept of an earlier one."""
     short = dataclasses.replace(plan, held_out=4, iterations=1, report_every=1, budget_s=None)
     with cold_cache():
-        bench = make_bench(short)
+        bench = make_setup(short)
         return bench.compile_s + run_training(short, bench).compile_s
 
 
@@ -94,7 +94,7 @@ class Truth(NamedTuple):
     """Held-out bodies, their flows, and the shape gradients of the first of them."""
 
     bodies: Samples
-    labels: Labels
+    labels: FlowBatch
     slopes: np.ndarray
 
 
@@ -116,7 +116,7 @@ def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
     return Solved(inputs, np.asarray(jax.vmap(inputs)(*samples)), told), memory.green_applications
 
 
-def timed_fit(plan: Plan, bench: Bench) -> tuple[Trained, float]:
+def timed_fit(plan: Plan, bench: TrainingSetup) -> tuple[TrainingResult, float]:
     """A training, and the CPU seconds of its steps at the pace they have once flows are known."""
     seconds: list[tuple[int, float]] = []
     trained = run_training(

@@ -25,7 +25,7 @@ from surrogate import (
     family_shape,
     naca4,
 )
-from surrogate.flow.check.trust import SAFETY
+from surrogate.flow.check.error_estimate import SAFETY
 
 KINDS = ("symmetric", "incidence", "general", "tunnel")
 ASPECT, REYNOLDS = (0.4, 6.0), (0.25, 60.0)  # the promise is for 0.5 to 5 and 0.5 to 45

@@ -20,8 +20,8 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.together import add_devices, use_devices
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
+from shapeopt.payoff.strategies import compile_all, remembering, rivals, trained
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
-from shapeopt.payoff.ways import compile_all, remembering, rivals, trained
 from shapeopt.problem.objective import Robust
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal

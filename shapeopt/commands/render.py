@@ -18,11 +18,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.render.bodies_3d import FRICTION, PRESSURE, render_bodies, render_turntable
 from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.render.signature import check_picture
-from shapeopt.render.space import FRICTION, PRESSURE, render_bodies, render_turntable
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load

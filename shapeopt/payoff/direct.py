@@ -8,7 +8,7 @@ from jaxtyping import Float
 from shapeopt.payoff.slsqp import Found, descend
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
-from shapeopt.search.designer import OPTIMAL, WIGGLE, Solved, plainest
+from shapeopt.search.designer import OPTIMAL, WIGGLE, EvaluatedDesign, plainest
 from shapeopt.search.memory import Memory
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
@@ -27,10 +27,10 @@ def design_directly(
       NotConverged: it ended elsewhere, or a flow on the way was not found.
     """
     begin, memory = time.perf_counter(), Memory(flow, None)
-    solved: list[Solved] = []
+    solved: list[EvaluatedDesign] = []
 
     def objective(parameters):
-        solved.append(Solved(problem, memory, parameters))
+        solved.append(EvaluatedDesign(problem, memory, parameters))
         return solved[-1].value, solved[-1].gradient
 
     body, rounds = plainest(problem) if start is None else start, list[Found]()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shapeopt.payoff.payoff import UNITS, Way
+from shapeopt.payoff.break_even import UNITS, Strategy
 from shapeopt.render.figures import plt, save_figure
 
 MOST = 1000
@@ -14,7 +14,7 @@ PLAIN = {"direct": "--", "direct, from the nearest answer": ":", "growing krigin
 VARIANTS = {"as published": ":", "bodies": "--", "and kriging": "-."}  # the rest is at its best
 
 
-def plot_payoff(ways: Sequence[Way], path: str | Path) -> Path:
+def plot_payoff(ways: Sequence[Strategy], path: str | Path) -> Path:
     """Draw applications of G and wall seconds against the number of designs."""
     figure, axes = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
     designs, methods = np.arange(1, MOST + 1), dict.fromkeys(_method(way) for way in ways)

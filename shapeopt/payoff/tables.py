@@ -3,13 +3,22 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from shapeopt.payoff.payoff import Way, best_known, overtakes, pays_after, per_design, quality
+from shapeopt.payoff.break_even import (
+    Strategy,
+    best_known,
+    overtakes,
+    pays_after,
+    per_design,
+    quality,
+)
 from shapeopt.render.tables import markdown
 
 SHORT = {"seconds": "s", "green_applications": "g"}
 
 
-def payoff_rows(ways: Sequence[Way], rivals: Sequence[Way], seed: int) -> list[dict[str, Any]]:
+def payoff_rows(
+    ways: Sequence[Strategy], rivals: Sequence[Strategy], seed: int
+) -> list[dict[str, Any]]:
     """One row a way, as the contract of the payoff's JSON names it; None is never."""
     direct, kriging = rivals[0], rivals[-1]
     best = best_known([*ways, *rivals])

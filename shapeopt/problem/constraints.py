@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Number
-from surrogate.body.family import ROOMY
+from surrogate.body.family import CLEAR_THICKNESS_RATIO
 from surrogate.body.form import Form
 from surrogate.body.measures import chord, least, radii, thickness, thickness_at, thicknesses
 from surrogate.body.outline import opening
@@ -50,11 +50,11 @@ def margins(
 ) -> Float[AnyArray, " constraints"]:
     """Every constraint as a number that must not be negative; the ranges are not among them."""
     form = limits.form
-    openings = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
+    min_thickness_ratios = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
     stations = jax.vmap(lambda s: thickness_at(parameters, form, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
-            least(openings)[None] - ROOMY,
+            least(min_thickness_ratios)[None] - CLEAR_THICKNESS_RATIO,
             jnp.stack([limits.max_length - chord(parameters, form)]),
             jnp.stack([thickness(parameters, form) - limits.min_thickness]),
             stations,

@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from shapeopt.render.bodies_3d import render_bodies
 from shapeopt.render.pictures import Panel, render_flows
-from shapeopt.render.space import render_bodies
 from shapeopt.runs import run_body, run_scene
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution

@@ -39,7 +39,7 @@ TIGHTEST = 3  # times that a model may be told to follow the slopes more closely
 LEADERS = 2  # solved bodies from which the next search starts too
 
 
-class Solved:
+class EvaluatedDesign:
     """A body whose objective the flow has told: value, gradient, optimality."""
 
     def __init__(self, problem: Problem, memory: Memory, parameters: np.ndarray):
@@ -57,7 +57,7 @@ class Solved:
         self.kkt_residual = optimality(problem.limits, parameters, self.value, self.gradient)
 
 
-Report = Callable[[Solved, int], None]
+Report = Callable[[EvaluatedDesign, int], None]
 
 
 class Designer:
@@ -137,10 +137,10 @@ class Designer:
         except (OSError, InvalidInput) as problem:
             warnings.warn(f"the flows of this design were not kept: {problem}", stacklevel=3)
 
-    def _search(self, problem: Problem, report: Report) -> tuple[list[Solved], int]:
+    def _search(self, problem: Problem, report: Report) -> tuple[list[EvaluatedDesign], int]:
         """Bodies that were solved on the way to an optimum, and drags asked of models."""
         memory, width = self.memory, np.asarray(problem.limits.width)
-        solved: list[Solved] = []
+        solved: list[EvaluatedDesign] = []
         calls = tight = 0
         for _ in range(MOST):
             model = memory.model(tight)
@@ -157,7 +157,7 @@ class Designer:
                     if tight > TIGHTEST:
                         break
                     continue
-            solved.append(Solved(problem, memory, body))
+            solved.append(EvaluatedDesign(problem, memory, body))
             report(solved[-1], memory.flows)
         return solved, calls
 
@@ -178,7 +178,7 @@ def check_problem(problem: Problem, scene: Scene) -> None:
         raise InvalidInput("weighted drags are over the cylinder's, which this family lacks")
 
 
-def finished(proposed: Proposal, solved: list[Solved]) -> bool:
+def finished(proposed: Proposal, solved: list[EvaluatedDesign]) -> bool:
     """Whether a solved body is optimal and no other is promised to be better."""
     if not solved:
         return False
@@ -187,7 +187,7 @@ def finished(proposed: Proposal, solved: list[Solved]) -> bool:
     return best.kkt_residual <= OPTIMAL and promised < PROMISE
 
 
-def stuck(proposed: Proposal, solved: list[Solved], width: np.ndarray) -> bool:
+def stuck(proposed: Proposal, solved: list[EvaluatedDesign], width: np.ndarray) -> bool:
     """Whether the model proposes what is solved already: it takes slopes there for noise."""
     away = [np.max(np.abs(b.parameters - proposed.parameters) / width) for b in solved]
     return bool(solved and min(away) < NEAR)
@@ -200,7 +200,7 @@ def plainest(problem: Problem) -> Float[AnyArray, " parameters"]:
     return bodies[np.argmin(away)]
 
 
-def _preference(body: Solved) -> tuple[bool, float]:
+def _preference(body: EvaluatedDesign) -> tuple[bool, float]:
     """Optimal ones first, then by value."""
     return body.kkt_residual > OPTIMAL, body.value
 

@@ -13,9 +13,9 @@ from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, locked, strict_json, whole_file
 from surrogate.flow.flow import Flow
-from surrogate.flow.steps import Slope
+from surrogate.flow.steps import DragGradient
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import Hyper, Kriging, Told, kriging, likeliest
+from surrogate.model.kriging import Hyper, Kriging, Observation, kriging, likeliest
 from surrogate.model.network import DragNetwork
 from surrogate.scene.limits import REYNOLDS
 
@@ -39,13 +39,13 @@ class Memory:
     ):
         self.flow, self.base, self.devices = flow, base, devices or choose_devices()
         self.file = None if file is None else check_file(file, ".json")
-        self.told: list[Told] = []
+        self.told: list[Observation] = []
         self.flows, self.green_applications = 0, 0
         self._hyper: Hyper | None = None
         self._fitted = 0
         self.refresh()
 
-    def ask(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Told:
+    def ask(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Observation:
         """Drag and slopes of a body, by flow and adjoint unless they are known.
 
         Raises:
@@ -53,7 +53,7 @@ class Memory:
         """
         return self.ask_all([(parameters, reynolds)])[0]
 
-    def ask_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Told]:
+    def ask_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Observation]:
         """The same of many bodies, each with its Reynolds number; spread over the devices.
 
         Raises:
@@ -69,12 +69,12 @@ class Memory:
             self.green_applications += int(found.green_applications)
             drag = float(found.drag)
             slopes = np.append(found.gradient, reynolds * found.by_reynolds) / drag
-            told = Told(np.asarray(parameters, float), float(reynolds), drag, slopes)
+            told = Observation(np.asarray(parameters, float), float(reynolds), drag, slopes)
             self.told.append(told)
             known[_body(parameters, reynolds)] = told
         return [known[_body(*query)] for query in queries]
 
-    def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[Slope]:
+    def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[DragGradient]:
         """One after another on one device, where no number of them needs compiling anew."""
         if self.devices.count == 1 or len(queries) < 2:
             yield from (self.flow.slope(*query) for query in queries)
@@ -126,7 +126,7 @@ def _body(parameters, reynolds):
     return (*np.asarray(parameters, float).tolist(), float(reynolds))
 
 
-def _read(file: Path, flow: Flow) -> list[Told]:
+def _read(file: Path, flow: Flow) -> list[Observation]:
     """The flows of a file.
 
     Raises:
@@ -139,7 +139,7 @@ def _read(file: Path, flow: Flow) -> list[Told]:
         right = json_digest(record["flows"])
         if record.get("sha256", right) != right:  # older files have none
             raise ValueError
-        told = [Told(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
+        told = [Observation(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
         size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
         for flow_ in told:
             numbers = np.concatenate([flow_.parameters, flow_.slopes])

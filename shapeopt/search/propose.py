@@ -16,7 +16,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.optimality import optimality
 from shapeopt.search.sqp import descend
 from surrogate.arrays import AnyArray
-from surrogate.devices import Devices, choose_devices, share_out
+from surrogate.devices import Devices, choose_devices, map_over_devices
 from surrogate.errors import InvalidInput, NotConverged
 
 RANKED = 1024  # draws
@@ -69,7 +69,7 @@ def propose_all(
     drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
     devices = devices or choose_devices()
     rows = drawn, limits, scenarios
-    starts, feasible = map(np.array, share_out(devices, best_draws, model, rows))
+    starts, feasible = map(np.array, map_over_devices(devices, best_draws, model, rows))
     count = starts.shape[1]
     for k in np.flatnonzero(feasible < count):
         bodies = candidates(problems[k])
@@ -77,7 +77,7 @@ def propose_all(
     if leaders:
         starts[:, -len(leaders) :] = np.array(leaders)
     rows = starts, limits, scenarios
-    ends, began, turns = share_out(devices, descend_from_all, model, rows)
+    ends, began, turns = map_over_devices(devices, descend_from_all, model, rows)
     found = []
     for k, problem in enumerate(problems):
         end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)

@@ -14,7 +14,13 @@ from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, Body
 from surrogate.body.form import PARAMETERS, Form, check_dimension
-from surrogate.body.outline import LEAST_OPENING, check_body, family_markers, limits, openings
+from surrogate.body.outline import (
+    MIN_THICKNESS_RATIO,
+    check_body,
+    family_markers,
+    limits,
+    min_thickness_ratios,
+)
 from surrogate.body.solid import GAUSS, Skin, centre, half_axes, skin
 from surrogate.checks import expect, finite_number, interval, real_numbers, shown, whole_number
 from surrogate.errors import InvalidInput
@@ -24,7 +30,7 @@ DEFAULT = {
     2: {"aspect": (1.0, 5.0), **BETAS},
     3: {"aspect": (0.7, 4.0), "flatness": (1.0, 2.0), **BETAS},
 }
-ROOMY = 2 * LEAST_OPENING  # that samples and optima keep
+CLEAR_THICKNESS_RATIO = 2 * MIN_THICKNESS_RATIO  # that samples and optima keep
 NODES = 128  # of the contours whose reach is measured
 Range = tuple[float, float]
 
@@ -199,7 +205,7 @@ class Family:
         Raises:
           InvalidInput: hardly any does.
         """
-        keep = openings(np.asarray(bodies), self.form) > ROOMY
+        keep = min_thickness_ratios(np.asarray(bodies), self.form) > CLEAR_THICKNESS_RATIO
         if len(keep) > 64 * (1 + np.sum(keep)):
             raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
         return keep
@@ -250,10 +256,10 @@ class Family:
             raise InvalidInput(f"bodies: must be arrays of real numbers; of each {self._wanted}")
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
-        least = openings(values, self.form)
+        least = min_thickness_ratios(values, self.form)
         ends = np.array([limits(name) for name in self.names[: self.form.ratios]]).T
         ratios = values[:, : self.form.ratios]
-        sound = np.isfinite(values).all(axis=1) & (least >= LEAST_OPENING)
+        sound = np.isfinite(values).all(axis=1) & (least >= MIN_THICKNESS_RATIO)
         sound &= ((ratios >= ends[0]) & (ratios <= ends[1])).all(axis=1)
         if (bad := ~sound).any():
             self.check(values[np.argmax(bad)])

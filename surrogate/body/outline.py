@@ -23,7 +23,7 @@ from surrogate.errors import InvalidInput
 
 ASPECTS = (0.1, 20.0)  # length over thickness that the solver is tested for
 FLATNESSES = (0.2, 5.0)  # width over height
-LEAST_OPENING = 0.02  # thinnest y / (b sin t) a body may have
+MIN_THICKNESS_RATIO = 0.02  # thinnest y / (b sin t) a body may have
 
 
 def opening(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyArray, ""]:
@@ -33,7 +33,7 @@ def opening(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[Any
     return least(1 + form.betas(parameters) @ waves)
 
 
-def openings(
+def min_thickness_ratios(
     bodies: Float[np.ndarray, "bodies parameters"], form: Form
 ) -> Float[np.ndarray, " bodies"]:
     """``opening`` of many bodies, however many, with little to compile."""
@@ -82,7 +82,7 @@ def check_body(named: Mapping[str, float], dimension: int = 2) -> None:
             raise InvalidInput(
                 f"{name} {named[name]:g}: must lie between {least:g} and {most:g} ({meaning})"
             )
-    if float(opening(values, form)) < LEAST_OPENING:
+    if float(opening(values, form)) < MIN_THICKNESS_RATIO:
         betas = list(named.items())[form.ratios :]
         bent = ", ".join(f"{name} {value:g}" for name, value in betas if value)
         raise InvalidInput(

@@ -10,28 +10,28 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray, Body, Number
-from surrogate.body.outline import LEAST_OPENING, opening
+from surrogate.body.outline import MIN_THICKNESS_RATIO, opening
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import expect, one_body, traced
-from surrogate.devices import Devices, choose_devices, deal_bodies
+from surrogate.devices import Devices, choose_devices, partition_bodies
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.check.trust import Forces, Trust, judge
+from surrogate.flow.check.error_estimate import ErrorEstimate, Forces, estimate_error
 from surrogate.flow.grid.domain import Domain, fitted_domain, scene_domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads.forces import lift_coefficient
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.steps import (
-    Labels,
-    Slope,
-    all_solver,
-    approach,
+    DragGradient,
+    FlowBatch,
+    batch_solver,
     drag_and_slope,
     drag_and_status,
-    failure,
+    estimated_cost,
     gradient_at,
-    hardness,
     loads,
+    not_converged_message,
+    solve_by_continuation,
 )
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of_shedding
@@ -88,10 +88,10 @@ class Flow:
             known = info.converged & self._answers(parameters, re, allow_unsteady)
             return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
         if not bool(info.converged):
-            raise NotConverged(failure(float(reynolds), info))
+            raise NotConverged(not_converged_message(float(reynolds), info))
         return cd
 
-    def slope(self, parameters: Body, reynolds: Number) -> Slope:
+    def slope(self, parameters: Body, reynolds: Number) -> DragGradient:
         """Drag and shape gradient by one adjoint of few digits, cheaper than ``jax.grad``.
 
         Raises:
@@ -106,7 +106,7 @@ class Flow:
         parameters: Float[AnyArray, "bodies parameters"],
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
-    ) -> Labels:
+    ) -> FlowBatch:
         """Flows of many bodies, spread over ``devices``: what trainings are tested by.
 
         Raises:
@@ -123,7 +123,7 @@ class Flow:
         parameters: Float[AnyArray, "bodies parameters"],
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
-    ) -> Slope:
+    ) -> DragGradient:
         """``slope`` of many bodies, spread over ``devices``."""
         return self._all(parameters, reynolds, devices, slopes=True)
 
@@ -139,8 +139,10 @@ class Flow:
                 "bodies: one reaches beyond those that the scene's grid was made for"
             )
         devices = devices or choose_devices()
-        deal = deal_bodies(devices, hardness(parameters, reynolds))
-        found = all_solver(self, devices, slopes)(*devices.share((deal, parameters, reynolds)))
+        partition = partition_bodies(devices, estimated_cost(parameters, reynolds))
+        found = batch_solver(self, devices, slopes)(
+            *devices.share((partition, parameters, reynolds))
+        )
         return jax.tree.map(np.asarray, found)
 
     def solve(
@@ -177,13 +179,13 @@ class Flow:
         if gradient and (shape.parameters is None or not shape.symmetric):
             raise InvalidInput("gradient: is for bodies of the family at zero incidence")
         start = time.perf_counter()
-        found, work = approach(domain, self.settings, shape, reynolds)
+        found, work = solve_by_continuation(domain, self.settings, shape, reynolds)
         seconds = time.perf_counter() - start
         force = loads(domain, shape.markers(domain.nodes), found.state, reynolds)
         force = {name: float(value) for name, value in force._asdict().items()}
         slopes = gradient_at(domain, self.settings, shape, reynolds, found) if gradient else None
         forces = Forces(force["drag"], force["lift"])
-        trust = self._judged(forces, shape, reynolds) if estimate else Trust()
+        trust = self._judged(forces, shape, reynolds) if estimate else ErrorEstimate()
         return Solution(
             reynolds=reynolds,
             **force,
@@ -197,14 +199,14 @@ class Flow:
             state=found.state,
         )
 
-    def _judged(self, forces: Forces, shape: Shape, reynolds: float) -> Trust:
+    def _judged(self, forces: Forces, shape: Shape, reynolds: float) -> ErrorEstimate:
         def solve(fidelity: Fidelity) -> Forces:
             domain = _fit(self.scene, shape, fidelity, reynolds)
-            found, _ = approach(domain, self.settings, shape, reynolds)
+            found, _ = solve_by_continuation(domain, self.settings, shape, reynolds)
             return Forces(found.drag, float(lift_coefficient(domain.modes, found.state.amplitude)))
 
         height = float(shape.reach[1:].max())
-        return judge(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
+        return estimate_error(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
 
     def _reach(self, parameters):
         """Largest |x|, |y|, ... of a body."""
@@ -222,7 +224,7 @@ class Flow:
         reach = self._reach(parameters)
         onset = jnp.inf if allow_unsteady else onset_of_shedding(reach)
         highest = jnp.minimum(self.scene.reynolds[1], onset)
-        body = opening(parameters, self.scene.family.form) >= LEAST_OPENING
+        body = opening(parameters, self.scene.family.form) >= MIN_THICKNESS_RATIO
         body &= jnp.all(reach <= self.domain.reach)
         return (
             body

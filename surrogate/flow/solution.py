@@ -11,7 +11,7 @@ from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
-from surrogate.flow.loads.space import SkinLoads, skin_loads
+from surrogate.flow.loads.forces_3d import SkinLoads, skin_loads
 from surrogate.flow.loads.surface import SURFACE_POINTS, Surface, surface_of
 from surrogate.flow.solver.steady import FlowState
 
@@ -24,7 +24,7 @@ class Solution:
     ``moment`` about the centroid, nose up; in space ``drag`` = 8 Fx / pi, the others are nought.
     ``gradient`` is of the drag in the family's parameters and in ``reynolds``, where it was asked
     for. ``status``, the estimated errors, the ``sufficient`` fidelity and ``extrapolated_drag`` are
-    those of ``Trust``.
+    those of ``ErrorEstimate``.
     ``green_applications`` are those of this flow, ``seconds`` its wall time, both without gradient
     and estimate.
     """

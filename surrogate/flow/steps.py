@@ -13,12 +13,12 @@ from surrogate.arrays import AnyArray
 from surrogate.body.outline import family_markers
 from surrogate.body.shape import Shape
 from surrogate.body.solid import skin
-from surrogate.devices import Deal, Devices
+from surrogate.devices import Devices, Partition
 from surrogate.errors import NotConverged
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads.forces import Coefficients, coefficients, drag_coefficient
-from surrogate.flow.loads.space import space_coefficients
+from surrogate.flow.loads.forces_3d import space_coefficients
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.tangent import Effort, Query, drag_slopes
@@ -27,7 +27,7 @@ ADJOINT = Effort(2e-4, 60)
 HALVINGS = 3  # of the step in Re, where Newton from the Oseen flow fails
 
 
-class Slope(NamedTuple):
+class DragGradient(NamedTuple):
     """Drag and its slopes in parameters and Re, good to three digits; NaN where not converged.
 
     ``green_applications`` are those of flow and adjoint.
@@ -40,7 +40,7 @@ class Slope(NamedTuple):
     converged: Bool[AnyArray, "*bodies"]
 
 
-class Labels(NamedTuple):
+class FlowBatch(NamedTuple):
     """Solved flows of many bodies: traction modes, cost, and whether each solve converged."""
 
     amplitude: Float[AnyArray, "bodies modes"]
@@ -52,7 +52,7 @@ class Labels(NamedTuple):
         return jax.vmap(drag_coefficient)(jnp.asarray(self.amplitude))
 
 
-class Found(NamedTuple):
+class FlowResult(NamedTuple):
     """A solved body."""
 
     state: steady.FlowState
@@ -66,8 +66,8 @@ class Found(NamedTuple):
 @functools.partial(jax.jit, static_argnames=("domain", "settings"))
 def solve_contour(domain, settings, markers, reynolds, guess=None):
     """Body flow of a contour; ``info.converged`` says whether the numbers mean anything."""
-    case = steady.prepare(domain, markers, reynolds)
-    return Found(*steady.body_flow(domain, case, guess, settings))
+    operators = steady.prepare(domain, markers, reynolds)
+    return FlowResult(*steady.body_flow(domain, operators, guess, settings))
 
 
 def loads(
@@ -82,9 +82,9 @@ def loads(
 _plane_loads = jax.jit(coefficients, static_argnames="domain")
 
 
-def approach(
+def solve_by_continuation(
     domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float
-) -> tuple[Found, int]:
+) -> tuple[FlowResult, int]:
     """The flow; where Newton from the Oseen flow fails, Re is approached in 2, 4, 8 steps.
 
     Returns the applications of G of all attempts too, their preparations included.
@@ -96,16 +96,16 @@ def approach(
             found = solve_contour(
                 domain, settings, markers, jnp.asarray(reynolds * k / steps), guess
             )
-            spent += int(found.info.products) + steady.preparation_cost(domain)
+            spent += int(found.info.products) + steady.assembly_cost(domain)
             if not bool(found.info.converged):
                 break
             guess = found.state
         else:
             return found, spent
-    raise NotConverged(failure(reynolds, found.info))
+    raise NotConverged(not_converged_message(reynolds, found.info))
 
 
-def failure(reynolds: float, info: NewtonInfo) -> str:
+def not_converged_message(reynolds: float, info: NewtonInfo) -> str:
     """What to say of a flow that was not found."""
     return (
         f"body flow at Re {reynolds:g} did not converge: residual {float(info.residual):.1e} after "
@@ -114,7 +114,7 @@ def failure(reynolds: float, info: NewtonInfo) -> str:
 
 
 def gradient_at(
-    domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float, found: Found
+    domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float, found: FlowResult
 ) -> dict[str, float]:
     """dCd in a family body's parameters and in ``reynolds``, by name.
 
@@ -130,18 +130,18 @@ def gradient_at(
 
 
 @functools.partial(jax.jit, static_argnames=("domain", "settings", "form"))
-def slopes_at(domain, settings, form, parameters, reynolds, state, case=None):
+def slopes_at(domain, settings, form, parameters, reynolds, state, operators=None):
     """dCd/d(parameters, Re) by one adjoint of as many digits as the flow has."""
 
     def contour(parameters):
         draw = skin if form.dimension == 3 else family_markers
         return draw(parameters, form, domain.nodes)
 
-    if case is None:
-        case = steady.prepare(domain, contour(parameters), reynolds)
+    if operators is None:
+        operators = steady.prepare(domain, contour(parameters), reynolds)
     effort = Effort(settings.linear_tolerance, settings.max_vectors)
     query = Query(contour, parameters, reynolds)
-    *slopes, work = drag_slopes(domain, case, state, query, effort)
+    *slopes, work = drag_slopes(domain, operators, state, query, effort)
     return tuple(jnp.where(work.converged, slope, jnp.nan) for slope in slopes)
 
 
@@ -153,9 +153,9 @@ def drag_and_status(flow, parameters, reynolds):
 @functools.partial(jax.jit, static_argnames="flow")
 def _drag_and_state(flow, parameters, reynolds):
     """(Cd, status), and what its derivative needs."""
-    case = steady.prepare(flow.domain, flow.markers(parameters), reynolds)
-    state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
-    return (drag_coefficient(state.amplitude), info), (parameters, reynolds, state, case)
+    operators = steady.prepare(flow.domain, flow.markers(parameters), reynolds)
+    state, info = steady.body_flow(flow.domain, operators, settings=flow.settings)
+    return (drag_coefficient(state.amplitude), info), (parameters, reynolds, state, operators)
 
 
 def _drag_slopes(flow, saved, cotangent):
@@ -168,16 +168,16 @@ drag_and_status.defvjp(_drag_and_state, _drag_slopes)
 
 @functools.partial(jax.jit, static_argnames="flow")
 def drag_and_slope(flow: Any, parameters, reynolds):
-    (drag, info), (*_, state, case) = _drag_and_state(flow, parameters, reynolds)
+    (drag, info), (*_, state, operators) = _drag_and_state(flow, parameters, reynolds)
     query = Query(flow.markers, parameters, reynolds)
-    *slopes, work = drag_slopes(flow.domain, case, state, query, ADJOINT)
+    *slopes, work = drag_slopes(flow.domain, operators, state, query, ADJOINT)
     converged = info.converged & work.converged & jnp.all(jnp.isfinite(slopes[0]))
-    spent = info.products + work.products + steady.preparation_cost(flow.domain)
+    spent = info.products + work.products + steady.assembly_cost(flow.domain)
     answer = (jnp.where(converged, value, jnp.nan) for value in (drag, *slopes))
-    return Slope(*answer, spent, converged)
+    return DragGradient(*answer, spent, converged)
 
 
-def hardness(
+def estimated_cost(
     parameters: Float[AnyArray, "bodies parameters"], reynolds: Float[AnyArray, " bodies"]
 ) -> Float[np.ndarray, " bodies"]:
     """What the work of flows grows with: Re of the thickness."""
@@ -185,22 +185,22 @@ def hardness(
 
 
 @functools.cache
-def all_solver(
+def batch_solver(
     flow: Any, devices: Devices, slopes: bool = False
-) -> Callable[[Deal, AnyArray, AnyArray], Labels | Slope]:
-    """``(deal, parameters, reynolds)`` to the flows of many bodies, compiled."""
+) -> Callable[[Partition, AnyArray, AnyArray], FlowBatch | DragGradient]:
+    """``(partition, parameters, reynolds)`` to the flows of many bodies, compiled."""
 
     def label(body):
-        case = steady.prepare(flow.domain, flow.markers(body[0]), body[1])
-        state, info = steady.body_flow(flow.domain, case, settings=flow.settings)
-        spent = info.products + steady.preparation_cost(flow.domain)
-        return Labels(state.amplitude, spent, info.converged)
+        operators = steady.prepare(flow.domain, flow.markers(body[0]), body[1])
+        state, info = steady.body_flow(flow.domain, operators, settings=flow.settings)
+        spent = info.products + steady.assembly_cost(flow.domain)
+        return FlowBatch(state.amplitude, spent, info.converged)
 
     def slope(body):
         return drag_and_slope(flow, *body)
 
-    def every(deal, parameters, reynolds):
+    def every(partition, parameters, reynolds):
         one = slope if slopes else label
-        return deal.gathered(deal.each(one, deal.dealt((parameters, reynolds))))
+        return partition.gather(partition.each(one, partition.scatter((parameters, reynolds))))
 
     return jax.jit(every, compiler_options=devices.options)

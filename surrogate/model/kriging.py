@@ -30,7 +30,7 @@ FITTED = 64  # flows from which amplitude, noise and lengths are found; more wou
 LEAST_CAPACITY, GROWTH = 8, 2
 
 
-class Told(NamedTuple):
+class Observation(NamedTuple):
     """One flow: a body, a Reynolds number, the drag, d log Cd / d(parameters, log Re)."""
 
     parameters: Float[AnyArray, " parameters"]
@@ -79,7 +79,7 @@ class Kriging(eqx.Module):
 
 
 def kriging(
-    told: Sequence[Told],
+    told: Sequence[Observation],
     inputs: Inputs,
     base: DragNetwork | None = None,
     hyper: Hyper | None = None,
@@ -90,7 +90,7 @@ def kriging(
     return Kriging(base, inputs, data, hyper, jnp.asarray(mean), _solve(data, mean, hyper))
 
 
-def likeliest(told: Sequence[Told], inputs: Inputs, base: DragNetwork | None) -> Hyper:
+def likeliest(told: Sequence[Observation], inputs: Inputs, base: DragNetwork | None) -> Hyper:
     """Amplitude, noise and lengths of greatest posterior probability."""
     data, mean = _data(told[:: -(-len(told) // FITTED)], inputs, base), _mean(told, base)
     amplitude, size = AMPLITUDE if base is None else CORRECTION, data.z.shape[1]

@@ -7,25 +7,25 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from surrogate.devices import Deal, Owned
+from surrogate.devices import Partition, Sharded
 from surrogate.errors import InvalidInput
 from surrogate.leaves import read_header, read_leaves, write_leaves
 from surrogate.processes import agreed, first, together
 from surrogate.training.plan import Plan
 
 
-def save_checkpoint(path: Path, plan: Plan, state: PyTree, deal: Deal) -> None:
+def save_checkpoint(path: Path, plan: Plan, state: PyTree, partition: Partition) -> None:
     """Write the plan and all leaves of ``state`` in one file, whole or not at all.
 
     What is owned goes there in the order of the samples, whatever devices there are.
     """
-    places = np.asarray(deal.places)
+    places = np.asarray(partition.places)
     state = _in_order(state, lambda rows: together(rows)[places])
     if first():
         write_leaves(path, state, _describe(plan))
 
 
-def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree | None:
+def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) -> PyTree | None:
     """The saved state, shaped ``like`` a fresh one; None where there is no checkpoint.
 
     Raises:
@@ -33,7 +33,9 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree 
     """
     if not agreed(path.exists()):
         return None
-    shapes = jax.eval_shape(lambda state: _in_order(state, lambda rows: rows[deal.places]), like)
+    shapes = jax.eval_shape(
+        lambda state: _in_order(state, lambda rows: rows[partition.places]), like
+    )
     if first():
         if read_header(path, "checkpoint") != _describe(plan):
             raise InvalidInput(
@@ -45,10 +47,10 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, deal: Deal) -> PyTree 
         saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
     saved = agreed(saved)
 
-    def dealt(node, rows):
-        return deal.dealt(rows) if _owned(node) else rows
+    def scatter(node, rows):
+        return partition.scatter(rows) if _owned(node) else rows
 
-    return jax.tree.map(dealt, like, saved, is_leaf=_owned)
+    return jax.tree.map(scatter, like, saved, is_leaf=_owned)
 
 
 def _in_order(state, of):
@@ -59,7 +61,7 @@ def _in_order(state, of):
 
 
 def _owned(node):
-    return isinstance(node, Owned)
+    return isinstance(node, Sharded)
 
 
 def _describe(plan):

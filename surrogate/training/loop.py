@@ -12,16 +12,16 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Devices, Owned, choose_devices
+from surrogate.devices import Devices, Sharded, choose_devices
 from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow
-from surrogate.flow.solver.steady import preparation_cost
-from surrogate.flow.steps import Labels
+from surrogate.flow.solver.steady import assembly_cost
+from surrogate.flow.steps import FlowBatch
 from surrogate.model.network import DragNetwork, make_network
 from surrogate.processes import agreed
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.methods.method import Method
-from surrogate.training.physics import Physics, deal_samples, prepare_physics
+from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
 from surrogate.training.samples import (
     Samples,
@@ -29,7 +29,7 @@ from surrogate.training.samples import (
     network_key,
     training_samples,
 )
-from surrogate.training.step import Learning, compile_step, first_state
+from surrogate.training.step import LearnerState, compile_step, first_state
 
 BLOWN_UP = 10.0  # mean relative drag error of a network that is of no use any more
 
@@ -47,48 +47,48 @@ class Point(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Trained:
+class TrainingResult:
     """A finished training; ``stopped`` says why it ended early, if it did.
 
-    ``waiting`` are applications of G that idle devices and lanes could have done, ``compile_s``
+    ``idle_work`` are applications of G that idle devices and lanes could have done, ``compile_s``
     what compiling the steps took.
     """
 
     network: DragNetwork
     history: tuple[Point, ...]
     stopped: str | None
-    waiting: int
+    idle_work: int
     compile_s: float
 
 
 class Stage(NamedTuple):
     """How far a training is: what a checkpoint holds."""
 
-    now: Learning
+    now: LearnerState
     iteration: Int[AnyArray, ""]
     seconds: Float[AnyArray, ""]
     products: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
-    waiting: Int[AnyArray, ""]
+    idle_work: Int[AnyArray, ""]
     history: Float[AnyArray, "points 7"]
 
 
-class Bench(NamedTuple):
+class TrainingSetup(NamedTuple):
     """What all methods share: samples and their Oseen flows, held-out bodies, initial network.
 
     ``setup_s`` is the time the preparation of the samples took, ``compile_s`` that of compiling it.
     """
 
     physics: Physics
-    oseen: Owned
+    oseen: Sharded
     held_out: Samples
-    labels: Labels
+    labels: FlowBatch
     network: DragNetwork
     setup_s: float
     compile_s: float
 
 
-def make_bench(plan: Plan, devices: Devices | None = None) -> Bench:
+def make_setup(plan: Plan, devices: Devices | None = None) -> TrainingSetup:
     """Draw and prepare samples, solve the held-out bodies, build the initial network.
 
     Depends on the plan's scene, seed and counts only, not on its method.
@@ -101,25 +101,25 @@ def make_bench(plan: Plan, devices: Devices | None = None) -> Bench:
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
     devices = devices or choose_devices()
     labels = flow.labels(*held_out, devices)
-    samples, deal = devices.share((samples, deal_samples(samples, devices)))
+    samples, partition = devices.share((samples, partition_samples(samples, devices)))
     start = time.perf_counter()
-    prepare = prepare_physics.lower(flow, samples, deal).compile(devices.options)
+    prepare = prepare_physics.lower(flow, samples, partition).compile(devices.options)
     compiled = time.perf_counter()
-    physics, velocities = jax.block_until_ready(prepare(samples, deal))
+    physics, velocities = jax.block_until_ready(prepare(samples, partition))
     seconds = time.perf_counter() - compiled, compiled - start
     oseen = np.asarray(physics.tractions)
     network = make_network(plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen)
-    return Bench(physics, velocities, held_out, labels, network, *seconds)
+    return TrainingSetup(physics, velocities, held_out, labels, network, *seconds)
 
 
 def run_training(
     plan: Plan,
-    bench: Bench,
+    bench: TrainingSetup,
     checkpoint: Path | None = None,
     report: Callable[[Point, float], None] = lambda point, done: None,
     checkpoint_every_s: float = 20.0,
     method: Method | None = None,
-) -> Trained:
+) -> TrainingResult:
     """Train the bench's network by the plan's method; resumes from ``checkpoint`` if it is there.
 
     ``method`` replaces the plan's own, as studies of its settings need. The checkpoint stays
@@ -133,16 +133,16 @@ def run_training(
       NotConverged: the network blew up before it had one good point.
     """
     method = method or plan.make_method()
-    physics, deal = bench.physics, bench.physics.deal
+    physics, partition = bench.physics, bench.physics.partition
     batches = _batches(plan, method.batch)
-    prepared = physics.count * preparation_cost(physics.domain)
+    prepared = physics.count * assembly_cost(physics.domain)
     fresh = Stage(
         first_state(method, bench.network, physics, bench.oseen),
         *map(np.asarray, (0, 0.0, prepared, 0, 0)),
         np.zeros((_points(plan) + 1, len(Point._fields))),
     )
-    run = (checkpoint and load_checkpoint(checkpoint, plan, fresh, deal)) or fresh
-    run = run._replace(now=run.now.placed(deal.devices))
+    run = (checkpoint and load_checkpoint(checkpoint, plan, fresh, partition)) or fresh
+    run = run._replace(now=run.now.placed(partition.devices))
     start = time.perf_counter()
     step = compile_step(method, run.now, physics, batches(0))
     compile_s = time.perf_counter() - start
@@ -157,7 +157,7 @@ def run_training(
             iteration=run.iteration + 1,
             products=run.products + np.asarray(spent.products),
             failed=run.failed + np.asarray(spent.failed),
-            waiting=run.waiting + np.asarray(spent.waiting),
+            idle_work=run.idle_work + np.asarray(spent.idle_work),
         )
         if not np.all(np.isfinite(now.network.weights)):
             stopped, run = f"blew up in iteration {int(run.iteration)}", good
@@ -172,7 +172,7 @@ def run_training(
             good = run
             report(point, max(done, point.iteration / plan.iterations))
             if checkpoint and agreed(time.perf_counter() - saved > checkpoint_every_s):
-                save_checkpoint(checkpoint, plan, run, deal)
+                save_checkpoint(checkpoint, plan, run, partition)
                 saved = time.perf_counter()
             clock.resume()
     unreported = int(run.iteration) % plan.report_every and int(run.iteration) < plan.iterations
@@ -185,7 +185,7 @@ def run_training(
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
     network = jax.tree.map(np.asarray, run.now.network)
-    return Trained(network, history, stopped, int(run.waiting), compile_s)
+    return TrainingResult(network, history, stopped, int(run.idle_work), compile_s)
 
 
 @jax.jit

@@ -1,4 +1,4 @@
-"""The sample bodies of a training, prepared once: their cases and Oseen flows."""
+"""The sample bodies of a training, prepared once: their operators and Oseen flows."""
 
 import functools
 
@@ -7,12 +7,12 @@ import jax
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Deal, Devices, Owned, deal_bodies
+from surrogate.devices import Devices, Partition, Sharded, partition_bodies
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.steady import Case, preparation_cost
-from surrogate.flow.steps import hardness
+from surrogate.flow.solver.steady import Operators, assembly_cost
+from surrogate.flow.steps import estimated_cost
 from surrogate.training.samples import Samples
 
 
@@ -25,9 +25,9 @@ class Physics(eqx.Module):
     """
 
     samples: Samples
-    cases: Owned
+    operators: Sharded
     tractions: Float[AnyArray, "samples modes"]
-    deal: Deal
+    partition: Partition
     flow: Flow = eqx.field(static=True)
 
     @property
@@ -38,37 +38,37 @@ class Physics(eqx.Module):
     def count(self) -> int:
         return self.samples.count
 
-    def case(self, row: Array) -> Case:
+    def operators_of(self, row: Array) -> Operators:
         """Of a row of this device, in a visit: among those of the batch."""
-        return self.unpacked(jax.tree.map(lambda leaf: leaf[row], self.cases.rows))
+        return self.unpacked(jax.tree.map(lambda leaf: leaf[row], self.operators.rows))
 
-    def unpacked(self, kept: Case | tuple[Array, Array]) -> Case:
-        """The case of what is kept of a sample."""
-        return kept if isinstance(kept, Case) else _prepared(self.flow, *kept)
+    def unpacked(self, kept: Operators | tuple[Array, Array]) -> Operators:
+        """The operators of what is kept of a sample."""
+        return kept if isinstance(kept, Operators) else _prepared(self.flow, *kept)
 
     @property
     def renewal(self) -> int:
-        """Applications of G that a visit takes to prepare its case anew."""
-        return 0 if isinstance(self.cases.rows, Case) else preparation_cost(self.domain)
+        """Applications of G that a visit takes to prepare its operators anew."""
+        return 0 if isinstance(self.operators.rows, Operators) else assembly_cost(self.domain)
 
 
-def deal_samples(samples: Samples, devices: Devices) -> Deal:
+def partition_samples(samples: Samples, devices: Devices) -> Partition:
     """Which device owns which sample."""
-    return deal_bodies(devices, hardness(*samples))
+    return partition_bodies(devices, estimated_cost(*samples))
 
 
 @functools.partial(jax.jit, static_argnames="flow")
-def prepare_physics(flow: Flow, samples: Samples, deal: Deal) -> tuple[Physics, Owned]:
-    """Samples and velocities of their Oseen flows; ``preparation_cost`` applications of G each."""
+def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple[Physics, Sharded]:
+    """Samples and velocities of their Oseen flows; ``assembly_cost`` applications of G each."""
 
     def one(sample):
-        case = _prepared(flow, *sample)
-        kept = sample if flow.scene.dimension == 3 else case
-        return kept, steady.oseen_flow(flow.domain, case)
+        operators = _prepared(flow, *sample)
+        kept = sample if flow.scene.dimension == 3 else operators
+        return kept, steady.oseen_flow(flow.domain, operators)
 
-    cases, oseen = deal.each(one, deal.dealt(tuple(samples))).rows
-    tractions = deal.gathered(Owned(oseen.amplitude))
-    return Physics(samples, Owned(cases), tractions, deal, flow), Owned(oseen.velocity)
+    operators, oseen = partition.each(one, partition.scatter(tuple(samples))).rows
+    tractions = partition.gather(Sharded(oseen.amplitude))
+    return Physics(samples, Sharded(operators), tractions, partition, flow), Sharded(oseen.velocity)
 
 
 def _prepared(flow, parameters, reynolds):

@@ -4,11 +4,11 @@ import sys
 from pathlib import Path
 
 from surrogate.model.surrogate import Surrogate
-from surrogate.training.loop import Bench, Trained
+from surrogate.training.loop import TrainingResult, TrainingSetup
 from surrogate.training.plan import Plan
 
 
-def surrogate_of(plan: Plan, trained: Trained, bench: Bench) -> Surrogate:
+def surrogate_of(plan: Plan, trained: TrainingResult, bench: TrainingSetup) -> Surrogate:
     """A finished training as a surrogate, its record complete."""
     last = trained.history[-1]
     record = {
@@ -21,8 +21,8 @@ def surrogate_of(plan: Plan, trained: Trained, bench: Bench) -> Surrogate:
         "command": command_line(),
         "setup_s": bench.setup_s,
         "compile_s": bench.compile_s + trained.compile_s,
-        "devices": bench.physics.deal.devices.count,
-        "waiting": trained.waiting,
+        "devices": bench.physics.partition.devices.count,
+        "waiting": trained.idle_work,
         "published": plan.published,
         "seed": plan.seed,
         "samples": plan.samples,

@@ -10,7 +10,7 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
-from surrogate.training.loop import Bench, Trained, make_bench, run_training
+from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import Plan, make_plan
 from surrogate.training.record import is_of, surrogate_of
@@ -81,7 +81,7 @@ def train_all(
     """
     for name in plans:
         check_surrogate_folder(out / name)
-    benches: dict[tuple, Bench] = {}
+    benches: dict[tuple, TrainingSetup] = {}
     surrogates = {}
     for name, plan in plans.items():
         if not (out / name / RECORD).is_file():
@@ -99,23 +99,23 @@ def train_all(
     return surrogates
 
 
-def prepare(plan: Plan, progress: bool = True, devices: Devices | None = None) -> Bench:
+def prepare(plan: Plan, progress: bool = True, devices: Devices | None = None) -> TrainingSetup:
     """The plan's bench, with progress on stderr."""
     with progress_bar("preparing flows", progress) as update:
         update(0.0, f"{plan.samples} bodies, {plan.held_out} held out")
-        bench = make_bench(plan, devices)
+        bench = make_setup(plan, devices)
         update(1.0, f"in {bench.setup_s:.0f} s")
     return bench
 
 
 def train_with_bar(
     plan: Plan,
-    bench: Bench,
+    bench: TrainingSetup,
     checkpoint: Path | None = None,
     method: Method | None = None,
     title: str | None = None,
     progress: bool = True,
-) -> Trained:
+) -> TrainingResult:
     """Train with progress on stderr; ``method`` and ``title`` replace the plan's own."""
     with progress_bar(f"training {title or plan.method}", progress) as update:
 

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import ROOMY, Family, describe
-from surrogate.body.outline import LEAST_OPENING
+from surrogate.body.family import CLEAR_THICKNESS_RATIO, Family, describe
+from surrogate.body.outline import MIN_THICKNESS_RATIO
 from surrogate.errors import InvalidInput
 from surrogate.files import check_file, whole_file
 from surrogate.model.network import REACH
@@ -88,8 +88,8 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
         "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),
         "reference": reference_body(family).tolist(),
-        "leastOpening": LEAST_OPENING,
-        "roomy": ROOMY,
+        "leastOpening": MIN_THICKNESS_RATIO,
+        "roomy": CLEAR_THICKNESS_RATIO,
     }
 
 
@@ -147,7 +147,7 @@ def _provenance(surrogate):
         over = f"drag over {rho}{area}, D the diameter of the sphere of the same volume"
     return (
         f"Steady laminar flow in {describe_stream(scene.stream)}; {over}, "
-        "Re = U D / \N{GREEK SMALL LETTER NU}. Trained by the method "
+        "Re = U D / \N{GREEK SMALL LETTER NU}. TrainingResult by the method "
         f"{surrogate.recorded('method')} on {ranges}; the sliders end there. Errors are against "
         "the flow solver."
     )

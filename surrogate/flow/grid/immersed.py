@@ -157,7 +157,7 @@ def retraction(unit: Float[AnyArray, "nodes axes"]) -> Float[AnyArray, " nodes"]
     return mean + 27 * (cube - axis - 4 / 3 * (diagonal - axis)) * jnp.prod(squares, axis=1)
 
 
-def ripple(offset: Float[AnyArray, "..."]) -> Float[Array, "..."]:
+def offset_correction(offset: Float[AnyArray, "..."]) -> Float[Array, "..."]:
     """What R along an axis adds to its mean where the sheet lies ``offset`` cells off a row.
 
     R = E|J - K| / 2 for rows J, K of the tangential velocity drawn with the spline's weights: from
@@ -177,7 +177,7 @@ def _seats(lattice, points, unit, second, share):
 
     mean = retraction(unit)[:, None]
     offset = pulled(mean) / step - 0.5  # faces of the tangential velocity: half a cell off 0
-    cells = mean + jnp.sum(ripple(offset) * unit**2, axis=1, keepdims=True)
+    cells = mean + jnp.sum(offset_correction(offset) * unit**2, axis=1, keepdims=True)
     return pulled(cells), cells
 
 

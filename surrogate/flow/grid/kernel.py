@@ -5,7 +5,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen import Kernel, SymmetricKernel, oseen_kernel
-from surrogate.flow.grid.oseen_space import SpaceKernel, space_kernel
+from surrogate.flow.grid.oseen_3d import SpaceKernel, space_kernel
 
 AnyKernel = Kernel | SymmetricKernel | SpaceKernel
 

@@ -99,8 +99,8 @@ def root(
 
     def unfinished(state):
         _, _, size, previous, steps, _ = state
-        improving = (size < previous) | (steps == 0)
-        return (size > settings.tolerance) & (steps < settings.max_steps) & improving
+        evaluate_by_inversion = (size < previous) | (steps == 0)
+        return (size > settings.tolerance) & (steps < settings.max_steps) & evaluate_by_inversion
 
     b, size = preconditioned(guess)
     start = (guess, b, size, size, jnp.array(0), jnp.array(1))

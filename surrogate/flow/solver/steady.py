@@ -30,7 +30,7 @@ DEFAULT = NewtonSettings()
 PIN = 0.1  # velocity per unit of uniform pressure
 
 
-class Case(eqx.Module):
+class Operators(eqx.Module):
     """One body in one stream, ready to be solved.
 
     ``response`` holds G B (the Oseen velocity of every mode) in single precision: it only
@@ -50,7 +50,7 @@ class FlowState(NamedTuple):
     amplitude: Float[AnyArray, " modes"]
 
 
-def prepare(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Case:
+def prepare(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
     """Build kernel, far field and body; costs one application of G per mode, and some coarse."""
     kernel, far = stream(domain, reynolds)
     body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
@@ -60,47 +60,51 @@ def prepare(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> 
         response = jax.lax.map(lambda amplitude: respond(rough.spread(amplitude)), amplitudes)
     else:
         response = jax.vmap(respond)(jax.vmap(rough.spread)(amplitudes))
-    return Case(kernel, far, body, response)
+    return Operators(kernel, far, body, response)
 
 
 def stream(
     domain: Domain, reynolds: Float[AnyArray, ""]
 ) -> tuple[AnyKernel, Float[AnyArray, "terms axes ..."]]:
-    """What of a case the body does not change: kernel and far field."""
+    """What of a operators the body does not change: kernel and far field."""
     lift = not domain.modes.symmetric
     far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
     return make_kernel(domain.lattice, reynolds, domain.height, domain.mirrored), far
 
 
-def preparation_cost(domain: Domain) -> int:
+def assembly_cost(domain: Domain) -> int:
     """Applications of G in ``prepare`` (the coarse ones of the far field counted as one each)."""
     return domain.modes.count + len(domain.far) * (2 if domain.modes.symmetric else 5)
 
 
-def flow_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, "axes ..."]:
+def flow_residual(
+    domain: Domain, operators: Operators, state: FlowState
+) -> Float[AnyArray, "axes ..."]:
     """u' - G (B a + convect(w u')) - far(a)."""
     velocity, amplitude = state
     window = domain.lattice.cutoff().astype(velocity.dtype)
-    source = case.body.spread(amplitude) + domain.lattice.convect(window * velocity)
-    far = far_velocity(case.far, total_force(domain, amplitude))
-    return velocity - case.kernel(source) - far
+    source = operators.body.spread(amplitude) + domain.lattice.convect(window * velocity)
+    far = far_velocity(operators.far, total_force(domain, amplitude))
+    return velocity - operators.kernel(source) - far
 
 
-def slip_residual(domain: Domain, case: Case, state: FlowState) -> Float[AnyArray, " modes"]:
+def slip_residual(
+    domain: Domain, operators: Operators, state: FlowState
+) -> Float[AnyArray, " modes"]:
     """Mode-weighted velocity on the contour, plus the compliance that pins the silent mode."""
     velocity, amplitude = state
-    slip = case.body.slip(velocity) + case.body.slip_of_stream()
-    return slip + pinning(domain, case) @ amplitude
+    slip = operators.body.slip(velocity) + operators.body.slip_of_stream()
+    return slip + pinning(domain, operators) @ amplitude
 
 
-def pinning(domain: Domain, case: Case) -> Float[AnyArray, "modes modes"]:
+def pinning(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
     """Compliance added to S G B: the slip law, slight for every mode, firm for uniform pressure.
 
     Without the last the silent mode, which moves nothing, would take any value.
     """
-    silent = case.body.silent
+    silent = operators.body.silent
     slight = domain.slip_compliance * jnp.eye(silent.size, dtype=silent.dtype)
-    return slight + PIN * jnp.outer(silent, silent) + case.body.slip_law
+    return slight + PIN * jnp.outer(silent, silent) + operators.body.slip_law
 
 
 def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, " 2"]:
@@ -109,31 +113,35 @@ def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[A
     return jnp.stack([amplitude[0], lift])
 
 
-def oseen_flow(domain: Domain, case: Case) -> FlowState:
+def oseen_flow(domain: Domain, operators: Operators) -> FlowState:
     """Body flow without convection of the perturbation: exact as Re -> 0, a start otherwise."""
-    amplitude = eliminate(domain, case).inverse @ -case.body.slip_of_stream()
-    return FlowState(carried(case, amplitude), amplitude)
+    amplitude = eliminate(domain, operators).inverse @ -operators.body.slip_of_stream()
+    return FlowState(carried(operators, amplitude), amplitude)
 
 
-def carried(case: Case, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
+def carried(
+    operators: Operators, amplitude: Float[AnyArray, " modes"]
+) -> Float[AnyArray, "axes ..."]:
     """The velocity that a traction drives where the perturbation carries no momentum."""
-    return jnp.tensordot(amplitude, case.response, axes=1)
+    return jnp.tensordot(amplitude, operators.response, axes=1)
 
 
 def body_flow(
     domain: Domain,
-    case: Case,
+    operators: Operators,
     guess: FlowState | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[FlowState, NewtonInfo]:
     """Flow and traction of a body at rest in the stream (P^-1)."""
 
-    def residual(case, state):
-        return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
+    def residual(operators, state):
+        return FlowState(
+            flow_residual(domain, operators, state), slip_residual(domain, operators, state)
+        )
 
     return root(
-        System(residual, case, eliminate(domain, case)),
-        guess or oseen_flow(domain, case),
+        System(residual, operators, eliminate(domain, operators)),
+        guess or oseen_flow(domain, operators),
         _norm(domain),
         settings,
     )
@@ -141,7 +149,7 @@ def body_flow(
 
 def forced_flow(
     domain: Domain,
-    case: Case,
+    operators: Operators,
     amplitude: Float[AnyArray, " modes"],
     guess: Float[AnyArray, "axes ..."] | None = None,
     settings: NewtonSettings = DEFAULT,
@@ -152,9 +160,9 @@ def forced_flow(
         return flow_residual(domain, data[0], FlowState(velocity, data[1]))
 
     if guess is None:
-        guess = carried(case, amplitude)
+        guess = carried(operators, amplitude)
     size = math.sqrt(domain.lattice.cell_volume)
-    system = System(residual, (case, amplitude), Identity())
+    system = System(residual, (operators, amplitude), Identity())
     return root(system, guess, lambda v: size * jnp.linalg.norm(v), settings)
 
 
@@ -170,11 +178,11 @@ class Elimination(eqx.Module):
         return FlowState(y.velocity + jnp.tensordot(amplitude, self.response, axes=1), amplitude)
 
 
-def eliminate(domain: Domain, case: Case) -> Elimination:
-    """The elimination of a case, the inverse being that of S G B + pinning."""
-    case = jax.lax.stop_gradient(case)
-    compliance = jax.vmap(case.body.slip)(case.response).T + pinning(domain, case)
-    return Elimination(jnp.linalg.inv(compliance), case.response, case.body)
+def eliminate(domain: Domain, operators: Operators) -> Elimination:
+    """The elimination of a operators, the inverse being that of S G B + pinning."""
+    operators = jax.lax.stop_gradient(operators)
+    compliance = jax.vmap(operators.body.slip)(operators.response).T + pinning(domain, operators)
+    return Elimination(jnp.linalg.inv(compliance), operators.response, operators.body)
 
 
 def _norm(domain):

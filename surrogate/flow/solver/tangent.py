@@ -20,8 +20,8 @@ from surrogate.flow.grid.immersed import spread_modes
 from surrogate.flow.solver.krylov import gmres
 from surrogate.flow.solver.newton import SINGLE, single
 from surrogate.flow.solver.steady import (
-    Case,
     FlowState,
+    Operators,
     eliminate,
     flow_residual,
     pinning,
@@ -48,21 +48,21 @@ class Work(NamedTuple):
 
 
 def coupled_step(
-    domain: Domain, case: Case, state: FlowState, effort: Effort
+    domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[FlowState, Work]:
     """One Newton step of body flow: x - A^+ F(x), the inverse simulator's step."""
-    value = _residual(domain, case, state)
-    inverse = eliminate(domain, case)
-    jacobian, rough = _coupled(domain, *single((case, state))), single(inverse)
+    value = _residual(domain, operators, state)
+    inverse = eliminate(domain, operators)
+    jacobian, rough = _coupled(domain, *single((operators, state))), single(inverse)
     result = gmres(lambda v: rough(jacobian(v)), single(inverse(value)), *effort)
     return jax.tree.map(jnp.subtract, state, result.x), Work(result.steps + 1, result.converged)
 
 
 def drag_weights(
-    domain: Domain, case: Case, state: FlowState, effort: Effort
+    domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, " modes"], Work]:
     """Adjoint lambda of the drag: dCd that removing the slip y would cause is lambda . y."""
-    adjoint, work = drag_adjoint(domain, case, state, effort)
+    adjoint, work = drag_adjoint(domain, operators, state, effort)
     return adjoint.amplitude.astype(float), work
 
 
@@ -75,20 +75,20 @@ class Query(NamedTuple):
 
 
 def drag_slopes(
-    domain: Domain, case: Case, state: FlowState, query: Query, effort: Effort
+    domain: Domain, operators: Operators, state: FlowState, query: Query, effort: Effort
 ) -> tuple[Float[Array, " parameters"], Float[Array, ""], Work]:
     """dCd in the parameters and in Re, by one adjoint: back through the contour, forward in Re."""
-    adjoint, work = drag_adjoint(domain, case, state, effort)
+    adjoint, work = drag_adjoint(domain, operators, state, effort)
     adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
 
     def around(parameters, reynolds):
         markers = query.contour(parameters)
         body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
-        return _residual(domain, eqx.tree_at(lambda c: c.body, case, body), state)
+        return _residual(domain, eqx.tree_at(lambda c: c.body, operators, body), state)
 
     def at(reynolds):
         moved = stream(domain, reynolds)
-        return _residual(domain, eqx.tree_at(lambda c: (c.kernel, c.far), case, moved), state)
+        return _residual(domain, eqx.tree_at(lambda c: (c.kernel, c.far), operators, moved), state)
 
     in_shape, in_re = jax.vjp(around, query.parameters, query.reynolds)[1](adjoint)
     change = jax.jvp(at, (query.reynolds,), (jnp.ones_like(query.reynolds),))[1]
@@ -97,25 +97,25 @@ def drag_slopes(
 
 
 def drag_adjoint(
-    domain: Domain, case: Case, state: FlowState, effort: Effort
+    domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[FlowState, Work]:
     """lambda: a Newton step from x adds lambda . F(x) to the drag.
 
     GMRES in single precision; where that is not enough, its residual is renewed in double.
     """
     goal = FlowState(jnp.zeros_like(state.velocity), jnp.zeros_like(state.amplitude).at[0].set(2.0))
-    inverse = eliminate(domain, case)
+    inverse = eliminate(domain, operators)
 
-    def system(case, state, inverse):
-        adjoint = jax.linear_transpose(_coupled(domain, case, state), state)
+    def system(operators, state, inverse):
+        adjoint = jax.linear_transpose(_coupled(domain, operators, state), state)
         precondition = jax.linear_transpose(inverse, state)
         return lambda z: precondition(adjoint(z)[0])[0], lambda b: precondition(b)[0]
 
-    matvec, precondition = system(*single((case, state, inverse)))
+    matvec, precondition = system(*single((operators, state, inverse)))
     first = gmres(matvec, precondition(single(goal)), *effort)
     if effort.tolerance >= FEW_DIGITS:
         return first.x, Work(first.steps, first.converged)
-    exact, renewed = system(case, state, inverse)
+    exact, renewed = system(operators, state, inverse)
     target = renewed(goal)
     size = optax.tree.norm(target)
 
@@ -141,56 +141,62 @@ def drag_adjoint(
 
 
 def slip_adjoint(
-    domain: Domain, case: Case, state: FlowState, weights: Float[Array, " modes"], effort: Effort
+    domain: Domain,
+    operators: Operators,
+    state: FlowState,
+    weights: Float[Array, " modes"],
+    effort: Effort,
 ) -> tuple[Float[Array, " modes"], Work]:
     """(dy/da)^T weights for the slip y of a forced flow: one adjoint solve."""
-    case, state, weights = single((case, state, weights))
+    operators, state, weights = single((operators, state, weights))
 
     def respond(amplitude):
-        return flow_residual(domain, case, FlowState(state.velocity, amplitude))
+        return flow_residual(domain, operators, FlowState(state.velocity, amplitude))
 
-    flow = _flow_block(domain, case, state)
+    flow = _flow_block(domain, operators, state)
     adjoint = jax.linear_transpose(flow, state.velocity)
-    pulled = jax.vjp(case.body.slip, state.velocity)[1](weights)[0]
+    pulled = jax.vjp(operators.body.slip, state.velocity)[1](weights)[0]
     result = gmres(lambda z: adjoint(z)[0], pulled, *effort)
     gradient = -jax.vjp(respond, state.amplitude)[1](result.x)[0]
-    gradient = gradient + pinning(domain, case).T @ weights
+    gradient = gradient + pinning(domain, operators).T @ weights
     return gradient.astype(float), Work(result.steps + 1, result.converged)
 
 
 def compliance(
-    domain: Domain, case: Case, state: FlowState, effort: Effort
+    domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, "modes modes"], Work]:
     """dy/da of a forced flow, one tangent solve per mode."""
-    case, state = single((case, state))
+    operators, state = single((operators, state))
 
     def respond(amplitude):
-        return flow_residual(domain, case, FlowState(state.velocity, amplitude))
+        return flow_residual(domain, operators, FlowState(state.velocity, amplitude))
 
-    flow = _flow_block(domain, case, state)
+    flow = _flow_block(domain, operators, state)
 
     def column(mode):
         response = -jax.jvp(respond, (state.amplitude,), (mode,))[1]
         result = gmres(flow, response, *effort)
-        return case.body.slip(result.x), result.steps + 1, result.converged
+        return operators.body.slip(result.x), result.steps + 1, result.converged
 
     columns, steps, converged = jax.lax.map(
         column, jnp.eye(state.amplitude.size, dtype=state.amplitude.dtype)
     )
-    matrix = (columns.T + pinning(domain, case)).astype(float)
+    matrix = (columns.T + pinning(domain, operators)).astype(float)
     return matrix, Work(jnp.sum(steps), jnp.all(converged))
 
 
-def _residual(domain, case, state):
-    return FlowState(flow_residual(domain, case, state), slip_residual(domain, case, state))
+def _residual(domain, operators, state):
+    return FlowState(
+        flow_residual(domain, operators, state), slip_residual(domain, operators, state)
+    )
 
 
-def _coupled(domain, case, state):
-    return jax.linearize(lambda x: _residual(domain, case, x), state)[1]
+def _coupled(domain, operators, state):
+    return jax.linearize(lambda x: _residual(domain, operators, x), state)[1]
 
 
-def _flow_block(domain, case, state):
+def _flow_block(domain, operators, state):
     def residual(velocity):
-        return flow_residual(domain, case, FlowState(velocity, state.amplitude))
+        return flow_residual(domain, operators, FlowState(velocity, state.amplitude))
 
     return jax.linearize(residual, state.velocity)[1]

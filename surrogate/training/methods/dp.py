@@ -21,16 +21,16 @@ from surrogate.training.methods.method import (
     Batch,
     Method,
     adam_that_ends,
+    evaluation_cost,
     predict,
     slowed,
-    spent_by,
 )
 from surrogate.training.methods.targets import (
-    drag_misses,
-    improving,
-    no_targets,
-    one_step,
-    oseen_compliances,
+    drag_residuals,
+    evaluate_by_inversion,
+    no_labels,
+    one_step_inversion,
+    oseen_influence_matrices,
 )
 
 FLOW = NewtonSettings(3e-3, 8, 30)
@@ -68,8 +68,8 @@ def differentiable_physics(
     optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
-        lagged = Lagged(optimiser.init(network.weights), oseen_compliances(physics))
-        return lagged, no_targets(physics)
+        lagged = Lagged(optimiser.init(network.weights), oseen_influence_matrices(physics))
+        return lagged, no_labels(physics)
 
     def learn(network, memory, targets, samples, batch, done):
         known = targets.known[batch]
@@ -78,7 +78,7 @@ def differentiable_physics(
             moved = network.with_weights(weights)
             away = predict(moved, samples, batch) - targets.tractions[batch]
             slip = jnp.einsum("bym,bm->by", memory.compliance[batch], away)
-            misses = jax.vmap(lambda k: drag_misses(moved, samples, targets, k))(batch)
+            misses = jax.vmap(lambda k: drag_residuals(moved, samples, targets, k))(batch)
             scale = goal * jnp.append(1.0, jnp.full(misses.shape[1] - 1, slopes))
             losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * misses) ** 2, axis=1)
             return jnp.sum(jnp.where(known, losses, 0.0)) / jnp.maximum(jnp.sum(known), 1) / 2
@@ -87,7 +87,7 @@ def differentiable_physics(
         network, adam = _step(optimiser, learning_rate, network, memory.adam, gradient, done)
         return network, memory._replace(adam=adam), loss
 
-    return Method(init, improving(one_step(slopes=slopes > 0)), learn, batch)
+    return Method(init, evaluate_by_inversion(one_step_inversion(slopes=slopes > 0)), learn, batch)
 
 
 def published_differentiable_physics(
@@ -103,26 +103,26 @@ def published_differentiable_physics(
         return optimiser.init(network.weights), blank
 
     def driven(physics, row, velocity, amplitude, oseen):
-        domain, case = physics.domain, physics.case(row)
-        velocity, info = steady.forced_flow(domain, case, amplitude, velocity, FLOW)
+        domain, operators = physics.domain, physics.operators_of(row)
+        velocity, info = steady.forced_flow(domain, operators, amplitude, velocity, FLOW)
         state = FlowState(velocity, amplitude)
-        slip = steady.slip_residual(domain, case, state)
-        weights, spent = drag_weights(domain, case, state, ADJOINT)
+        slip = steady.slip_residual(domain, operators, state)
+        weights, spent = drag_weights(domain, operators, state, ADJOINT)
         scale = goal / (2 * jnp.abs(oseen[0]))
         miss = scale * (weights @ slip)
         pulled = slip + scale * miss * weights
-        gradient, spent_too = slip_adjoint(domain, case, state, pulled, ADJOINT)
+        gradient, spent_too = slip_adjoint(domain, operators, state, pulled, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + spent.products + spent_too.products + physics.renewal
         told = Descent(gradient, (slip @ slip + miss**2) / 2, valid, products)
-        return told, jnp.where(valid, velocity, steady.carried(case, oseen))
+        return told, jnp.where(valid, velocity, steady.carried(operators, oseen))
 
     def visit(network, physics, lessons, flows, batch):
         predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]
         one = functools.partial(driven, physics)
-        told, flows, waiting = physics.deal.visit(batch, flows, one, predicted, oseen)
+        told, flows, idle_work = physics.partition.evaluate(batch, flows, one, predicted, oseen)
         lessons = jax.tree.map(lambda old, now: old.at[batch].set(now), lessons, told)
-        return lessons, flows, spent_by(told, physics, batch, waiting)
+        return lessons, flows, evaluation_cost(told, physics, batch, idle_work)
 
     def learn(network, adam, lessons, samples, batch, done):
         gradient, loss, valid, _ = jax.tree.map(lambda leaf: leaf[batch], lessons)

@@ -2,7 +2,7 @@
 
 With J = d(outcomes)/d(weights) stacked over the batch and scaled by 1/sqrt(B), J = U S V^T, the
 update is -eta V S^(-kappa) U^T y / sqrt(B), kappa = 1/2; singular values below tau S_max are
-dropped. Schnell, Holl, Thuerey 2022 (Half-Inverse Gradients for Physical Deep Learning).
+dropped. Schnell, Holl, Thuerey 2022 (Half-Inverse Gradients for Physical Deep LearnerState).
 
 As published the outcomes are the slips of the flows that the network's tractions drive. At its best
 they are what a solved flow and its adjoint tell: log Cd and its slopes in shape and Re.
@@ -22,12 +22,12 @@ from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, compliance
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.method import Batch, Method, predict, spent_by
+from surrogate.training.methods.method import Batch, Method, evaluation_cost, predict
 from surrogate.training.methods.targets import (
-    drag_misses,
-    improving,
-    no_targets,
-    whole_flow,
+    drag_residuals,
+    evaluate_by_inversion,
+    full_inversion,
+    no_labels,
 )
 
 FLOW = NewtonSettings(1e-4, 10, 40)
@@ -76,11 +76,11 @@ def half_inverse_gradients(
     """
 
     def init(network, physics):
-        return jnp.array(0), no_targets(physics)
+        return jnp.array(0), no_labels(physics)
 
     def learn(network, iteration, targets, samples, batch, done):
         def outcomes(weights, index):
-            return drag_misses(network.with_drag_weights(weights), samples, targets, index)
+            return drag_residuals(network.with_drag_weights(weights), samples, targets, index)
 
         weights = network.drag_weights
         y = jax.vmap(outcomes, (None, 0))(weights, batch)
@@ -89,7 +89,7 @@ def half_inverse_gradients(
         network = network.with_drag_weights(weights - rate * step)
         return network, iteration + 1, jnp.mean(jnp.sum(y**2, axis=1)) / 2
 
-    return Method(init, improving(whole_flow(slopes=True)), learn, batch)
+    return Method(init, evaluate_by_inversion(full_inversion(slopes=True)), learn, batch)
 
 
 def published_half_inverse_gradients(
@@ -112,26 +112,26 @@ def published_half_inverse_gradients(
         return jnp.array(0), Linearised(*blank)
 
     def driven(physics, row, velocity, predicted, oseen):
-        domain, case = physics.domain, physics.case(row)
-        velocity, info = steady.forced_flow(domain, case, predicted, velocity, FLOW)
+        domain, operators = physics.domain, physics.operators_of(row)
+        velocity, info = steady.forced_flow(domain, operators, predicted, velocity, FLOW)
         state = FlowState(velocity, predicted)
-        slip = steady.slip_residual(domain, case, state)
-        matrix, spent = compliance(domain, case, state, TANGENT)
+        slip = steady.slip_residual(domain, operators, state)
+        matrix, spent = compliance(domain, operators, state, TANGENT)
         valid = info.converged & spent.converged
         told = Driven(slip, matrix, valid, info.products + spent.products + physics.renewal)
-        return told, jnp.where(valid, velocity, steady.carried(case, oseen))
+        return told, jnp.where(valid, velocity, steady.carried(operators, oseen))
 
     def visit(network, physics, lessons, flows, batch):
         predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]
         one = functools.partial(driven, physics)
-        told, flows, waiting = physics.deal.visit(batch, flows, one, predicted, oseen)
+        told, flows, idle_work = physics.partition.evaluate(batch, flows, one, predicted, oseen)
         y, physical = with_goal_row(told.slip, told.matrix, goal, oseen[:, 0])
         finite = jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(physical), axis=(1, 2))
         told = told._replace(valid=told.valid & finite)
         y = jnp.where(told.valid[:, None], y, 0.0)
         physical = jnp.where(told.valid[:, None, None], physical, 0.0)
         lessons = Linearised(lessons.y.at[batch].set(y), lessons.physical.at[batch].set(physical))
-        return lessons, flows, spent_by(told, physics, batch, waiting)
+        return lessons, flows, evaluation_cost(told, physics, batch, idle_work)
 
     def learn(network, iteration, lessons, samples, batch, done):
         y = lessons.y[batch]

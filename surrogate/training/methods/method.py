@@ -9,7 +9,7 @@ import optax
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Owned
+from surrogate.devices import Sharded
 from surrogate.model.network import DragNetwork
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
@@ -17,7 +17,7 @@ from surrogate.training.samples import Samples
 Batch = Int[AnyArray, " batch"]
 
 
-class Lessons(Protocol):
+class LabelStore(Protocol):
     """What flows have told so far: a row for every sample, the same on every device."""
 
     def asks(self, batch: Batch) -> bool:
@@ -25,15 +25,15 @@ class Lessons(Protocol):
         ...
 
 
-class Spent(NamedTuple):
+class EvaluationCost(NamedTuple):
     """What a visit took: applications of G, samples left out.
 
-    ``waiting`` are applications of G that idle devices and lanes could have done meanwhile.
+    ``idle_work`` are applications of G that idle devices and lanes could have done meanwhile.
     """
 
     products: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
-    waiting: Int[AnyArray, ""]
+    idle_work: Int[AnyArray, ""]
 
 
 class Method(NamedTuple):
@@ -43,23 +43,25 @@ class Method(NamedTuple):
     flows have told before any was visited.
 
     ``visit(network, physics, lessons, flows, batch) -> (lessons, flows, spent)``: run by every
-    device on its own rows of a portion of the batch, of which alone ``physics`` and ``flows`` hold
+    device on its own rows of a chunk of the batch, of which alone ``physics`` and ``flows`` hold
     the fields.
 
     ``learn(network, memory, lessons, samples, batch, done) -> (network, memory, loss)``: run by
     one device; ``done`` is the fraction of the training that lies behind, for schedules.
     """
 
-    init: Callable[[DragNetwork, Physics], tuple[PyTree, Lessons]]
-    visit: Callable[[DragNetwork, Physics, Any, Owned, Batch], tuple[Lessons, Owned, Spent]]
+    init: Callable[[DragNetwork, Physics], tuple[PyTree, LabelStore]]
+    visit: Callable[
+        [DragNetwork, Physics, Any, Sharded, Batch], tuple[LabelStore, Sharded, EvaluationCost]
+    ]
     learn: Callable[[DragNetwork, Any, Any, Samples, Batch, Float[Array, ""]], tuple]
     batch: int
 
 
-def spent_by(told: Any, physics: Physics, batch: Batch, waiting: Array) -> Spent:
+def evaluation_cost(told: Any, physics: Physics, batch: Batch, idle_work: Array) -> EvaluationCost:
     """What answers with ``products`` and ``valid`` took; nobody's are no failures."""
     failed = ~told.valid & (batch < physics.count)
-    return Spent(jnp.sum(told.products), jnp.sum(failed), waiting)
+    return EvaluationCost(jnp.sum(told.products), jnp.sum(failed), idle_work)
 
 
 def adam_that_ends(learning_rate: float) -> optax.GradientTransformation:

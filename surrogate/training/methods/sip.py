@@ -4,7 +4,7 @@ Each physics step moves a batch of samples by one coupled Newton step of body fl
 a+ = a - (dy/da)^+ y, started at the network's prediction; the network then takes several Adam
 steps on L = mean |(a - stop(a+)) / scale|^2 / 2 over all targets kept so far, the drag's mode
 weighted by the goal. A sample whose drag no longer moves is settled and not inverted again.
-Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion).
+Holl, Koltun, Thuerey 2022 (Scale-invariant LearnerState by Physics Inversion).
 """
 
 import jax
@@ -14,10 +14,10 @@ from surrogate.flow.solver.tangent import Effort
 from surrogate.training.methods.method import Method, adam_that_ends, predict, slowed
 from surrogate.training.methods.targets import (
     Inversion,
-    drag_misses,
-    improving,
-    no_targets,
-    one_step,
+    drag_residuals,
+    evaluate_by_inversion,
+    no_labels,
+    one_step_inversion,
 )
 
 
@@ -36,7 +36,7 @@ def scale_invariant_physics(
     At its best it learns what the drag needs and the slopes of settled samples; as published the
     whole traction (``modes`` 1) and no ``slopes``.
     """
-    invert = one_step(settle, effort, slopes=slopes > 0)
+    invert = one_step_inversion(settle, effort, slopes=slopes > 0)
     return imitation(invert, batch, network_steps, learning_rate, goal, modes, slopes)
 
 
@@ -58,7 +58,7 @@ def imitation(
     optimiser = adam_that_ends(learning_rate)
 
     def init(network, physics):
-        return optimiser.init(network.weights), no_targets(physics)
+        return optimiser.init(network.weights), no_labels(physics)
 
     def learn(network, adam, targets, samples, batch, done):
         everyone = jnp.arange(samples.count)
@@ -66,7 +66,7 @@ def imitation(
 
         def loss_of(weights):
             moved = network.with_weights(weights)
-            misses = jax.vmap(lambda k: drag_misses(moved, samples, targets, k))(everyone)
+            misses = jax.vmap(lambda k: drag_residuals(moved, samples, targets, k))(everyone)
             total = goal**2 * jnp.sum(misses[:, 0] ** 2)
             if slopes:
                 total += (slopes * goal) ** 2 * jnp.sum(misses[:, 1:] ** 2)
@@ -87,4 +87,4 @@ def imitation(
         (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
         return network.with_weights(weights), adam, losses[-1]
 
-    return Method(init, improving(invert), learn, batch)
+    return Method(init, evaluate_by_inversion(invert), learn, batch)

@@ -5,7 +5,7 @@ The baseline a user would pick: exact targets first, then only Adam, same loss a
 
 from surrogate.training.methods.method import Method
 from surrogate.training.methods.sip import imitation
-from surrogate.training.methods.targets import whole_flow
+from surrogate.training.methods.targets import full_inversion
 
 
 def supervised(
@@ -21,5 +21,5 @@ def supervised(
     At its best it regresses on the drag and its slopes; with ``modes`` 1 and ``slopes`` 0 on
     traction and drag, as is usual.
     """
-    invert = whole_flow(slopes=slopes > 0)
+    invert = full_inversion(slopes=slopes > 0)
     return imitation(invert, batch, network_steps, learning_rate, goal, modes, slopes)

@@ -1,9 +1,9 @@
 """Traction targets: what the inverted solver answers, kept from visit to visit.
 
-``one_step`` is lagged physics: one coupled Newton step of body flow at every visit, started at the
+``one_step_inversion`` is lagged physics: one coupled Newton step of body flow at every visit, started at the
 network's prediction and the flow of the visit before. It linearises the physics there, ``slip =
 C (a - a+)`` with a+ the step's traction and C the compliance dy/da; a sample whose drag no longer
-moves is settled and costs nothing more. ``whole_flow`` solves the body flow at the first visit, and
+moves is settled and costs nothing more. ``full_inversion`` solves the body flow at the first visit, and
 a+ is its traction for good; a sample without one is left out.
 """
 
@@ -16,21 +16,21 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import where_wanted
+from surrogate.devices import compute_where
 from surrogate.flow.loads.forces import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, Query, coupled_step, drag_slopes
 from surrogate.model.network import DragNetwork
-from surrogate.training.methods.method import Batch, predict, spent_by
+from surrogate.training.methods.method import Batch, evaluation_cost, predict
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
 
 SLOPE = Effort(2e-4, 60)  # five times less leaves a mark on 256 bodies
 
 
-class Targets(NamedTuple):
+class TrainingLabels(NamedTuple):
     """Per sample the target traction, its slopes, whether there is one, and if nothing is asked.
 
     ``slopes`` are d log Cd / d(parameters, log Re) of known and settled samples, where asked for.
@@ -59,7 +59,7 @@ class Answer(NamedTuple):
 Inversion = Callable[[Physics, Array, Array, Array, FlowState, Array], Answer]
 
 
-def one_step(
+def one_step_inversion(
     settle: float = 1e-4, effort: Effort = Effort(1e-2, 30), slopes: bool = False
 ) -> Inversion:
     """Invert by one coupled Newton step.
@@ -69,20 +69,20 @@ def one_step(
     """
 
     def invert(physics, row, index, predicted, stored, known):
-        case = physics.case(row)
-        flow = jnp.where(known, stored.velocity, steady.carried(case, predicted))
-        state, spent = coupled_step(physics.domain, case, FlowState(flow, predicted), effort)
+        operators = physics.operators_of(row)
+        flow = jnp.where(known, stored.velocity, steady.carried(operators, predicted))
+        state, spent = coupled_step(physics.domain, operators, FlowState(flow, predicted), effort)
         traction = state.amplitude
         valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
         unmoved = jnp.abs(traction[0] / stored.amplitude[0] - 1) <= settle
         final = valid & known & unmoved
         answer = Answer(state, None, valid, final, spent.products + physics.renewal)
-        return _with_slope(physics, case, index, answer, slopes)
+        return _with_slope(physics, operators, index, answer, slopes)
 
     return invert
 
 
-def whole_flow(
+def full_inversion(
     settings: NewtonSettings = NewtonSettings(1e-5, 15, 40), slopes: bool = False
 ) -> Inversion:
     """Invert by solving the body flow, once and for all.
@@ -91,38 +91,38 @@ def whole_flow(
     """
 
     def invert(physics, row, index, predicted, stored, known):
-        case = physics.case(row)
-        state, info = steady.body_flow(physics.domain, case, settings=settings)
+        operators = physics.operators_of(row)
+        state, info = steady.body_flow(physics.domain, operators, settings=settings)
         spent = info.products + physics.renewal
         answer = Answer(state, None, info.converged, info.converged, spent)
-        answer = _with_slope(physics, case, index, answer, slopes)
+        answer = _with_slope(physics, operators, index, answer, slopes)
         return answer._replace(valid=answer.final, final=jnp.array(True))
 
     return invert
 
 
-def _with_slope(physics, case, index, answer, wanted):
+def _with_slope(physics, operators, index, answer, wanted):
     """The answer with the slope of log Cd where it is final and one is wanted."""
     parameters, reynolds = physics.samples.parameters[index], physics.samples.reynolds[index]
 
     def adjoint():
         domain, state = physics.domain, answer.state
         query = Query(physics.flow.markers, parameters, reynolds)
-        in_shape, in_re, spent = drag_slopes(domain, case, state, query, SLOPE)
+        in_shape, in_re, spent = drag_slopes(domain, operators, state, query, SLOPE)
         slope = jnp.append(in_shape, reynolds * in_re) / drag_coefficient(state.amplitude)
         good = spent.converged & jnp.all(jnp.isfinite(slope))
         return jnp.where(good, slope, 0.0), good, spent.products
 
     none = jnp.zeros(parameters.size + 1), answer.valid, jnp.zeros_like(answer.products)
-    slope, good, spent = where_wanted(answer.final & wanted, adjoint, none)
+    slope, good, spent = compute_where(answer.final & wanted, adjoint, none)
     return answer._replace(slope=slope, final=answer.final & good, products=answer.products + spent)
 
 
-def no_targets(physics: Physics) -> Targets:
+def no_labels(physics: Physics) -> TrainingLabels:
     """Nothing known: the tractions of Oseen flows."""
     none = jnp.zeros(physics.count, bool)
     count, parameters = physics.samples.parameters.shape
-    return Targets(physics.tractions, jnp.zeros((count, parameters + 1)), none, none)
+    return TrainingLabels(physics.tractions, jnp.zeros((count, parameters + 1)), none, none)
 
 
 class _Told(NamedTuple):
@@ -135,7 +135,7 @@ class _Told(NamedTuple):
     products: Int[Array, ""]
 
 
-def improving(invert: Inversion) -> Callable:
+def evaluate_by_inversion(invert: Inversion) -> Callable:
     """The ``visit`` of a method that inverts the solver where samples are not settled."""
 
     def visit(network, physics, targets, flows, batch):
@@ -146,24 +146,26 @@ def improving(invert: Inversion) -> Callable:
             def inverted():
                 return invert(physics, row, index, predicted, stored, known)
 
-            answer = where_wanted(~settled, inverted, rest)
+            answer = compute_where(~settled, inverted, rest)
             new = jax.tree.map(lambda a, b: jnp.where(answer.valid, a, b), answer.state, stored)
             told = _Told(new.amplitude, answer.slope, answer.valid, answer.final, answer.products)
             return told, new.velocity
 
         predicted = predict(network, physics.samples, batch)
         seen = jax.tree.map(lambda leaf: leaf[batch], targets)
-        told, flows, waiting = physics.deal.visit(batch, flows, one, batch, predicted, *seen)
+        told, flows, idle_work = physics.partition.evaluate(
+            batch, flows, one, batch, predicted, *seen
+        )
         known, settled = seen.known | told.valid, seen.settled | told.final
-        new = Targets(told.traction, told.slope, known, settled)
+        new = TrainingLabels(told.traction, told.slope, known, settled)
         targets = jax.tree.map(lambda old, now: old.at[batch].set(now), targets, new)
-        return targets, flows, spent_by(told, physics, batch, waiting)
+        return targets, flows, evaluation_cost(told, physics, batch, idle_work)
 
     return visit
 
 
-def drag_misses(
-    network: DragNetwork, samples: Samples, targets: Targets, index: Int[Array, ""]
+def drag_residuals(
+    network: DragNetwork, samples: Samples, targets: TrainingLabels, index: Int[Array, ""]
 ) -> Float[Array, " outcomes"]:
     """Of one sample, log Cd and its slopes in scaled inputs, over what flow and adjoint told.
 
@@ -179,11 +181,13 @@ def drag_misses(
     return jnp.append(miss, off)
 
 
-def oseen_compliances(physics: Physics) -> Float[Array, "samples modes modes"]:
+def oseen_influence_matrices(physics: Physics) -> Float[Array, "samples modes modes"]:
     """S G B of every sample: exact as Re -> 0, and free once the sample is prepared."""
 
     def one(kept):
-        case = physics.unpacked(kept)
-        return jax.vmap(case.body.slip)(case.response).T + steady.pinning(physics.domain, case)
+        operators = physics.unpacked(kept)
+        return jax.vmap(operators.body.slip)(operators.response).T + steady.pinning(
+            physics.domain, operators
+        )
 
-    return physics.deal.gathered(physics.deal.each(one, physics.cases))
+    return physics.partition.gather(physics.partition.each(one, physics.operators))

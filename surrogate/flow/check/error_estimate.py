@@ -27,7 +27,7 @@ class Cramped(NamedTuple):
 CRAMPED = {2: Cramped(2 / 3, 3.0), 3: Cramped(5 / 6, 5.0)}  # in space bodies allow no less
 
 
-class Trust(NamedTuple):
+class ErrorEstimate(NamedTuple):
     """How far a flow can be trusted; without an estimate ``status`` is "unknown".
 
     ``estimated_error`` of the drag is relative, ``estimated_lift_error`` that of the lift
@@ -56,14 +56,14 @@ class Forces(NamedTuple):
     lift: float
 
 
-def judge(
+def estimate_error(
     forces: Forces,
     solve: Callable[[Fidelity], Forces],
     fidelity: Fidelity,
     reynolds: float,
     height: float,
     dimension: int,
-) -> Trust:
+) -> ErrorEstimate:
     """Estimate the errors of the forces on a body of this height, at two thirds of their cost.
 
     ``solve`` gives those of the same body at another fidelity. The scheme is of second order, so
@@ -76,7 +76,7 @@ def judge(
     try:
         rough, cramped = solve(coarser), solve(coarser.smaller(window.share))
     except (InvalidInput, NotConverged):
-        return Trust("degraded")
+        return ErrorEstimate("degraded")
     falls = order(reynolds, dimension)
     growth = (fitted.cells / coarser.cells) ** falls - 1
     of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
@@ -87,7 +87,7 @@ def judge(
     extrapolated = tends if coarser.cells >= ORDERLY else None
     allowed = fidelity.promise * forces.drag / _margin(coarser.cells, reynolds, dimension)
     if likely <= allowed and height <= TALLEST[dimension]:
-        return Trust("accurate", *errors, extrapolated_drag=extrapolated)
+        return ErrorEstimate("accurate", *errors, extrapolated_drag=extrapolated)
     finer = (
         level.name
         for level in NAMED[dimension].values()
@@ -96,7 +96,7 @@ def judge(
         <= allowed
     )
     sufficient = next(finer, None) if height <= TALLEST[dimension] else None
-    return Trust("degraded", *errors, sufficient, extrapolated)
+    return ErrorEstimate("degraded", *errors, sufficient, extrapolated)
 
 
 def order(reynolds: float, dimension: int) -> float:

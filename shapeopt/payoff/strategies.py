@@ -3,8 +3,8 @@
 import time
 from collections.abc import Callable, Sequence
 
+from shapeopt.payoff.break_even import Cost, Strategy
 from shapeopt.payoff.direct import design_directly, nearest_answer
-from shapeopt.payoff.payoff import Bill, Way
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
@@ -15,7 +15,7 @@ from surrogate.progress import progress_bar
 Answer = Callable[[Problem], Design]
 
 
-def rivals(queries: list[Problem], flow: Flow) -> list[Way]:
+def rivals(queries: list[Problem], flow: Flow) -> list[Strategy]:
     """What trains nothing: SLSQP afresh, SLSQP from the nearest answer, and growing kriging."""
     answered: list[Design] = []
 
@@ -31,12 +31,12 @@ def rivals(queries: list[Problem], flow: Flow) -> list[Way]:
     ]
 
 
-def trained(name: str, queries: list[Problem], surrogates: Sequence[Surrogate]) -> Way:
+def trained(name: str, queries: list[Problem], surrogates: Sequence[Surrogate]) -> Strategy:
     """A network, one a seed, corrected for every query afresh: its worth as it was trained."""
     return _of_seeds(name, queries, surrogates, lambda s: lambda q: Designer(s).design(q), False)
 
 
-def remembering(name: str, queries: list[Problem], surrogates: Sequence[Surrogate]) -> Way:
+def remembering(name: str, queries: list[Problem], surrogates: Sequence[Surrogate]) -> Strategy:
     """A network whose discrepancy is kept from query to query."""
     return _of_seeds(name, queries, surrogates, lambda s: Designer(s).design, True)
 
@@ -44,9 +44,9 @@ def remembering(name: str, queries: list[Problem], surrogates: Sequence[Surrogat
 def _of_seeds(name, queries, surrogates, make, remembers):
     ways = [_way(name, queries, make(surrogate), remembers) for surrogate in surrogates]
     records = [surrogate.record for surrogate in surrogates]
-    return Way(
+    return Strategy(
         name,
-        [Bill(r["train_s"] + r["setup_s"], r["green_applications"]) for r in records],
+        [Cost(r["train_s"] + r["setup_s"], r["green_applications"]) for r in records],
         [way.designs[0] for way in ways],
         remembers,
         sum(r["drag_error_mean"] for r in records) / len(records),
@@ -54,13 +54,13 @@ def _of_seeds(name, queries, surrogates, make, remembers):
     )
 
 
-def _way(name: str, queries: list[Problem], answer: Answer, remembers: bool = False) -> Way:
+def _way(name: str, queries: list[Problem], answer: Answer, remembers: bool = False) -> Strategy:
     designs = []
     with progress_bar(f"designs: {name}") as progress:
         for k, problem in enumerate(queries):
             designs.append(answer(problem))
             progress((k + 1) / len(queries), f"{k + 1} of {len(queries)} queries")
-    return Way(name, [Bill()], [designs], remembers)
+    return Strategy(name, [Cost()], [designs], remembers)
 
 
 def compile_all(queries: list[Problem], flow: Flow, surrogate: Surrogate) -> float:

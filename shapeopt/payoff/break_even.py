@@ -18,7 +18,7 @@ LATE = 5  # designs at the end of a stream that say what all later ones cost
 
 
 @dataclasses.dataclass(frozen=True)
-class Bill:
+class Cost:
     """Wall seconds and applications of G."""
 
     seconds: float = 0.0
@@ -26,7 +26,7 @@ class Bill:
 
 
 @dataclasses.dataclass(frozen=True)
-class Way:
+class Strategy:
     """One way to answer a stream of queries: its trainings and its designs, one row a seed.
 
     What remembers its flows (``remembers``) gets cheaper from design to design; other ways cost
@@ -34,7 +34,7 @@ class Way:
     """
 
     name: str
-    trainings: Sequence[Bill]
+    trainings: Sequence[Cost]
     designs: Sequence[Sequence[Design]]
     remembers: bool = False
     drag_error_mean: float | None = None
@@ -49,7 +49,7 @@ class Way:
         return np.array([getattr(bill, unit) for bill in self.trainings], float)
 
     def cumulative(self, unit: Unit, count: int) -> Float[np.ndarray, " designs"]:
-        """Bill and designs together after 1, 2, ... designs, the seeds' mean.
+        """Cost and designs together after 1, 2, ... designs, the seeds' mean.
 
         Beyond the stream a design costs what the last of them did, or the mean of them all.
         """
@@ -75,7 +75,7 @@ def break_even(training: float, own: float, direct: float) -> float:
     return training / (direct - own) if direct > own else math.inf
 
 
-def pays_after(way: Way, direct: Way, unit: Unit, seed: int = 0) -> BreakEven:
+def pays_after(way: Strategy, direct: Strategy, unit: Unit, seed: int = 0) -> BreakEven:
     """Break-even by mean costs; the interval is a bootstrap over seeds and queries (Efron 1979)."""
     generator, bills = np.random.default_rng(seed), way.bills(unit)
     saved = direct.costs(unit).mean(axis=0) - way.costs(unit)
@@ -90,18 +90,18 @@ def pays_after(way: Way, direct: Way, unit: Unit, seed: int = 0) -> BreakEven:
     return BreakEven(break_even(bills.mean(), 0.0, saved.mean()), float(low), float(high))
 
 
-def overtakes(way: Way, rival: Way, unit: Unit, most: int = 1000) -> int | None:
+def overtakes(way: Strategy, rival: Strategy, unit: Unit, most: int = 1000) -> int | None:
     """First number of designs at which the way has cost no more than the rival; None if none."""
     ahead = way.cumulative(unit, most) <= rival.cumulative(unit, most)
     return int(np.argmax(ahead)) + 1 if ahead.any() else None
 
 
-def best_known(ways: Sequence[Way]) -> Float[np.ndarray, " queries"]:
+def best_known(ways: Sequence[Strategy]) -> Float[np.ndarray, " queries"]:
     """The least objective that any way has found, of every query."""
     return np.min([[d.objective for d in row] for way in ways for row in way.designs], axis=0)
 
 
-def per_design(way: Way) -> dict[str, float]:
+def per_design(way: Strategy) -> dict[str, float]:
     """Mean flows, work and seconds of a design."""
     designs = [design for row in way.designs for design in row]
     return {
@@ -111,7 +111,7 @@ def per_design(way: Way) -> dict[str, float]:
     }
 
 
-def quality(way: Way, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
+def quality(way: Strategy, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
     """How far its designs are from optimal: KKT residuals, excess over the best that is known."""
     gaps = [[d.objective for d in row] / best - 1 for row in way.designs]
     return {
