@@ -167,6 +167,7 @@ def test_gradient_by_taylor_remainders():
 
 
 def test_nothing_recompiles_for_another_body():
+    from surrogate.flow.derivatives import _solved
 
     FLOW.drag(BODY, 30.0)
     before = _solved._cache_size()

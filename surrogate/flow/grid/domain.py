@@ -4,7 +4,7 @@ import abc
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import jax
 import numpy as np
@@ -52,12 +52,14 @@ class Domain(abc.ABC):
 
     @classmethod
     @abc.abstractmethod
-    def of_scene(cls, scene: Scene) -> Self:
+    def of_scene(cls, scene: Scene) -> "Domain":
         """Discretise a scene on one grid that holds all of its bodies."""
 
     @classmethod
     @abc.abstractmethod
-    def around(cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape) -> Self:
+    def around(
+        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+    ) -> "Domain":
         """Discretise a stream around one body in a box of ``extent`` D."""
 
     @classmethod

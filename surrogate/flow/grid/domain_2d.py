@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Self
 
 import jax
 import numpy as np
@@ -37,11 +36,13 @@ class Domain2D(Domain):
     FORCE_UNIT = 1.0
 
     @classmethod
-    def of_scene(cls, scene: Scene) -> Self:
+    def of_scene(cls, scene: Scene) -> "Domain2D":
         return cls.make(scene.stream, scene.reaching, scene.extent, symmetric=True)
 
     @classmethod
-    def around(cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape) -> Self:
+    def around(
+        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+    ) -> "Domain2D":
         return cls.make(stream, fidelity, tuple(extent.tolist()), shape.symmetric)
 
     @classmethod
@@ -51,7 +52,7 @@ class Domain2D(Domain):
     @classmethod
     def make(
         cls, stream: Stream, fidelity: Fidelity, extent: tuple[float, float], symmetric: bool
-    ) -> Self:
+    ) -> "Domain2D":
         """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D.
 
         Raises:

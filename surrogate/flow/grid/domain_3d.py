@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Self
 
 import jax
 import numpy as np
@@ -40,12 +39,14 @@ class Domain3D(Domain):
     FORCE_UNIT = FORCE_UNIT
 
     @classmethod
-    def of_scene(cls, scene: Scene) -> Self:
+    def of_scene(cls, scene: Scene) -> "Domain3D":
         modes = cls.modes_of(scene.family.names, scene.fidelity)
         return cls.make(scene.reaching, scene.extent, modes)
 
     @classmethod
-    def around(cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape) -> Self:
+    def around(
+        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+    ) -> "Domain3D":
         flattened = shape.parameters.get("flatness", 1.0) != 1
         modes = cls.modes_of(("flatness",) if flattened else (), fidelity)
         return cls.make(fidelity, tuple(extent.tolist()), modes)
@@ -55,7 +56,9 @@ class Domain3D(Domain):
         return Modes3D(fidelity.harmonics, FLATTENED if "flatness" in names else ())
 
     @classmethod
-    def make(cls, fidelity: Fidelity, extent: tuple[float, float, float], modes: Modes3D) -> Self:
+    def make(
+        cls, fidelity: Fidelity, extent: tuple[float, float, float], modes: Modes3D
+    ) -> "Domain3D":
         """Discretise an unbounded stream around bodies that fit a box of ``extent`` D.
 
         Raises:
