@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray, Body, Number
-from surrogate.body.outline import MIN_THICKNESS_RATIO, opening
+from surrogate.body.body_class import MIN_THICKNESS_RATIO
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices, partition_bodies
@@ -139,7 +139,9 @@ class Flow:
                 "bodies: one reaches beyond those that the scene's grid was made for"
             )
         devices = devices or choose_devices()
-        partition = partition_bodies(devices, estimated_cost(parameters, reynolds))
+        partition = partition_bodies(
+            devices, estimated_cost(self.scene.family, parameters, reynolds)
+        )
         found = batch_solver(self, devices, slopes)(
             *devices.share((partition, parameters, reynolds))
         )
@@ -170,7 +172,7 @@ class Flow:
         """
         if isinstance(body, Shape):
             self._same_dimension(body)
-            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.reach)
+            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
             shape, domain = body, _fit(self.scene, body, self.scene.fidelity, reynolds)
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
@@ -205,7 +207,7 @@ class Flow:
             found, _ = solve_by_continuation(domain, self.settings, shape, reynolds)
             return Forces(found.drag, float(lift_coefficient(domain.modes, found.state.amplitude)))
 
-        height = float(shape.reach[1:].max())
+        height = float(shape.extent[1:].max())
         return estimate_error(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
 
     def _reach(self, parameters):
@@ -224,7 +226,7 @@ class Flow:
         reach = self._reach(parameters)
         onset = jnp.inf if allow_unsteady else onset_of_shedding(reach)
         highest = jnp.minimum(self.scene.reynolds[1], onset)
-        body = opening(parameters, self.scene.family.form) >= MIN_THICKNESS_RATIO
+        body = self.scene.family.body_class.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO
         body &= jnp.all(reach <= self.domain.reach)
         return (
             body

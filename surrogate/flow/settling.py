@@ -86,7 +86,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     goal = math.log(4 / 3 * particle.archimedes)
     re, flows = _sphere_reynolds(goal), 0
     slope = (_sphere_thrust(1.01 * re) - _sphere_thrust(re)) / math.log(1.01)
-    before, fastest = None, float(onset_of_shedding(shape.reach))
+    before, fastest = None, float(onset_of_shedding(shape.extent))
     for _ in range(STEPS):
         re = min(re, fastest)
         at = max(re, RANGE[0])

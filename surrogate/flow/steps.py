@@ -10,9 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.body.outline import family_markers
+from surrogate.body.family import Family
 from surrogate.body.shape import Shape
-from surrogate.body.solid import skin
 from surrogate.devices import Devices, Partition
 from surrogate.errors import NotConverged
 from surrogate.flow.grid.domain import Domain
@@ -122,20 +121,19 @@ def gradient_at(
       NotConverged: the adjoint was not found.
     """
     at = jnp.asarray(shape.values), jnp.asarray(reynolds)
-    slopes = slopes_at(domain, settings, shape.form, *at, found.state)
+    slopes = slopes_at(domain, settings, shape.body_class, *at, found.state)
     flat = np.array([*slopes[0], slopes[1]], float)
     if not np.all(np.isfinite(flat)):
         raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
     return dict(zip((*shape.parameters, "reynolds"), flat.tolist(), strict=True))
 
 
-@functools.partial(jax.jit, static_argnames=("domain", "settings", "form"))
-def slopes_at(domain, settings, form, parameters, reynolds, state, operators=None):
+@functools.partial(jax.jit, static_argnames=("domain", "settings", "body_class"))
+def slopes_at(domain, settings, body_class, parameters, reynolds, state, operators=None):
     """dCd/d(parameters, Re) by one adjoint of as many digits as the flow has."""
 
     def contour(parameters):
-        draw = skin if form.dimension == 3 else family_markers
-        return draw(parameters, form, domain.nodes)
+        return body_class.markers(parameters, domain.nodes)
 
     if operators is None:
         operators = steady.prepare(domain, contour(parameters), reynolds)
@@ -159,7 +157,7 @@ def _drag_and_state(flow, parameters, reynolds):
 
 
 def _drag_slopes(flow, saved, cotangent):
-    slopes = slopes_at(flow.domain, flow.settings, flow.scene.family.form, *saved)
+    slopes = slopes_at(flow.domain, flow.settings, flow.scene.family.body_class, *saved)
     return tuple(cotangent[0] * slope for slope in slopes)
 
 
@@ -178,10 +176,12 @@ def drag_and_slope(flow: Any, parameters, reynolds):
 
 
 def estimated_cost(
-    parameters: Float[AnyArray, "bodies parameters"], reynolds: Float[AnyArray, " bodies"]
+    family: Family,
+    parameters: Float[AnyArray, "bodies parameters"],
+    reynolds: Float[AnyArray, " bodies"],
 ) -> Float[np.ndarray, " bodies"]:
     """What the work of flows grows with: Re of the thickness."""
-    return np.asarray(reynolds) / np.sqrt(np.asarray(parameters)[:, 0])
+    return np.asarray(reynolds) / np.sqrt(family.body_class.aspect(np.asarray(parameters)))
 
 
 @functools.cache

@@ -139,7 +139,7 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
-    reach = shape.reach
+    reach = shape.extent
     thinner = np.array([1.0, reach[1:].min() / reach[-1]])  # of a body that is higher than wide
     thickness = mean_thickness(thinner * shape.draw(NODES_TO_FIT)) * fidelity.cells
     thinnest = THINNEST[shape.dimension]

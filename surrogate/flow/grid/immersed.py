@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import moments
-from surrogate.body.solid import QUARTERS, Skin
+from surrogate.body.skin import QUARTERS, Skin
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes import Modes, SpaceModes
 

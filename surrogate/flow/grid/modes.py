@@ -11,7 +11,7 @@ from jaxtyping import Float
 from scipy.special import lpmv
 
 from surrogate.arrays import AnyArray
-from surrogate.body.solid import skin_grid
+from surrogate.body.skin import skin_grid
 
 SPACE_UNIT = np.pi / 4  # force of a unit amplitude in space
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.solid import QUARTERS, Skin
+from surrogate.body.skin import QUARTERS, Skin
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.loads.forces import PROBES, Coefficients, drag_coefficient, keys_weights
 from surrogate.flow.loads.pressure import pressure, surface_pressure
