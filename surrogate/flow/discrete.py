@@ -10,10 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.form import Form
+from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import mean_thickness
-from surrogate.body.outline import family_markers
-from surrogate.body.solid import skin
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
@@ -37,13 +35,12 @@ class DiscreteBodies:
     """Bodies given by parameters on one grid; hashable, so a static argument of jit."""
 
     domain: Domain
-    body_class: Form
+    body_class: BodyClass
     settings: NewtonSettings
 
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
         """Return a body's surface markers: its contour in 2-D, a quarter of its skin in 3-D."""
-        draw = skin if self.body_class.dimension == 3 else family_markers
-        return draw(parameters, self.body_class, self.domain.nodes)
+        return self.body_class.markers(parameters, self.domain.nodes)
 
     def assemble(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
@@ -64,7 +61,7 @@ class DiscreteBodies:
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
         """Return whether a body fits the box of the grid and is resolved by its cells."""
         half_extent = jnp.abs(jax.tree.leaves(self.markers(parameters))[0]).max(axis=0)
-        outline = family_markers(parameters, self.body_class, OUTLINE_NODES)
+        outline = self.body_class.outline(parameters, OUTLINE_NODES)
         thinnest = jnp.stack([1.0, half_extent[1:].min() / half_extent[-1]])
         cells = mean_thickness(thinnest * outline) / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)

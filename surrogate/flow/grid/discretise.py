@@ -40,7 +40,7 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
-    kind, extent = DOMAINS[shape.dimension], shape.reach
+    kind, extent = DOMAINS[shape.dimension], shape.extent
     check_resolution(kind, fidelity, shape)
     fidelity = fidelity.reaching(reynolds, float(extent[1:].max()))
     rounded = np.ceil(extent * ROUNDING) / ROUNDING
@@ -55,7 +55,7 @@ def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:
 
 def check_resolution(kind: type[Domain], fidelity: Fidelity, shape: Shape) -> None:
     """Raise InvalidInput where a body's mean thickness has too few cells to be resolved."""
-    extent = shape.reach
+    extent = shape.extent
     thinnest_view = np.array([1.0, extent[1:].min() / extent[-1]]) * shape.draw(OUTLINE_NODES)
     cells = fidelity.cells * float(mean_thickness(thinnest_view))
     if cells < kind.MIN_THICKNESS:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
-from surrogate.body.solid import Skin
+from surrogate.body.skin import Skin
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, box_around
 from surrogate.flow.grid.immersed import Spreading, spread_modes
