@@ -26,14 +26,14 @@ def scene_domain(scene: Scene) -> Domain:
     """Return the domain that holds every body of a scene, and the round one, at every Re of it.
 
     Raises:
-      InvalidInput: the longest or tallest bodies do not fit the window or the tunnel.
+      InvalidInput: the longest or tallest bodies do not fit the domain or the tunnel.
     """
     check_stream(scene.stream, scene.reaching, np.array(scene.extent), SCENE_CLEARANCE)
     return DOMAINS[scene.dimension].of_scene(scene)
 
 
 def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
-    """Return a domain for one body, its window as long as the wake at this Re needs.
+    """Return a domain for one body, as long as the wake at this Re needs.
 
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
