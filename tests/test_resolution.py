@@ -17,7 +17,7 @@ def narrow(cells: int) -> Flow:
 
 
 def test_the_scenes_own_grid_refuses_what_a_fitted_grid_refuses():
-    named = COARSE.scene.family.named(THIN)
+    named = COARSE.scene.family.named(np.array(THIN))
     for body in (THIN, family_shape(named)):
         with pytest.raises(InvalidInput, match=r"mean thickness is 1\.9\d cells.*8 cells per D"):
             COARSE.solve(body, 10.0)
