@@ -95,7 +95,7 @@ class Lattice:
         )
 
     def cutoff(self, band: float = 1.0) -> np.ndarray:
-        """Return the blending function w on the faces: 1 inside, 0 at the edges, over ``band`` D."""
+        """Return the blending function w on the faces: 1 inside, 0 at the edge, over ``band`` D."""
         return self.profile(self.faces(), band)
 
     def profile(self, faces: tuple[tuple[np.ndarray, ...], ...], band: float) -> np.ndarray:
