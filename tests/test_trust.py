@@ -18,7 +18,8 @@ from surrogate import (
     family_shape,
 )
 from surrogate.flow.check.error_estimate import DragAndLift, estimate_error
-from surrogate.flow.grid.immersed import bspline, offset_correction, retraction
+from surrogate.flow.grid.immersed import bspline
+from surrogate.flow.grid.retraction import offset_correction, retraction
 
 DRAFT = FIDELITIES["draft"]
 
