@@ -7,10 +7,10 @@ from shapeopt.problem.constraints import Station
 from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
+from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
 from surrogate.body.parameters import PARAMETERS
-from surrogate.body.body_2d import Body2D
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load

@@ -20,9 +20,9 @@ from scipy.optimize import lsq_linear
 from scipy.special import chebyu, eval_chebyu
 
 from surrogate.arrays import AnyArray
+from surrogate.body.body_2d import Body2D
 from surrogate.body.body_class import BodyClass, Range
 from surrogate.body.parameters import PARAMETERS
-from surrogate.body.body_2d import Body2D
 from surrogate.body.skin import Skin, skin_grid
 from surrogate.errors import InvalidInput
 
