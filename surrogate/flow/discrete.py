@@ -13,7 +13,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput
-from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.adjoint import BodyQuery
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
@@ -23,10 +23,18 @@ OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
 
 
 class Coverage(NamedTuple):
-    """Largest |x|, |y|, ... of bodies in D, and whether the grid holds and resolves them."""
+    """How a grid covers bodies.
+
+    Attributes:
+      half_extent: largest |x|, |y|, ... in D.
+      fits: whether the grid's box holds the body.
+      cells: cells across the mean thickness.
+      resolved: whether these are enough.
+    """
 
     half_extent: Float[AnyArray, "*bodies axes"]
     fits: Bool[AnyArray, "*bodies"]
+    cells: Float[AnyArray, "*bodies"]
     resolved: Bool[AnyArray, "*bodies"]
 
 
@@ -65,7 +73,7 @@ class DiscreteBodies:
         thinnest = jnp.stack([1.0, half_extent[1:].min() / half_extent[-1]])
         cells = mean_thickness(thinnest * outline) / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
-        return Coverage(half_extent, fits, cells >= self.domain.MIN_THICKNESS)
+        return Coverage(half_extent, fits, cells, cells >= self.domain.MIN_THICKNESS)
 
     def check(self, parameters: Float[np.ndarray, "bodies parameters"]) -> Coverage:
         """Return the coverage of many bodies, all of which the grid must cover.
@@ -77,11 +85,9 @@ class DiscreteBodies:
         found = jax.tree.map(lambda part: part[: len(parameters)], found)
         if not np.all(found.fits):
             raise InvalidInput("body: is larger than those that the scene's grid was made for")
-        if thin := int(np.sum(~found.resolved)):
-            which = "its mean thickness" if len(parameters) == 1 else f"{thin} mean thicknesses"
+        if not np.all(found.resolved):
             raise InvalidInput(
-                f"body: {which} below {self.domain.MIN_THICKNESS:g} cells of the scene's grid; a "
-                "finer fidelity or a smaller aspect would do"
+                too_thin(found.cells.min(), self.domain.MIN_THICKNESS, self.domain.lattice.step[0])
             )
         return found
 
