@@ -193,4 +193,5 @@ def test_robust_any_body_of_the_family_has_a_sane_drag(parameters, reynolds):
     body = np.asarray(parameters)
     assume(float(Family().body_class.min_thickness_ratio(body)) >= 0.05)
     cylinder = 2.0 + 10.0 / reynolds
-    assert 0.3 * cylinder < float(Flow(SMALL).drag(body, reynolds)) < 2.5 * cylinder
+    drag = Flow(SMALL).drag(body, reynolds, allow_unsteady=True)
+    assert 0.3 * cylinder < float(drag) < 2.5 * cylinder
