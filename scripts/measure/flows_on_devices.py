@@ -31,7 +31,7 @@ def main() -> None:
     flow, samples = Flow(scene), training_samples(scene, 0, asked["bodies"])
     devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])
     partition = partition_bodies(devices, estimated_cost(*samples))
-    given = devices.share((partition, *map(np.asarray, samples)))
+    given = devices.place((partition, *map(np.asarray, samples)))
     solve = batch_solver(flow, devices).lower(*given).compile()
     seconds = []
     for _ in range(1 + asked["rounds"]):

@@ -16,8 +16,8 @@ from surrogate import FIDELITIES, Flow, Scene
 from surrogate.devices import choose_devices
 from surrogate.model.network import make_network
 from surrogate.training.methods.hig import weight_step, with_goal_row
+from surrogate.training.methods.labels import oseen_influence_matrices
 from surrogate.training.methods.method import predict
-from surrogate.training.methods.targets import oseen_influence_matrices
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.samples import training_samples
 
@@ -50,7 +50,7 @@ def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Itera
         def step(network, y, physical, vectors=vectors):
             def outcomes(weights, k):
                 sample = jax.tree.map(lambda part: part[k], physics.samples)
-                return physical[k] @ network.with_weights(weights)(*sample)
+                return physical[k] @ network.with_weights(weights).traction(*sample)
 
             return weight_step(outcomes, network.weights, batch, y, TAU, KAPPA, vectors)
 

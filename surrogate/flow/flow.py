@@ -141,7 +141,7 @@ class Flow:
         devices = devices or choose_devices()
         partition = partition_bodies(devices, estimated_cost(parameters, reynolds))
         found = batch_solver(self, devices, slopes)(
-            *devices.share((partition, parameters, reynolds))
+            *devices.place((partition, parameters, reynolds))
         )
         return jax.tree.map(np.asarray, found)
 

@@ -201,6 +201,6 @@ def batch_solver(
 
     def every(partition, parameters, reynolds):
         one = slope if slopes else label
-        return partition.gather(partition.each(one, partition.scatter((parameters, reynolds))))
+        return partition.gather(partition.map(one, partition.scatter((parameters, reynolds))))
 
     return jax.jit(every, compiler_options=devices.options)

@@ -1,0 +1,73 @@
+"""The history of a training: its error on held-out bodies over iterations, work and time."""
+
+import time
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.model.network import DragNetwork
+from surrogate.training.samples import Samples
+
+MAX_POINTS = 2000  # of a history that is limited by time instead of iterations
+
+
+class HistoryPoint(NamedTuple):
+    """One point of a training's history; errors of the drag are relative, on held-out bodies."""
+
+    iteration: int
+    seconds: float
+    green_applications: int
+    error_mean: float
+    error_max: float
+    loss: float
+    failed: int
+
+
+def blank_history(points: int) -> np.ndarray:
+    """Rows for so many points, all zero."""
+    return np.zeros((min(points, MAX_POINTS) + 1, len(HistoryPoint._fields)))
+
+
+def with_point(history: Float[AnyArray, "points 7"], point: HistoryPoint) -> np.ndarray:
+    """The history with one more point; if it is full, in place of the last."""
+    history = np.array(history)
+    history[min(len(points_of(history)), len(history) - 1)] = point
+    return history
+
+
+def points_of(history: Float[AnyArray, "points 7"]) -> tuple[HistoryPoint, ...]:
+    """The points of a history."""
+    return tuple(
+        HistoryPoint(int(i), s, int(g), mean, worst, loss, int(failed))
+        for i, s, g, mean, worst, loss, failed in history.tolist()
+        if i > 0
+    )
+
+
+@jax.jit
+def drag_errors(
+    network: DragNetwork, samples: Samples, drag: Float[Array, " samples"]
+) -> Float[Array, " samples"]:
+    """Relative error of the network's drag for each sample."""
+    predicted = jax.vmap(network.drag)(*samples)
+    return jnp.abs(predicted / drag - 1)
+
+
+class Clock:
+    """Seconds of training, continued from an earlier run and paused during reports."""
+
+    def __init__(self, already: float):
+        self._already, self._start = already, time.perf_counter()
+
+    def seconds(self) -> float:
+        return self._already + time.perf_counter() - self._start
+
+    def pause(self) -> None:
+        self._already = self.seconds()
+
+    def resume(self) -> None:
+        self._start = time.perf_counter()
