@@ -1,4 +1,4 @@
-"""Training: every method reduces the error, is deterministic, resumes exactly; files are checked."""
+"""Training: every method reduces the error, is deterministic, resumes exactly, checks its files."""
 
 import dataclasses
 import functools

@@ -54,7 +54,7 @@ class DragNetwork(eqx.Module):
     ) -> Float[AnyArray, " modes"]:
         """Traction modes a of a body (its force on the fluid, U = D = rho = 1).
 
-        Means nothing beyond the drag's mode a_0 unless the traction was trained: a surrogate's
+        Meaningless except for the drag's mode a_0, unless the traction was trained: a surrogate's
         record says so in ``trained_for``, and ``Surrogate`` answers drags only.
         """
         z = self.inputs(parameters, reynolds)

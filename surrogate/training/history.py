@@ -1,6 +1,5 @@
-"""The history of a training: its error on held-out bodies over iterations, work and time."""
+"""The history of a training: errors on held-out bodies over iterations, work and time."""
 
-import time
 from typing import NamedTuple
 
 import jax
@@ -12,7 +11,7 @@ from surrogate.arrays import AnyArray
 from surrogate.model.network import DragNetwork
 from surrogate.training.samples import Samples
 
-MAX_POINTS = 2000  # of a history that is limited by time instead of iterations
+MAX_POINTS = 2000  # where the number of points is limited by time only
 
 
 class HistoryPoint(NamedTuple):
@@ -27,8 +26,8 @@ class HistoryPoint(NamedTuple):
     failed: int
 
 
-def blank_history(points: int) -> np.ndarray:
-    """Rows for so many points, all zero."""
+def blank_history(points: int) -> Float[np.ndarray, "points 7"]:
+    """An array for this many points, all zero."""
     return np.zeros((min(points, MAX_POINTS) + 1, len(HistoryPoint._fields)))
 
 
@@ -40,7 +39,7 @@ def with_point(history: Float[AnyArray, "points 7"], point: HistoryPoint) -> np.
 
 
 def points_of(history: Float[AnyArray, "points 7"]) -> tuple[HistoryPoint, ...]:
-    """The points of a history."""
+    """The points of a history array."""
     return tuple(
         HistoryPoint(int(i), s, int(g), mean, worst, loss, int(failed))
         for i, s, g, mean, worst, loss, failed in history.tolist()
@@ -55,19 +54,3 @@ def drag_errors(
     """Relative error of the network's drag for each sample."""
     predicted = jax.vmap(network.drag)(*samples)
     return jnp.abs(predicted / drag - 1)
-
-
-class Clock:
-    """Seconds of training, continued from an earlier run and paused during reports."""
-
-    def __init__(self, already: float):
-        self._already, self._start = already, time.perf_counter()
-
-    def seconds(self) -> float:
-        return self._already + time.perf_counter() - self._start
-
-    def pause(self) -> None:
-        self._already = self.seconds()
-
-    def resume(self) -> None:
-        self._start = time.perf_counter()

@@ -20,7 +20,6 @@ from surrogate.model.network import DragNetwork, make_network
 from surrogate.processes import broadcast_from_first
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.history import (
-    Clock,
     HistoryPoint,
     blank_history,
     drag_errors,
@@ -30,12 +29,7 @@ from surrogate.training.history import (
 from surrogate.training.methods.method import Method
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
-from surrogate.training.samples import (
-    Samples,
-    held_out_samples,
-    network_key,
-    training_samples,
-)
+from surrogate.training.samples import Samples, held_out_samples, network_key, training_samples
 from surrogate.training.step import LearnerState, compile_step, first_state
 
 # Mean relative drag error at which a training ends. A choice, not measured: untrained networks
@@ -46,14 +40,10 @@ HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always
 
 @dataclasses.dataclass(frozen=True)
 class TrainingResult:
-    """A finished training.
+    """A finished training; ``stopped`` says why it ended early, if it did.
 
-    Args:
-      network: the trained network.
-      history: errors on held-out bodies over iterations.
-      stopped: why the training ended early; None if it did not.
-      idle_work: convolutions that devices and lanes could have done while they waited.
-      compile_s: seconds of compiling the steps.
+    ``idle_work`` counts the convolutions that devices and lanes could have done while they waited,
+    ``compile_s`` the seconds of compiling the steps.
     """
 
     network: DragNetwork
@@ -78,15 +68,9 @@ class TrainingState(NamedTuple):
 class TrainingSetup(NamedTuple):
     """What all methods share: the flow solver of the samples, held-out flows, initial network.
 
-    Args:
-      physics: operators of the samples.
-      oseen: velocities of their Oseen flows.
-      held_out: held-out bodies whose flow was found.
-      labels: their flows.
-      held_out_failed: how many held-out flows were not found.
-      network: the initial network.
-      setup_s: seconds that assembling the operators took.
-      compile_s: seconds of compiling that.
+    ``oseen`` are the velocities of the samples' Oseen flows; ``labels`` the flows of the held-out
+    bodies, those that were not found being left out and counted. ``setup_s`` are the seconds of
+    assembling the operators, ``compile_s`` those of compiling that.
     """
 
     physics: Physics
@@ -175,26 +159,16 @@ def run_training(
     start = time.perf_counter()
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
-    clock, saved, stopped, last_good = Clock(float(state.seconds)), time.perf_counter(), None, state
-    done = _done(plan, state, clock)
+    saved, stopped, last_good, done = time.perf_counter(), None, state, _done(plan, state)
     while int(state.iteration) < plan.iterations and done < 1:
-        learner, cost, loss = step(state.learner, batches(int(state.iteration)), done)
-        state = state._replace(
-            learner=learner,
-            iteration=state.iteration + 1,
-            products=state.products + np.asarray(cost.products),
-            failed=state.failed + np.asarray(cost.failed),
-            idle_work=state.idle_work + np.asarray(cost.idle_work),
-        )
-        done, iteration = _done(plan, state, clock), int(state.iteration)
-        if not np.all(np.isfinite(learner.network.weights)):
+        state, loss = _advance(state, step, batches(int(state.iteration)), done)
+        done, iteration = _done(plan, state), int(state.iteration)
+        if not np.all(np.isfinite(state.learner.network.weights)):
             stopped, state = f"blew up in iteration {iteration}", last_good
             break
         if iteration % plan.report_every and iteration < plan.iterations and done < 1:
             continue
-        state = state._replace(seconds=np.asarray(clock.seconds()))
-        clock.pause()
-        point = _point(state, setup, float(loss))
+        point = _point(state, setup, loss)
         if not point.error_mean < BLOWN_UP:
             stopped, state = f"blew up before iteration {iteration}", last_good
             break
@@ -204,7 +178,6 @@ def run_training(
         if checkpoint and broadcast_from_first(elapsed > checkpoint_every_s):
             save_checkpoint(checkpoint, plan, state, partition)
             saved = time.perf_counter()
-        clock.resume()
     history = points_of(state.history)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
@@ -223,6 +196,21 @@ def _first_state(plan, setup, method):
     )
 
 
+def _advance(state, step, batch, done):
+    """The state after one more step, and the loss before it."""
+    start = time.perf_counter()
+    learner, cost, loss = step(state.learner, batch, done)
+    loss = float(loss)  # waits for the step
+    return state._replace(
+        learner=learner,
+        iteration=state.iteration + 1,
+        seconds=state.seconds + time.perf_counter() - start,
+        products=state.products + np.asarray(cost.products),
+        failed=state.failed + np.asarray(cost.failed),
+        idle_work=state.idle_work + np.asarray(cost.idle_work),
+    ), loss
+
+
 def _batches(plan, size):
     """Shuffled batches by epoch, as a function of seed and iteration alone."""
     key = jax.random.fold_in(jax.random.key(plan.seed), 1)
@@ -237,10 +225,10 @@ def _batches(plan, size):
     return batch
 
 
-def _done(plan, state, clock):
+def _done(plan, state):
     """Fraction of the training that is over, by time or by iterations."""
     if plan.budget_s:
-        return float(broadcast_from_first(clock.seconds() / plan.budget_s))
+        return float(broadcast_from_first(state.seconds / plan.budget_s))
     return int(state.iteration) / plan.iterations
 
 

@@ -33,8 +33,13 @@ class Sample(eqx.Module):
     def domain(self) -> Domain:
         return self.flow.domain
 
+    @property
+    def renewal(self) -> int:
+        """Convolutions that ``operators`` takes: 0 in 2-D, where the operators are stored."""
+        return 0 if isinstance(self.stored, Operators) else assembly_cost(self.domain)
+
     def operators(self) -> Operators:
-        """The operators of the flow solver; in 3-D assembled here, which takes convolutions."""
+        """The operators of the flow solver; in 3-D they are assembled here."""
         return restored(self.flow, jax.tree.map(lambda leaf: leaf[self.row], self.stored))
 
 
@@ -59,11 +64,6 @@ class Physics(eqx.Module):
     @property
     def count(self) -> int:
         return self.samples.count
-
-    @property
-    def renewal(self) -> int:
-        """Convolutions per evaluation that assembling the operators anew takes: 0 in 2-D."""
-        return 0 if isinstance(self.operators.rows, Operators) else assembly_cost(self.domain)
 
     def evaluate(
         self, batch: Array, velocities: Sharded, function: Callable, *arguments: Array | tuple

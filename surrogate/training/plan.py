@@ -37,8 +37,7 @@ class Preset:
     """Numbers of samples, held-out samples and iterations.
 
     ``iterations`` are those of the methods at their best, ``published`` those of the methods as
-    published where they differ: so many that the error no longer falls (RESULTS.md, "What
-    training costs, what it gives").
+    published where they differ.
     """
 
     samples: int

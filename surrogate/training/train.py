@@ -40,8 +40,8 @@ def train(
       accurate for its cost, in fewest steps.
     - ``"sip"``, scale-invariant physics (Holl, Koltun, Thuerey 2022): each evaluation is one Newton
       step of the solver from the network's prediction, whose result the network is fitted to by
-      Adam. As accurate within a factor of two; choose it for many bodies or large networks, where
-      the Jacobian of HIG becomes expensive.
+      Adam. About as accurate; choose it for large networks, where the Jacobian of HIG becomes
+      expensive.
     - ``"supervised"``: each flow is solved once, Adam fits the network. The baseline.
     - ``"dp"``, differentiable physics (Um et al. 2020): Adam follows the gradient of a loss on the
       flow through the solver. The least accurate here; for comparison.

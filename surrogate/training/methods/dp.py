@@ -121,12 +121,8 @@ class PublishedDifferentiablePhysics(Method):
         return adam(self.learning_rate).init(network.weights), blank
 
     def evaluate(self, network, physics, labels, velocities, batch):
-        def evaluate_sample(sample, velocity, traction):
-            result, velocity = self._differentiate(sample, velocity, traction)
-            return result._replace(products=result.products + physics.renewal), velocity
-
         predicted = predict(network, physics.samples, batch)
-        found = physics.evaluate(batch, velocities, evaluate_sample, predicted)
+        found = physics.evaluate(batch, velocities, self._differentiate, predicted)
         labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, found.results)
         return labels, found.states, evaluation_cost(found.results, physics, batch, found.idle_work)
 
@@ -144,7 +140,7 @@ class PublishedDifferentiablePhysics(Method):
         by_slip = slip + scale * residual * weights
         gradient, work_too = slip_adjoint(domain, operators, state, by_slip, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
-        products = info.products + work.products + work_too.products
+        products = info.products + work.products + work_too.products + sample.renewal
         result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, products)
         return result, jnp.where(valid, velocity, steady.carried(operators, sample.oseen))
 

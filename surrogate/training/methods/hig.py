@@ -23,18 +23,8 @@ from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import Effort, compliance
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.labels import (
-    LABEL_FLOW,
-    FullSolve,
-    drag_residuals,
-    no_labels,
-)
-from surrogate.training.methods.method import (
-    Batch,
-    Method,
-    evaluation_cost,
-    predict,
-)
+from surrogate.training.methods.labels import LABEL_FLOW, FullSolve, drag_residuals, no_labels
+from surrogate.training.methods.method import Batch, Method, evaluation_cost, predict
 from surrogate.training.physics import Sample
 
 FLOW = NewtonSettings(1e-4, 10, 40)
@@ -127,12 +117,8 @@ class PublishedHalfInverseGradients(Method):
         return jnp.array(0), LinearisedSlip(*blank)
 
     def evaluate(self, network, physics, labels, velocities, batch):
-        def evaluate_sample(sample, velocity, traction):
-            result, velocity = _linearise(sample, velocity, traction)
-            return result._replace(products=result.products + physics.renewal), velocity
-
         predicted = predict(network, physics.samples, batch)
-        found = physics.evaluate(batch, velocities, evaluate_sample, predicted)
+        found = physics.evaluate(batch, velocities, _linearise, predicted)
         results, force = found.results, physics.tractions[batch, 0]
         y, by_traction = with_goal_row(results.slip, results.compliance, self.goal, force)
         finite = jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(by_traction), axis=(1, 2))
@@ -164,7 +150,8 @@ def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[Forced
     slip = steady.slip_residual(domain, operators, state)
     matrix, work = compliance(domain, operators, state, TANGENT)
     valid = info.converged & work.converged
-    result = ForcedFlowResult(slip, matrix, valid, info.products + work.products)
+    products = info.products + work.products + sample.renewal
+    result = ForcedFlowResult(slip, matrix, valid, products)
     return result, jnp.where(valid, velocity, steady.carried(operators, sample.oseen))
 
 

@@ -60,7 +60,7 @@ def no_labels(physics: Physics) -> TrainingLabels:
 
 
 class InversionResult(NamedTuple):
-    """One inversion of the flow solver: flow, slopes, whether they are valid and final, work."""
+    """One inversion of the flow solver: flow, slopes, whether valid and converged, convolutions."""
 
     state: FlowState
     slopes: Float[Array, " inputs"]
@@ -110,7 +110,7 @@ class Inversion(abc.ABC):
 
             def inverted():
                 result = self.invert(sample, predicted, stored, label.valid)
-                return result._replace(products=result.products + physics.renewal)
+                return result._replace(products=result.products + sample.renewal)
 
             kept = InversionResult(stored, label.slopes, label.valid, jnp.array(True), jnp.array(0))
             result = compute_where(~label.converged, inverted, kept)
@@ -150,16 +150,14 @@ class Inversion(abc.ABC):
 class CoupledStep(Inversion):
     """One coupled Newton step from the predicted traction and the last velocity.
 
-    A label has converged when the drag changes by less than ``tolerance`` between evaluations.
+    A label has converged when the drag changes by at most ``tolerance`` between evaluations.
     """
 
     slopes: bool = False
     tolerance: float = 1e-4
     effort: Effort = Effort(1e-2, 30)
 
-    def invert(
-        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
-    ) -> InversionResult:
+    def invert(self, sample, predicted, stored, valid):
         operators = sample.operators()
         velocity = jnp.where(valid, stored.velocity, steady.carried(operators, predicted))
         start = FlowState(velocity, predicted)
@@ -183,9 +181,7 @@ class FullSolve(Inversion):
     slopes: bool = False
     newton: NewtonSettings = LABEL_FLOW
 
-    def invert(
-        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
-    ) -> InversionResult:
+    def invert(self, sample, predicted, stored, valid):
         operators = sample.operators()
         state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
         slopes, good, products = self._slopes_where(info.converged, sample, operators, state)

@@ -1,4 +1,4 @@
-"""Scale-invariant physics (SIP): the solver is inverted, the network learns the inverse's answer.
+"""Scale-invariant physics (SIP): the solver is inverted, the network is fitted to the result.
 
 Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion). Where the gradient of a
 loss on the flow would carry the solver's scales into the update, SIP takes the step in traction
@@ -12,18 +12,8 @@ import jax
 import jax.numpy as jnp
 
 from surrogate.flow.solver.tangent import Effort
-from surrogate.training.methods.labels import (
-    CoupledStep,
-    Inversion,
-    drag_residuals,
-    no_labels,
-)
-from surrogate.training.methods.method import (
-    Method,
-    adam,
-    predict,
-    with_cosine_rate,
-)
+from surrogate.training.methods.labels import CoupledStep, Inversion, drag_residuals, no_labels
+from surrogate.training.methods.method import Method, adam, predict, with_cosine_rate
 
 
 @dataclasses.dataclass(frozen=True)
