@@ -200,13 +200,13 @@ class Partition(eqx.Module):
 
     def take_local(self, batch: Int[Array, " batch"], sharded: Sharded) -> Sharded:
         """This device's rows of a batch, in the order of ``evaluate``; inside ``shard_map``."""
-        rows, _ = self._local_rows(batch)
-        return Sharded(jax.tree.map(lambda leaf: leaf[rows.at], sharded.rows))
+        rows, _, _ = self._local_rows(batch)
+        return Sharded(jax.tree.map(lambda leaf: leaf[rows], sharded.rows))
 
     def put_local(self, batch: Int[Array, " batch"], sharded: Sharded, new: Sharded) -> Sharded:
         """``sharded`` with the rows that ``take_local`` took replaced; inside ``shard_map``."""
-        rows, _ = self._local_rows(batch)
-        at = jnp.where(jnp.arange(rows.at.size) < rows.count, rows.at, self.shard_size)
+        rows, count, _ = self._local_rows(batch)
+        at = jnp.where(jnp.arange(rows.size) < count, rows, self.shard_size)
         return Sharded(
             jax.tree.map(
                 lambda leaf, row: leaf.at[at].set(row, mode="drop"), sharded.rows, new.rows
@@ -230,7 +230,7 @@ class Partition(eqx.Module):
           arguments: pytree with one row per entry of the batch, replicated.
         """
         lanes, size = self.devices.lanes, batch.size
-        rows, order = self._local_rows(batch)
+        _, count, order = self._local_rows(batch)
 
         def take(tree, k):
             return jax.tree.map(lambda leaf: leaf[k], tree)
@@ -241,7 +241,7 @@ class Partition(eqx.Module):
         def step(i, carry):
             results, states, busy = carry
             row = i if lanes == 1 else i * lanes + jnp.arange(lanes)
-            k = jnp.where(row < rows.count, order[row], size)  # padding is out of range
+            k = jnp.where(row < count, order[row], size)  # padding is out of range
             run = function if lanes == 1 else jax.vmap(function)
             result, state = run(row, take(states, row), take(arguments, k))
             busy += lanes * jnp.max(result.products)
@@ -250,28 +250,24 @@ class Partition(eqx.Module):
         one = 0, take(states.rows, 0), take(arguments, 0)
         blank = jax.eval_shape(lambda *one: function(*one)[0], *one)
         blank = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), blank)
-        steps, start = -(-rows.count // lanes), (blank, states.rows, jnp.array(0))
+        steps, start = -(-count // lanes), (blank, states.rows, jnp.array(0))
         results, new, busy = jax.lax.fori_loop(0, steps, step, start)
         results = jax.tree.map(_sum_over_devices, results)
         idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(results.products)
         return Evaluated(results, Sharded(new), idle_work)
 
     def _local_rows(self, batch):
-        """This device's rows of a batch, then others; their indices in the batch, in that order."""
+        """(rows of this device, how many are of the batch, their indices in the batch).
+
+        The rows of the batch come first.
+        """
         places = self.places[batch]
         mine = places // self.shard_size == jax.lax.axis_index(AXIS)
         mine &= batch < self.places.size
         order = jnp.argsort(jnp.where(mine, places % self.shard_size, self.shard_size), stable=True)
         at = places[order[: self.shard_size]] % self.shard_size
         padding = jnp.full(self.devices.lanes, batch.size)
-        return _LocalRows(at, jnp.sum(mine)), jnp.append(order, padding)
-
-
-class _LocalRows(NamedTuple):
-    """Rows of one device, of which the first ``count`` belong to the batch."""
-
-    at: Int[Array, " rows"]
-    count: Int[Array, ""]
+        return at, jnp.sum(mine), jnp.append(order, padding)
 
 
 def _sum_over_devices(leaf):

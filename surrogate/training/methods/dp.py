@@ -124,7 +124,7 @@ class PublishedDifferentiablePhysics(Method):
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, self._differentiate, predicted)
         labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, found.results)
-        return labels, found.states, evaluation_cost(found.results, physics, batch, found.idle_work)
+        return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _differentiate(
         self, sample: Sample, velocity: Array, traction: Float[Array, " modes"]

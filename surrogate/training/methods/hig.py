@@ -38,6 +38,7 @@ Residuals = Callable[[Weights, Int[Array, ""]], Float[Array, " outcomes"]]  # of
 class HalfInverseGradients(Method):
     """HIG at its best: each sample's flow and adjoint are solved once, in its first batch.
 
+    The optimiser's state is the number of steps so far.
     ``kappa`` 1 is Gauss-Newton, -1 gradient descent. With ``vectors``, so many Lanczos vectors
     replace the dense inverse, and the Jacobian is never formed. ``batch`` exceeds the presets'
     samples, so that all are one batch.
@@ -127,7 +128,8 @@ class PublishedHalfInverseGradients(Method):
         by_traction = jnp.where(results.valid[:, None, None], by_traction, 0.0)
         new = LinearisedSlip(y, by_traction)
         labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
-        return labels, found.states, evaluation_cost(results, physics, batch, found.idle_work)
+        found = found._replace(results=results)
+        return labels, found.states, evaluation_cost(found, physics, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
         y = labels.y[batch]

@@ -122,9 +122,9 @@ class Inversion(abc.ABC):
         predicted = predict(network, physics.samples, batch)
         old = jax.tree.map(lambda leaf: leaf[batch], labels)
         found = physics.evaluate(batch, velocities, evaluate_sample, predicted, old)
-        results = found.results
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, results.label)
-        return labels, found.states, evaluation_cost(results, physics, batch, found.idle_work)
+        new = found.results.label
+        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
+        return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _slopes_where(self, converged, sample, operators, state):
         """(d log Cd / d(parameters, log Re), whether found, convolutions) by the drag's adjoint.

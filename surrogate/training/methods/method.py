@@ -10,10 +10,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Sharded
+from surrogate.devices import Evaluated, Sharded
 from surrogate.model.network import DragNetwork
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
@@ -83,20 +83,13 @@ class Method(abc.ABC):
         """
 
 
-@runtime_checkable
-class Result(Protocol):
-    """What ``evaluation_cost`` needs to know of a batch of evaluations."""
+def evaluation_cost(found: Evaluated, physics: Physics, batch: Batch) -> EvaluationCost:
+    """The cost of a batch of evaluations, whose results have fields ``valid`` and ``products``.
 
-    valid: Bool[Array, " batch"]
-    products: Int[Array, " batch"]
-
-
-def evaluation_cost(
-    results: Result, physics: Physics, batch: Batch, idle_work: Array
-) -> EvaluationCost:
-    """The cost of a batch of evaluations; padding counts neither as failed nor as work."""
-    failed = ~results.valid & (batch < physics.count)
-    return EvaluationCost(jnp.sum(results.products), jnp.sum(failed), idle_work)
+    Padding counts neither as failed nor as work.
+    """
+    failed = ~found.results.valid & (batch < physics.count)
+    return EvaluationCost(jnp.sum(found.results.products), jnp.sum(failed), found.idle_work)
 
 
 def adam(learning_rate: float) -> optax.GradientTransformation:
