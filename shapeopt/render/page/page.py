@@ -20,7 +20,7 @@ from surrogate.body.family import Family
 from surrogate.body.parameters import PARAMETERS
 from surrogate.errors import InvalidInput
 from surrogate.files import check_file, whole_file
-from surrogate.model.network import REACH
+from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
@@ -79,7 +79,7 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
             for layer in network.layers
         ],
         "trend": np.asarray(network.trend).tolist(),
-        "reach": REACH,
+        "reach": CORRECTION_SCALE,
         "low": np.asarray(network.inputs.low).tolist(),
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
