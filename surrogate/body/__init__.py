@@ -1,1 +1,1 @@
-"""Bodies: a family given by a few sine modes, any closed contour, and what is measured on them."""
+"""Bodies: families given by a few parameters in 2-D and 3-D, closed contours, their measures."""

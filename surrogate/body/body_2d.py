@@ -28,6 +28,7 @@ class Body2D(BodyClass):
         "beta4": (-0.1, 0.1),
     }
     round_body = "cylinder"
+    size = "area pi/4"
 
     def half_axes(
         self, parameters: Float[AnyArray, " parameters"]

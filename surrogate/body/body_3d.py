@@ -41,6 +41,7 @@ class Body3D(BodyClass):
         "flatness": (1.0, 2.0),
     }
     round_body = "sphere"
+    size = "volume pi/6"
 
     def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
         """Width over height; 1 if it is no parameter."""

@@ -46,7 +46,8 @@ class BodyClass(abc.ABC):
     dimension: ClassVar[int]
     available: ClassVar[tuple[str, ...]]
     default_ranges: ClassVar[Mapping[str, Range]]
-    round_body: ClassVar[str]
+    round_body: ClassVar[str]  # what the ellipse of aspect 1 is called
+    size: ClassVar[str]  # what all bodies have in common
 
     @abc.abstractmethod
     def half_axes(
@@ -62,7 +63,7 @@ class BodyClass(abc.ABC):
 
     @abc.abstractmethod
     def markers(
-        self, parameters: Float[AnyArray, " parameters"], nodes: Any
+        self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
     ) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
 

@@ -1,4 +1,4 @@
-"""Any closed contour: check it, and give it smooth markers at equidistant t."""
+"""Closed contours: checked, smoothed, and resampled to markers at equidistant t."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,12 +12,12 @@ from surrogate.body.measures import AREA, moments
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 
-FINE = 4096  # points of the intermediate resampling
-LOST = 0.2  # D, by which a smoothed contour may be off
+FINE = 4096  # points of the intermediate resampling: far more than markers
+LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which it is refused
 
 
 def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
-    """NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
+    """Return a NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
     points = whole_number("points", points, 8, 10**6)
     if not isinstance(code, str) or len(code) != 4 or not code.isdecimal() or code[2:] == "00":
         raise InvalidInput(
@@ -35,13 +35,13 @@ def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
     line, slope = np.zeros_like(x), np.zeros_like(x)
     if camber > 0:
         front = x < position
-        reach = np.where(front, position, 1 - position)
+        part = np.where(front, position, 1 - position)
         line = (
             camber
-            / reach**2
+            / part**2
             * np.where(front, 2 * position * x - x**2, 1 - 2 * position + 2 * position * x - x**2)
         )
-        slope = 2 * camber / reach**2 * (position - x)
+        slope = 2 * camber / part**2 * (position - x)
     angle = np.arctan(slope)
     upper = np.stack([x - half * np.sin(angle), line + half * np.cos(angle)], axis=1)
     lower = np.stack([x + half * np.sin(angle), line - half * np.cos(angle)], axis=1)
@@ -51,11 +51,16 @@ def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
 def smooth_contour(
     points: Float[AnyArray, "points 2"], nodes: int, keep_size: bool = False
 ) -> Float[AnyArray, "nodes 2"]:
-    """Clockwise markers from the nose, centroid at the origin, area pi/4 unless size is kept.
+    """Return markers clockwise from the nose, centroid at the origin, area pi/4.
 
     The parameter t runs faster where the contour bends less, ds/dt ~ curvature^(-1/3): on an
     ellipse that is its own angle, so noses and tails get the markers they need. Corners are
     rounded by the truncated Fourier series.
+
+    Args:
+      points: x and y once around, in order.
+      nodes: number of markers.
+      keep_size: keep the area that was given.
 
     Raises:
       InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
@@ -95,7 +100,7 @@ def smooth_contour(
     dense = _by_length(points, FINE)
     smooth = _fourier(_by_bend(dense), nodes)
     off = _farthest(dense, smooth)
-    if off > LOST:
+    if off > LARGEST_LOSS:
         raise InvalidInput(
             f"contour: {off:.2g} D of it would be lost to smoothing; fewer, larger waves are kept"
         )
@@ -104,7 +109,7 @@ def smooth_contour(
 
 
 def _farthest(points, smooth):
-    """Greatest distance of points from the smooth contour."""
+    """Greatest distance of the points from the smooth contour."""
     return float(cKDTree(smooth).query(points)[0].max())
 
 
@@ -146,7 +151,7 @@ def _by_bend(points):
 
 
 def _fourier(points, nodes):
-    """Low-pass Fourier series evaluated at ``nodes``; harmonics fade out beyond nodes / 8."""
+    """Low-pass Fourier series at ``nodes`` points; harmonics above nodes / 8 fade out."""
     wave = np.fft.fftfreq(len(points), 1 / len(points))
     spectrum = np.fft.fft(points, axis=0) * np.exp(-((wave / (nodes / 8)) ** 4))[:, None]
     half = nodes // 2

@@ -1,4 +1,4 @@
-"""Contours as files have them: CSV in its many ways, Selig's and Lednicer's coordinates."""
+"""Contours from files: CSV in its variants, Selig's and Lednicer's coordinates."""
 
 import re
 from pathlib import Path
@@ -10,13 +10,13 @@ from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of
 
-FAR = 8.0  # sizes from the body, at which a first row is none of it
+FAR = 8.0  # sizes from the body, beyond which a first row is not a point of it
 TITLES = 5  # rows of titles and headers, at most
-LARGEST = 1 << 27  # bytes of a file
+LARGEST = 1 << 27  # bytes of a file, at most
 
 
 def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
-    """Read rows of x and y: CSV with any usual delimiter, Selig's or Lednicer's .dat.
+    """Return the points of a file of x and y: CSV with usual delimiters, Selig's, Lednicer's.
 
     Titles, headers, comments and empty lines are passed over; decimal commas and Fortran's
     exponents are read.
@@ -50,15 +50,15 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
         upper = int(counts[0])
         return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
     if len(points) == len(sides) and _nearly(counts, len(sides)):
-        told = " + ".join(f"{count:g}" for count in counts)
+        stated = " + ".join(f"{count:g}" for count in counts)
         raise InvalidInput(
-            f"contour {path}: row {rows[0][0]} counts {told} points, where {len(sides)} follow"
+            f"contour {path}: row {rows[0][0]} counts {stated} points, where {len(sides)} follow"
         )
     return np.array(points)
 
 
 def _text(path):
-    """Of a file that is not endless; in UTF-16 where it says so."""
+    """Text of a file that is not too large; in UTF-16 if its first bytes say so."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
@@ -70,22 +70,22 @@ def _text(path):
         return content.decode("utf-16", "replace")
     if b"\0" in content:
         raise InvalidInput(f"contour {path}: cannot be read (it is not a text file)")
-    return content.decode("utf-8-sig", "replace")  # titles may be of other letters
+    return content.decode("utf-8-sig", "replace")  # titles may have any encoding
 
 
 def _bare(line):
-    """A row without comments, with plain minus signs."""
+    """A row without comments, its minus signs ASCII."""
     line = re.split(r"#|%|!|//", line)[0].replace("\N{MINUS SIGN}", "-")
     return line.strip().strip(",;|").strip()
 
 
 def _is_title(words):
-    """Titles and headers, a lone number among them; other rows of numbers are wrong ones."""
-    return _pair(words) is None and (len(words) == 1 or not _told(words))
+    """Whether a row is a title or header, as is a single number; other numbers are wrong rows."""
+    return _pair(words) is None and (len(words) == 1 or not _are_numbers(words))
 
 
 def _words(line):
-    """Of a row; two columns may have decimal commas, and D in the place of E."""
+    """Split a row; two columns may have decimal commas, and D instead of E in exponents."""
     line = re.sub(r"(?<=[\d.])[dD](?=[+-]?\d)", "e", line.replace('"', ""))
     columns = re.split(r"[\s;|]+", line)
     if len(columns) == 2 and re.search(r"\d,\d", line):
@@ -94,13 +94,13 @@ def _words(line):
 
 
 def _nearly(counts, points):
-    """Whether two whole numbers are meant as Lednicer's counts of so many points."""
+    """Whether two whole numbers are meant as Lednicer's counts of this number of points."""
     whole = all(count == round(count) and count >= 2 for count in counts)
     return whole and 0.8 < sum(counts) / points < 1.25
 
 
 def _pair(words):
-    """Two finite numbers, or None."""
+    """The two finite numbers of a row, or None."""
     try:
         values = [float(word) for word in words]
     except ValueError:
@@ -108,8 +108,8 @@ def _pair(words):
     return values if len(values) == 2 and np.all(np.isfinite(values)) else None
 
 
-def _told(words):
-    """Whether words are numbers at all, if only nan."""
+def _are_numbers(words):
+    """Whether all words are numbers, nan included."""
     try:
         return bool([float(word) for word in words])
     except ValueError:

@@ -89,14 +89,15 @@ class Family:
         return self.body_class.round_body
 
     def named(self, parameters: AnyArray) -> dict[str, float]:
-        """Parameters by name, for people and files."""
+        """Return the parameters by name, for people and files."""
         return dict(zip(self.names, np.asarray(parameters, float).tolist(), strict=True))
 
     def parameters(self, named: Mapping[str, float]) -> Float[AnyArray, " parameters"]:
-        """The array of parameters given by name; betas not named are zero, flatness 1.
+        """Return the array of parameters given by name; those not named are neutral.
 
         Raises:
-          InvalidInput: a name is not the family's, the aspect is missing, or a value is no number.
+          InvalidInput: a name is not the family's, the aspect is missing, or a value is not a
+            number.
         """
         expect("body", named, Mapping, "table of parameters, as {'aspect': 2}")
         if "aspect" not in named:
@@ -111,7 +112,7 @@ class Family:
         return np.array([values.get(name, neutral[name]) for name in self.names])
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
-        """Uniform in the bounds; members that close on themselves are drawn again.
+        """Return bodies drawn uniformly in the bounds, without those that cross themselves.
 
         Raises:
           InvalidInput: nearly all bodies in these bounds cross themselves.
@@ -128,7 +129,7 @@ class Family:
                 return jnp.concatenate(found)[:count]
 
     def clear(self, bodies: Float[AnyArray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
-        """Which of many bodies are so far from crossing themselves that they are solved.
+        """Return which bodies are so far from crossing themselves that they can be solved.
 
         Raises:
           InvalidInput: hardly any is.
@@ -139,25 +140,25 @@ class Family:
         return clear
 
     def contains(self, parameters: AnyArray) -> bool:
-        """Whether a body lies within the ranges."""
+        """Return whether a body lies within the ranges."""
         low, high = self.bounds.T
         return bool(np.all((parameters >= low - SLACK) & (parameters <= high + SLACK)))
 
     def check(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
-        """The parameters of one body, in whatever kind of numbers they came.
+        """Return the parameters of one body as floats.
 
         Raises:
-          InvalidInput: they are not as many numbers as the family has, or describe no body.
+          InvalidInput: they are not one number for every name, or describe no body.
         """
         values = self.numbers(parameters)
         self.body_class.check(values)
         return values
 
     def numbers(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
-        """As many numbers as the family has parameters, in whatever kind they came.
+        """Return one number for every parameter as floats.
 
         Raises:
-          InvalidInput: they are none.
+          InvalidInput: they are anything else.
         """
         if (values := real_numbers(parameters)) is None:
             raise InvalidInput(
@@ -173,10 +174,10 @@ class Family:
     def check_all(
         self, bodies: Float[AnyArray, "bodies parameters"]
     ) -> Float[np.ndarray, "bodies parameters"]:
-        """The same of many bodies, each of which must be one.
+        """Return the parameters of many bodies as floats.
 
         Raises:
-          InvalidInput: they are not as many numbers as the family has, or one describes no body.
+          InvalidInput: they are not one row a body, or one describes no body.
         """
         values = real_numbers(bodies)
         if values is None:

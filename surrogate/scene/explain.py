@@ -1,6 +1,7 @@
 """A scene in words, before long work: what is modelled, what is left out, what it will cost."""
 
 import math
+from typing import NamedTuple
 
 from surrogate.body.family import Family
 from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
@@ -8,28 +9,35 @@ from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import ONSET_OF_SHEDDING
 from surrogate.scene.stream import Stream, describe_stream, window_height
 
-TESTED = {2: "Re 0.5 to 45 and aspect 0.5 to 5", 3: "Re 0.1 to 100 and aspect 0.5 to 4"}
+
+class Words(NamedTuple):
+    """What differs between 2-D and 3-D: the part of the window that is gridded, tested ranges."""
+
+    part: str
+    tested: str
+    left_out: str
+
+
+WORDS = {
+    2: Words(
+        "upper half",
+        "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window",
+        "the third dimension, ",
+    ),
+    3: Words("quarter", "Re 0.1 to 100 and aspect 0.5 to 4", ""),
+}
 
 
 def explain_scene(
     stream: Stream, reynolds: tuple[float, float], family: Family, f: Fidelity, bodies: int
 ) -> str:
-    """Return what ``Scene.explain`` says, of ``bodies`` bodies of a training and of a design.
-
-    Args:
-      stream: the scene's.
-      reynolds: the scene's range.
-      family: the scene's.
-      f: the scene's fidelity, with its window for the longest wake.
-      bodies: their number.
-    """
-    dimension, space = family.dimension, family.dimension == 3
+    """Return what ``Scene.explain`` says; ``f`` is the fidelity with its longest window."""
+    dimension, words = family.dimension, WORDS[family.dimension]
     height = window_height(stream, f.height)
     rows = round(height * f.cells / 2)
     shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 1)
     seconds = seconds_per_convolution(shape)
     window = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
-    longer = "" if space else "; longer wakes get a longer window"
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
     takes = CONVOLUTIONS[dimension]
     design = takes.design_flows * (takes.flow + takes.adjoint)
@@ -41,15 +49,15 @@ def explain_scene(
         [
             f"Steady laminar flow in {describe_stream(stream)}, "
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
-            f"Bodies: symmetric family, {'volume pi/6' if space else 'area pi/4'}, {ranges}.",
+            f"Bodies: symmetric family, {family.body_class.size}, {ranges}.",
             f"Grid ({f.name}): {f.cells} cells per D on a window {window} D "
-            f"({math.prod(shape)} cells in its {'quarter' if space else 'upper half'}), where the "
-            "flow is non-linear; outside it the Oseen Green's function G and the far field's "
+            f"({math.prod(shape)} cells in its {words.part}), where the flow "
+            "is non-linear; outside it the Oseen Green's function G and the far field's "
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
-            f"{TESTED[dimension]}{longer}.",
-            f"Left out: {'' if space else 'the third dimension, '}unsteadiness (bluff bodies shed "
-            f"vortices beyond Re {ONSET_OF_SHEDDING[dimension]:g}, those shorter than wide sooner),"
-            " compressibility, roughness.",
+            f"{words.tested}.",
+            f"Left out: {words.left_out}unsteadiness (bluff bodies shed vortices beyond "
+            f"Re {ONSET_OF_SHEDDING[dimension]:g}, those shorter than wide sooner), "
+            "compressibility, roughness.",
             f"On this machine one convolution with G takes {1e3 * seconds:.2g} ms, so {bodies} "
             f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "
             f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
