@@ -91,8 +91,6 @@ def make_domain(
     n, upstream, downstream = fidelity.cells, fidelity.upstream, fidelity.downstream
     height = stream.height if isinstance(stream, Tunnel) else None
     width = window_height(stream, fidelity.height)
-    # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
-    repeats = symmetric and height is not None
 
     def window(before, after, across, cells):
         step = 1 / cells
@@ -103,7 +101,7 @@ def make_domain(
             (round((before + after) * cells), rows // 2 if symmetric else rows),
             (1 / cells, step),
             round(before * cells),
-            periodic=repeats and across == height,
+            periodic=across == height,
             symmetric=symmetric,
         )
 

@@ -17,7 +17,7 @@ class Lattice:
 
     The first axis lies along the stream, one (in the plane) or two (in space) across it.
     ``inlet`` is the number of cells between the window's left edge and the body's centre.
-    ``periodic``: the window spans a tunnel's whole period, so nothing is cut off across it.
+    ``periodic``: the window spans a tunnel from wall to wall, so nothing is cut off across it.
     ``symmetric``: of a flow with mirror planes only the part where all coordinates across are
     positive is kept; a component is odd in its own coordinate across, even in the others, and
     where it is odd its zeros on the mirror plane are not stored. In space it always is.
@@ -117,8 +117,9 @@ class Lattice:
     def convect(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """-div(u u) of a face velocity that vanishes at the window's edges (jax-cfd).
 
-        A symmetric window may be treated as periodic as well: v = 0 at its top row stands for
-        v = 0 on the centre line, and no flux of u crosses either.
+        A symmetric window and one from wall to wall may be treated as periodic as well: v = 0 at
+        its top row stands for v = 0 on the centre line or the lower wall, and no flux of u
+        crosses either.
         """
         bc = boundaries.periodic_boundary_conditions(self.dimension)
         variables = tuple(
@@ -126,7 +127,7 @@ class Lattice:
             for component, offset in zip(velocity, self.grid.cell_faces, strict=True)
         )
         terms = [term.data for term in advection.convect_linear(variables)]
-        if self.symmetric:
+        if self.symmetric or self.periodic:
             for axis in range(1, self.dimension):
                 terms[axis] = terms[axis].at[(slice(None),) * axis + (-1,)].set(0.0)
         return jnp.stack(terms)
