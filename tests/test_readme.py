@@ -1,4 +1,4 @@
-"""The README's code runs as it stands, and its commands are those of the project."""
+"""The README's Python example runs, and the files and commands that it names exist."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ README = (ROOT / "README.md").read_text()
 
 
 def test_python_example_runs(capsys):
-    """Fifteen lines of Python: a drag, its gradient, an optimum, its verified drag."""
+    """At most 15 lines: a drag, its gradient, an optimum, its verified drag."""
     (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
     assert len(code.splitlines()) <= 15
     exec(compile(code, "README.md", "exec"), {})
