@@ -92,7 +92,7 @@ def test_exact_orders_in_3d_fall_from_three_to_two_with_re(reynolds, order):
     ],
 )
 def test_accurate_in_3d_needs_a_margin_of_few_cells_per_boundary_layer(reynolds, error, status):
-    """``error`` is the likely error over the tolerance; bodies above 1.65 D have none known."""
+    """``error`` is the likely one over the tolerance; bodies above 1.65 D are degraded."""
     order = 3 if reynolds == 1 else 2
 
     def solve(fidelity):
