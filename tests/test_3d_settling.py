@@ -1,6 +1,7 @@
 """Particles that settle: Stokes, Oseen and the correlation of spheres; what is refused."""
 
 import pytest
+from conftest import ROUGH_3D
 
 from surrogate import Flow, InvalidInput, Particle, Scene, family_shape, settle
 
@@ -26,12 +27,16 @@ def test_golden_grains_settle_by_the_sphere_curve():
     assert settled.solution.drag == pytest.approx(24 / re * (1 + 0.15 * re**0.687), rel=0.05)
 
 
-def test_particles_that_do_not_settle_steadily_are_refused():
-    with pytest.raises(InvalidInput, match="smaller size"):
-        settle(DRAFT, SPHERE, Particle(2.65, 1e-6, 5e-3))
-    disc = family_shape({"aspect": 0.5}, dimension=3)
-    with pytest.raises(InvalidInput, match=r"beyond Re 113, .* smaller size"):
-        settle(DRAFT, disc, Particle(2.65, 1e-6, 2e-3))
+@pytest.mark.parametrize(("aspect", "onset", "size"), [(1.0, 210, 5e-3), (0.5, 113, 2e-3)])
+def test_particles_too_large_to_settle_steadily_are_refused(aspect, onset, size):
+    """Their wakes would shed vortices."""
+    rough = Flow(Scene(dimension=3, fidelity=ROUGH_3D))
+    body = family_shape({"aspect": aspect}, dimension=3)
+    with pytest.raises(InvalidInput, match=rf"beyond Re {onset}, .* smaller size"):
+        settle(rough, body, Particle(2.65, 1e-6, size))
+
+
+def test_particles_without_weight_or_size_are_refused():
     with pytest.raises(InvalidInput, match="neither falls nor rises"):
         Particle(1.0, 1e-6, 1e-4)
     with pytest.raises(InvalidInput, match="size -1: from 1e-12"):
