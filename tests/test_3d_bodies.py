@@ -8,8 +8,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
-from surrogate.body.measures import chord, thickness
-from surrogate.body.outline import opening
 
 FAMILY = Family(dimension=3)
 FLOW = Flow(Scene(dimension=3, fidelity=ROUGH_3D))
@@ -23,7 +21,7 @@ def test_every_surface_is_closed_has_volume_pi_over_6_and_its_centroid_at_the_or
     aspect, flatness, betas
 ):
     body = jnp.array([aspect, flatness, *betas])
-    assume(float(opening(body, FAMILY.form)) > 0.05)
+    assume(float(FAMILY.body_class.min_thickness_ratio(body)) > 0.05)
     skin = FAMILY.markers(body, (64, 16))
     weights = FLOW.domain.modes.weights(skin.nodes)
     points, areas = np.asarray(skin.points), np.asarray(skin.areas)
@@ -32,8 +30,8 @@ def test_every_surface_is_closed_has_volume_pi_over_6_and_its_centroid_at_the_or
     assert abs(weights @ areas[:, 0]) < 1e-10  # closed along the stream
     assert abs(weights @ (points[:, 0] ** 2 * areas[:, 0])) < 1e-3  # the centroid is the origin
     halves = np.abs(np.asarray(FAMILY.outline(body, 400))).max(axis=0)
-    assert float(thickness(body, FAMILY.form)) == pytest.approx(2 * halves[1], rel=1e-3)
-    assert float(chord(body, FAMILY.form)) == pytest.approx(
+    assert float(FAMILY.body_class.thickness(body)) == pytest.approx(2 * halves[1], rel=1e-3)
+    assert float(FAMILY.body_class.length(body)) == pytest.approx(
         np.ptp(np.asarray(FAMILY.outline(body, 400))[:, 0])
     )
     length, width, height = FAMILY.extent

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from surrogate import Fidelity, Flow, Scene, family_shape
-from surrogate.flow.grid.immersed import outward
+from surrogate.flow.grid.wall_2d import outward
 
 # ellipse of aspect 2 at 10 degrees, body-fitted finite elements, uncertainty 3e-4 of Cd: Cd, Cl
 ELLIPSE = {1.0: (9.966, 0.4058), 20.0: (1.7517, 0.3057)}
