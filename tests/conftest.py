@@ -1,4 +1,4 @@
-"""Strict settings: shapes and types of public functions are checked at run time."""
+"""Settings and fixtures of all tests: array shapes and types are checked at run time."""
 
 import importlib.metadata
 import os
@@ -7,9 +7,9 @@ from pathlib import Path
 
 from jaxtyping import config, install_import_hook
 
-if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA ends at flags it does not know
+if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA aborts at unknown flags
     quick = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
-    os.environ.setdefault("XLA_FLAGS", quick)  # compiles eight times as fast, runs half as fast
+    os.environ.setdefault("XLA_FLAGS", quick)  # compiles 8 times as fast, runs at half speed
 
 hook = install_import_hook(["surrogate", "shapeopt"], "typecheck.check")
 
@@ -27,6 +27,7 @@ sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 use_compilation_cache()
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
+ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, promise=0.1)  # the same in 3-D
 COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
@@ -42,7 +43,7 @@ def cylinder_domain():
 
 @pytest.fixture(scope="module", autouse=True)
 def memory_maps():
-    """Drop a module's compiled code: Linux grants a process 65530 maps, a solver takes hundreds."""
+    """Drop a module's compiled code: a process has 65530 memory maps, a solver takes hundreds."""
     yield
     jax.clear_caches()
 
@@ -54,7 +55,7 @@ def generator() -> np.random.Generator:
 
 @pytest.fixture
 def compiled():
-    """A list that grows by one with every function that JAX compiles, or loads compiled."""
+    """A list of the functions that JAX compiles or loads from its cache during the test."""
     seen = []
 
     def listen(event, seconds, **more):
@@ -68,7 +69,7 @@ def compiled():
 
 @pytest.fixture
 def unchecked():
-    """As users have it: no check of types before the library's own refusals."""
+    """Switch the run-time type checks off, so that the library's own messages are seen."""
     config.update("jaxtyping_disable", True)
     yield
     config.update("jaxtyping_disable", False)

@@ -1,4 +1,4 @@
-"""Golden drags of cylinders, and the order at which drags converge to them."""
+"""Golden drags of the circular cylinder, and orders of convergence of the drag."""
 
 import itertools
 
@@ -37,7 +37,7 @@ def test_golden_tunnel_cylinder(height, reynolds):
     assert drag == pytest.approx(TUNNEL[height, reynolds], rel=0.012)
 
 
-def test_golden_split_of_the_cylinders_drag():
+def test_golden_pressure_and_friction_drag_of_the_cylinder():
     found = solve(CYLINDER, 1.0)
     assert found.drag_pressure == pytest.approx(5.22, rel=0.04)
     assert found.drag_friction == pytest.approx(5.11, rel=0.04)
@@ -52,7 +52,7 @@ def test_golden_fine_grid_is_within_a_thousandth(reynolds):
 
 
 def test_order_of_the_drag_in_a_tunnel():
-    """A cylinder between walls, where no window is cut off across: nothing of first order."""
+    """Second order: between walls the window is cut off along the stream only."""
     cells = (8, 12, 18)
     errors = [
         solve(CYLINDER, 1.0, Fidelity("", n, 3, 5, 8), Tunnel(8.0)).drag / 18.412 - 1 for n in cells
@@ -65,7 +65,7 @@ def test_order_of_the_drag_in_a_tunnel():
 
 
 def test_order_of_the_drag_of_a_slender_body():
-    """Window fixed; errors against a fine grid of the same window."""
+    """Errors against a fine grid of the same window."""
     body = family_shape({"aspect": 3.0, "beta2": -0.2, "beta3": 0.1, "beta4": 0.05})
 
     def drag(cells):
@@ -77,8 +77,8 @@ def test_order_of_the_drag_of_a_slender_body():
     assert min(rates) > 1.6, f"errors {errors}, rates {rates}"
 
 
-def test_any_tunnel_height_fits_the_grid():
-    """Rows shrink a little where the height is no multiple of a cell: the drag stays smooth."""
+def test_drag_is_smooth_in_the_tunnel_height():
+    """Cells are a little lower than wide where the height is no multiple of a cell."""
     below, middle, above = (
         solve(CYLINDER, 10.0, "draft", Tunnel(height)).drag for height in (7.9, 8.0, 8.1)
     )

@@ -1,12 +1,14 @@
 """Gradients: Taylor tests (rate above 1.9), central differences, adjoints against tangents."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import TINY
 
-from surrogate import Flow, Scene, load
+from surrogate import Flow, Scene, Tunnel, load
 from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady, tangent
 from surrogate.flow.solver.adjoint import Effort, slip_weights
@@ -14,51 +16,61 @@ from surrogate.flow.solver.newton import NewtonSettings
 
 LENS = jnp.array([2.2, 0.12, -0.05, 0.03])
 SCENE = Scene(reynolds=(0.5, 45), fidelity=TINY)
-EXACT = Flow(SCENE, NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8))
+EXACT = NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8)
+UNBOUNDED = Flow(SCENE, EXACT)
+TUNNEL = Flow(dataclasses.replace(SCENE, stream=Tunnel(6.0)), EXACT)
 DIRECTION = np.array([0.4, 0.1, -0.08, 0.05, 0.3])  # in shape and Re
 
 
-@pytest.fixture(scope="module")
-def sloped():
-    """Cd and its gradient in the parameters and Re; NaN where a solve fails."""
-    return jax.value_and_grad(EXACT.drag, argnums=(0, 1))
+def drag_and_gradient(drag):
+    """Cd of a body at a Reynolds number, and its gradient in the parameters and in Re."""
+    return jax.value_and_grad(drag, argnums=(0, 1))
 
 
-def taylor_rates(sloped, reynolds, steps):
-    """Rates at which the remainder of the tangent line falls as the step is halved."""
+def taylor_rates(drag, reynolds, steps):
+    """Powers of the step at which the remainder of the tangent line falls from step to step."""
 
-    def evaluate(step):
-        moved = LENS + step * DIRECTION[:4]
-        drag, (shape, re) = sloped(moved, jnp.asarray(reynolds + step * DIRECTION[4]))
-        return float(drag), float(shape @ DIRECTION[:4] + re * DIRECTION[4])
+    def moved(step):
+        return LENS + step * DIRECTION[:4], jnp.asarray(reynolds + step * DIRECTION[4])
 
-    drag, slope = evaluate(0.0)
-    remainders = [abs(evaluate(step)[0] - drag - step * slope) for step in steps]
+    value, (shape, by_reynolds) = drag_and_gradient(drag)(*moved(0.0))
+    slope = float(shape @ DIRECTION[:4] + by_reynolds * DIRECTION[4])
+    remainders = [abs(float(drag(*moved(step)) - value) - step * slope) for step in steps]
     return np.log2(np.array(remainders[:-1]) / remainders[1:]), remainders
 
 
-@pytest.mark.parametrize("reynolds", [1.0, 16.0, 40.0])  # at 16 a cell's Re is 2 exactly
-def test_taylor_of_the_flow(sloped, reynolds):
-    """Halve the step four times; the remainder must fall at second order, in shape and Re."""
-    rates, remainders = taylor_rates(sloped, reynolds, 0.1 / 2.0 ** np.arange(5))
+@pytest.mark.parametrize(
+    ("flow", "reynolds"),  # at Re 16 the cell Reynolds number is 2 exactly
+    [(UNBOUNDED, 1.0), (UNBOUNDED, 16.0), (UNBOUNDED, 40.0), (TUNNEL, 1.0), (TUNNEL, 40.0)],
+    ids=[
+        "unbounded, Re 1",
+        "unbounded, Re 16",
+        "unbounded, Re 40",
+        "tunnel, Re 1",
+        "tunnel, Re 40",
+    ],
+)
+def test_taylor_remainders_of_the_drag_are_of_second_order(flow, reynolds):
+    """In shape and Re together, as the step is halved four times."""
+    rates, remainders = taylor_rates(flow.drag, reynolds, 0.1 / 2.0 ** np.arange(5))
     assert rates[-1] > 1.9, f"remainders {remainders}, rates {rates}"
 
 
 @pytest.mark.parametrize("reynolds", [2.0, 38.0])
-def test_taylor_of_a_surrogate(reynolds):
-    sloped = jax.jit(jax.value_and_grad(load("pretrained").drag, argnums=(0, 1)))
-    rates, remainders = taylor_rates(sloped, reynolds, 0.02 / 2.0 ** np.arange(5))
+def test_taylor_remainders_of_a_surrogate_are_of_second_order(reynolds):
+    steps = 0.02 / 2.0 ** np.arange(5)
+    rates, remainders = taylor_rates(jax.jit(load("pretrained").drag), reynolds, steps)
     assert rates[-1] > 1.9, f"remainders {remainders}, rates {rates}"
 
 
-def test_central_differences_over_a_sweep_of_steps(sloped):
-    """The difference falls with the step squared until the solver's tolerance takes over."""
-    _, (shape, slope) = sloped(LENS, jnp.asarray(10.0))
-    for k, expected in enumerate([*shape, slope]):
+def test_central_differences_converge_to_the_gradient():
+    """Their error falls with the step squared until the solver's tolerance takes over."""
+    _, (shape, by_reynolds) = drag_and_gradient(UNBOUNDED.drag)(LENS, jnp.asarray(10.0))
+    for k, expected in enumerate([*shape, by_reynolds]):
         direction = jnp.zeros(5).at[k].set(1.0)
 
         def drag(step, direction=direction):
-            return float(EXACT.drag(LENS + step * direction[:4], 10.0 + step * direction[4]))
+            return float(UNBOUNDED.drag(LENS + step * direction[:4], 10.0 + step * direction[4]))
 
         errors = [
             abs((drag(h) - drag(-h)) / (2 * h) / float(expected) - 1) for h in (2e-2, 5e-3, 1e-3)
@@ -69,13 +81,13 @@ def test_central_differences_over_a_sweep_of_steps(sloped):
 
 
 @pytest.mark.parametrize("reynolds", [1.0, 40.0])
-def test_quick_slope_has_three_digits(sloped, reynolds):
-    drag, (expected, _) = sloped(LENS, jnp.asarray(reynolds))
+def test_the_slope_by_a_short_adjoint_solve_has_three_digits(reynolds):
+    drag, (expected, _) = drag_and_gradient(UNBOUNDED.drag)(LENS, jnp.asarray(reynolds))
     quick = Flow(SCENE).slope(LENS, reynolds)
     assert bool(quick.converged)
     assert float(quick.drag) == pytest.approx(float(drag), rel=1e-5)
-    miss = float(jnp.linalg.norm(quick.gradient - expected) / jnp.linalg.norm(expected))
-    assert miss < 2e-3, f"miss {miss:.1e}"
+    error = float(jnp.linalg.norm(quick.gradient - expected) / jnp.linalg.norm(expected))
+    assert error < 2e-3, f"error {error:.1e}"
 
 
 @pytest.fixture(scope="module")
@@ -107,28 +119,29 @@ TIGHT = Effort(1e-6, 60)
 
 
 @pytest.fixture(scope="module")
-def compliance(cylinder_domain, driven):
+def slip_jacobian(cylinder_domain, driven):
     operators, state, _ = driven
-    matrix, cost = jax.jit(lambda: tangent.slip_jacobian(cylinder_domain, operators, state, TIGHT))()
+    domain = cylinder_domain
+    matrix, cost = jax.jit(lambda: tangent.slip_jacobian(domain, operators, state, TIGHT))()
     assert bool(cost.converged)
     return matrix
 
 
-def test_compliance_is_the_derivative_of_the_slip(driven, compliance):
+def test_slip_jacobian_is_the_derivative_of_the_slip(driven, slip_jacobian):
     _, state, slip = driven
     step = 1e-5 * np.linspace(1, -1, state.amplitude.size)
     difference = (slip(state.amplitude + step) - slip(state.amplitude - step)) / 2
-    assert np.allclose(difference, compliance @ step, atol=1e-11)
+    assert np.allclose(difference, slip_jacobian @ step, atol=1e-11)
 
 
-def test_slip_adjoint_agrees_with_the_compliance(cylinder_domain, driven, compliance):
+def test_slip_adjoint_agrees_with_the_slip_jacobian(cylinder_domain, driven, slip_jacobian):
     """And both with a central difference."""
     operators, state, slip = driven
     weights = jnp.linspace(-1, 2, state.amplitude.size)
     gradient, _ = jax.jit(
         lambda: tangent.slip_adjoint(cylinder_domain, operators, state, weights, TIGHT)
     )()
-    assert np.allclose(gradient, compliance.T @ weights, rtol=1e-5, atol=1e-6)
+    assert np.allclose(gradient, slip_jacobian.T @ weights, rtol=1e-5, atol=1e-6)
     step = 1e-5 * np.cos(np.arange(state.amplitude.size))
     difference = weights @ (slip(state.amplitude + step) - slip(state.amplitude - step)) / 2
     assert float(gradient @ step) == pytest.approx(float(difference), abs=1e-10)

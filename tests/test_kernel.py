@@ -1,4 +1,4 @@
-"""Exact: the lattice Green's function solves the discrete Oseen equations to round-off."""
+"""The lattice Green's function G solves the discrete Oseen equations to round-off."""
 
 import dataclasses
 import functools
@@ -25,7 +25,7 @@ def random_force(generator):
 
 @functools.partial(jax.jit, static_argnames=("lattice", "height", "mirrored"))
 def driven(lattice, reynolds, height, force, mirrored=False):
-    """Velocity that a force density drives."""
+    """Velocity that a force density drives: one convolution with G."""
     return oseen_kernel(lattice, reynolds, height, mirrored)(force)
 
 
@@ -56,8 +56,8 @@ def test_exact_kernel_is_divergence_free_and_solves_oseen(reynolds, height, mirr
     assert float(jnp.abs(momentum_defect(velocity, force, reynolds)[INSIDE]).max()) < 1e-9
 
 
-def test_exact_kernels_of_a_batch_are_those_of_its_members(generator):
-    """Every body of a batch has its own Re."""
+def test_exact_kernels_of_a_batch_equal_single_ones(generator):
+    """Each with its own Re."""
     force, numbers = random_force(generator), jnp.array([0.01, 1.0, 16.0, 100.0])
     batch = jax.jit(jax.vmap(lambda re: driven(LATTICE, re, None, force)))(numbers)
     for row, reynolds in zip(batch, numbers, strict=True):
@@ -66,7 +66,7 @@ def test_exact_kernels_of_a_batch_are_those_of_its_members(generator):
 
 @pytest.mark.parametrize("reynolds", [1.0, 40.0])
 def test_exact_kernel_of_a_long_periodic_lattice(reynolds, generator):
-    """Brute force: the same operator inverted by FFT on a lattice of 16384 columns."""
+    """Against the same operator inverted by FFT on a lattice of 16384 columns."""
     rows, columns = 16, 16384
     lattice = Lattice((24, rows), (H, H), 8)
     force = np.zeros((2, 24, rows))
@@ -116,7 +116,7 @@ def test_exact_kernel_commutes_with_reflection(generator):
 
 
 def test_exact_slip_walls_are_stream_lines(generator):
-    """With mirror images no fluid crosses the tunnel's walls."""
+    """With mirror images no fluid crosses the walls of the tunnel."""
     force = random_force(generator)
     height = LATTICE.shape[1] * H
     velocity = driven(LATTICE, jnp.asarray(20.0), height, force, mirrored=True)
@@ -124,7 +124,7 @@ def test_exact_slip_walls_are_stream_lines(generator):
 
 
 def test_exact_convection_adds_no_force(generator):
-    """Flux form: whatever the velocity, the window's convection sums to zero."""
+    """In flux form the convection of any velocity sums to zero over the window."""
     velocity = LATTICE.cutoff() * generator.normal(size=(2, *LATTICE.shape))
     total = jnp.sum(LATTICE.convect(jnp.asarray(velocity)), axis=(1, 2))
     assert float(jnp.abs(total).max()) < 1e-10

@@ -1,4 +1,4 @@
-"""Drag, lift and moment as functionals: their adjoints pass Taylor tests, unbounded and in a tunnel."""
+"""Drag, lift and moment as functionals: Taylor tests of their adjoints, with and without walls."""
 
 import jax
 import jax.numpy as jnp

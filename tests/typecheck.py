@@ -1,4 +1,4 @@
-"""jaxtyping's run-time checker: beartype, for which a whole number is a number."""
+"""beartype as jaxtyping's run-time checker; an int is taken where a float is annotated."""
 
 from beartype import BeartypeConf, beartype
 

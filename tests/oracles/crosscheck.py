@@ -1,4 +1,4 @@
-"""The force twice more, from the velocity field alone: a box's momentum balance, the far wake.
+"""Loads on a body from the velocity alone: momentum through a box around it, survey of its wake.
 
 Neither uses the traction, the Green's function or a pressure solve.
 """
@@ -11,39 +11,72 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.surface.pressure import momentum_defect
 
 
-def force_by_momentum(
+def loads_by_momentum(
     lattice: Lattice,
     velocity: Float[AnyArray, "2 nx ny"],
     reynolds: float,
-    reach: tuple[float, float],
-) -> Float[np.ndarray, " 2"]:
-    """Force of the fluid on the body from the momentum that leaves a box of half sides ``reach``.
+    half_sides: tuple[float, float],
+) -> Float[np.ndarray, " 3"]:
+    """Return (Cd, Cl, Cm) from the stress and momentum flux through a box around the body.
 
-    The pressure on the box comes from integrating the momentum equation along its sides, where
-    there is no body force.
+    The force on the body is the integral of t = -p n + nu (grad u + grad u^T) n - u (u . n) over
+    the box, its moment about the origin, nose up, that of y t_x - x t_y. The box runs through cell
+    centres (trapezoidal rule, second order in h). Its pressure, up to a constant, comes from
+    integrating the momentum equation once around it, where there is no body force.
+
+    Args:
+      velocity: perturbation u' = u - (1, 0) on the faces of ``lattice``, without symmetry.
+      half_sides: of the box, in D, along and across the stream.
     """
-    defect = momentum_defect(lattice, velocity, reynolds)
-    dx, dy = lattice.step
-    i0, i1 = (lattice.inlet + round(s * reach[0] / dx) for s in (-1, 1))
-    j0, j1 = (lattice.shape[1] // 2 + round(s * reach[1] / dy) for s in (-1, 1))
-    # the box holds cells i0 < i <= i1, j0 < j <= j1; p relative to its lower left corner
-    along_x = -np.cumsum(defect[0, i0 : i1 + 1, :], axis=0) * dx  # p[i0 + 1 ...] - p[i0]
-    along_y = -np.cumsum(defect[1, :, j0 : j1 + 1], axis=1) * dy
-    left = np.concatenate([[0.0], along_y[i0]])  # p at rows j0 ... j1 + 1 of column i0
-    bottom = np.concatenate([[0.0], along_x[:, j0]])  # p at columns i0 ... i1 + 1 of row j0
-    right = bottom[-1] + np.concatenate([[0.0], along_y[i1 + 1]])
-    top = left[-1] + np.concatenate([[0.0], along_x[:, j1 + 1]])
-    inside = (slice(i0, i1 + 1), slice(j0 + 1, j1 + 1))
-    force_x = defect[0][inside].sum() * dx * dy + (right - left)[1:-1].sum() * dy
-    inside = (slice(i0 + 1, i1 + 1), slice(j0, j1 + 1))
-    force_y = defect[1][inside].sum() * dx * dy + (top - bottom)[1:-1].sum() * dx
-    return -np.array([force_x, force_y])
+    step, (i, j) = np.array(lattice.step), _box(lattice, half_sides)
+    to_next = np.stack([np.roll(i, -1) - i, np.roll(j, -1) - j])  # cells, counterclockwise
+    along_x, along_y = momentum_defect(lattice, velocity, reynolds) * step[:, None, None]
+    rise_x = to_next[0] * along_x[np.minimum(i, i + to_next[0]), j]
+    rise_y = to_next[1] * along_y[i, np.minimum(j, j + to_next[1])]
+    pressure = -np.cumsum(np.roll(rise_x + rise_y, 1))
+    side = np.stack([to_next[1] * step[1], -to_next[0] * step[0]])  # outward normal times length
+    normal = (side + np.roll(side, 1, axis=1)) / 2
+    u, gradient = (field[..., i, j] for field in _at_centres(lattice, velocity))
+    friction = (gradient + gradient.transpose(1, 0, 2)) / reynolds
+    t = np.einsum("abk,bk->ak", friction, normal)
+    t -= pressure * normal + u * np.sum(u * normal, axis=0)
+    (_, y), (x, _) = lattice.faces()
+    return 2 * np.array([*t.sum(axis=1), np.sum(y[j] * t[0] - x[i] * t[1])])
+
+
+def _box(lattice, half_sides):
+    """Indices of the cells whose centres lie on the box, counterclockwise from lower left."""
+    (_, y), (x, _) = lattice.faces()
+    i0, i1 = (int(np.argmin(np.abs(x - s * half_sides[0]))) for s in (-1, 1))
+    j0, j1 = (int(np.argmin(np.abs(y - s * half_sides[1]))) for s in (-1, 1))
+    right, up, left, down = (
+        np.arange(*ends) for ends in ((i0, i1), (j0, j1), (i1, i0, -1), (j1, j0, -1))
+    )
+    return (
+        np.concatenate([right, np.full(up.size, i1), left, np.full(down.size, i0)]),
+        np.concatenate([np.full(right.size, j0), up, np.full(left.size, j1), down]),
+    )
+
+
+def _at_centres(lattice, velocity):
+    """Total velocity (2, nx, ny) and its gradient (component, axis, nx, ny) at cell centres."""
+    u, v = np.asarray(velocity)
+    total = np.stack([u + np.roll(u, 1, axis=0), v + np.roll(v, 1, axis=1)]) / 2
+    total[0] += 1
+    slopes = [
+        (np.roll(total, -1, axis + 1) - np.roll(total, 1, axis + 1)) / (2 * step)
+        for axis, step in enumerate(lattice.step)
+    ]
+    gradient = np.stack(slopes, axis=1)
+    for axis, face in enumerate((u, v)):  # across its own cell a component is known on both faces
+        gradient[axis, axis] = (face - np.roll(face, 1, axis)) / lattice.step[axis]
+    return total, gradient
 
 
 def drag_by_wake(
     lattice: Lattice, velocity: Float[AnyArray, "2 nx ny"], reynolds: float, station: float
 ) -> float:
-    """Drag coefficient from a wake survey ``station`` D behind the body.
+    """Return Cd from a survey of the wake ``station`` D behind the body.
 
     Fx = int (H0 - H) dy - (1/2) int (u'^2 - v'^2) dy - 2 nu int du'/dx dy, the total head H from
     dH/dy = -u omega + nu domega/dx; what the window cuts off at its sides is left out.

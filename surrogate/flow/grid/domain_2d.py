@@ -61,9 +61,6 @@ class Domain2D(Domain):
         """
         cells, height = fidelity.cells, stream.height if isinstance(stream, Tunnel) else None
         width = window_height(stream, fidelity.height)
-        # With slip walls and a body off the centre line the flow's period is 2 H, so a grid
-        # from wall to wall is periodic only for symmetric flows.
-        spans = symmetric and height is not None
 
         def grid(before, after, across, per_d):
             step = 1 / per_d
@@ -74,7 +71,7 @@ class Domain2D(Domain):
                 (round((before + after) * per_d), rows // 2 if symmetric else rows),
                 (1 / per_d, step),
                 round(before * per_d),
-                periodic=spans and across == height,
+                periodic=across == height,
                 symmetric=symmetric,
             )
 

@@ -87,9 +87,12 @@ def refinement(lattice: Lattice, coarse: Lattice) -> Callable[[Array], Array]:
     def parity(axis, own):
         return (-1 if axis == own else 1) if coarse.symmetric and axis > 0 else 0
 
+    def walled(axis, own):
+        return axis == own > 0 and coarse.periodic and not coarse.symmetric
+
     matrices = [
         [
-            _spline(xf, xc, parity(axis, own))
+            _spline(xf, xc, parity(axis, own), walled(axis, own))
             for axis, (xf, xc) in enumerate(zip(*faces, strict=True))
         ]
         for own, faces in enumerate(zip(lattice.faces(), coarse.faces(), strict=True))
@@ -106,10 +109,11 @@ def refinement(lattice: Lattice, coarse: Lattice) -> Callable[[Array], Array]:
     return refine
 
 
-def _spline(fine, rough, parity=0):
+def _spline(fine, rough, parity=0, walled=False):
     """Return the matrix from values at ``rough`` to values at ``fine``.
 
-    With a parity (1 even, -1 odd) the mirror image of the values is added first.
+    With a parity (1 even, -1 odd) the mirror image of the values is added first. ``walled``: the
+    function vanishes on the lower wall, one step below the first of ``rough``.
     """
     values, knots = np.eye(len(rough)), rough
     if parity:
@@ -118,4 +122,7 @@ def _spline(fine, rough, parity=0):
     if parity < 0:  # an odd function vanishes on the mirror plane
         values = np.insert(values, len(rough), 0.0, axis=0)
         knots = np.insert(knots, len(rough), 0.0)
+    if walled:
+        values = np.insert(values, 0, 0.0, axis=0)
+        knots = np.insert(knots, 0, 2 * rough[0] - rough[1])
     return CubicSpline(knots, values)(fine)

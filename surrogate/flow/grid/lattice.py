@@ -21,7 +21,7 @@ class Lattice:
       shape: number of cells along each axis.
       step: cell size along each axis, in D.
       inlet: number of cells between the upstream edge and the body's centre.
-      periodic: the grid spans a tunnel's whole period, so nothing is blended out across it.
+      periodic: the grid spans a tunnel from wall to wall, so nothing is blended out across it.
       symmetric: only the part of a flow with mirror planes where all coordinates across are
         positive is stored. A component is odd in its own coordinate across and even in the
         others; where it is odd its zeros on the mirror plane are not stored. Always so in 3-D.
@@ -123,8 +123,9 @@ class Lattice:
     def convect(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """Return -div(u u) of a face velocity that vanishes at the edges, by jax-cfd.
 
-        A symmetric grid may be treated as periodic as well: v = 0 at its top row stands for
-        v = 0 on the centre line, and no flux of u crosses either.
+        A symmetric grid and one from wall to wall may be treated as periodic as well: v = 0 at
+        the top row stands for v = 0 on the centre line or the lower wall, and no flux of u
+        crosses either.
         """
         bc = boundaries.periodic_boundary_conditions(self.dimension)
         variables = tuple(
@@ -132,7 +133,7 @@ class Lattice:
             for component, offset in zip(velocity, self.grid.cell_faces, strict=True)
         )
         terms = [term.data for term in advection.convect_linear(variables)]
-        if self.symmetric:
+        if self.symmetric or self.periodic:
             for axis in range(1, self.dimension):
                 terms[axis] = terms[axis].at[(slice(None),) * axis + (-1,)].set(0.0)
         return jnp.stack(terms)

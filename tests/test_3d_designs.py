@@ -1,0 +1,113 @@
+"""3-D surrogates, their designs of least drag, and the files and pictures of a run."""
+
+import itertools
+
+import imageio.v3 as imageio
+import numpy as np
+import pytest
+from conftest import ROUGH_3D
+from pictures import pixels
+
+from shapeopt import Problem, load_run, optimise, save_run
+from shapeopt.export.solid import pv
+from shapeopt.problem.conflicts import candidates
+from shapeopt.render.bodies_3d import TURNS, render_bodies
+from shapeopt.render.pictures import Panel
+from surrogate import Family, Flow, InvalidInput, Scene, load, train
+
+FAMILY = Family(dimension=3)
+
+
+@pytest.fixture(scope="module")
+def slender():
+    """Few parameters, so that few bodies suffice."""
+    family = Family(dimension=3, aspect=(1, 3), flatness=(1, 2))
+    return Scene(dimension=3, reynolds=(5, 40), family=family, fidelity=ROUGH_3D)
+
+
+@pytest.fixture(scope="module")
+def network(slender, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("3d") / "net"
+    train(slender, "hig", samples=12, preset="quick", out=folder, progress=False)
+    return folder
+
+
+@pytest.mark.slow
+def test_a_3d_surrogate_is_trained_and_saved_and_agrees_with_the_flow(slender, network):
+    surrogate = load(network)
+    assert surrogate.scene == slender
+    assert surrogate.record["drag_error_mean"] < 0.01
+    found = float(surrogate.drag([2.0, 1.5], 20.0))
+    assert found == pytest.approx(float(Flow(slender).drag([2.0, 1.5], 20.0)), rel=0.02)
+
+
+@pytest.mark.parametrize(("reynolds", "drag"), [(0.1, 244.176), (10, 4.3079), (100, 1.0881)])
+def test_golden_sphere_by_the_shipped_surrogate(reynolds, drag):
+    """Not among its training bodies; the flow it was trained by is within 0.5 %."""
+    net = load("pretrained:space")
+    assert float(net.drag(FAMILY.ellipse(1.0), reynolds)) == pytest.approx(drag, rel=0.01)
+
+
+def test_golden_least_drags_by_the_shipped_surrogate():
+    """Pironneau 1973 in Stokes flow; axisymmetric elements at Re 40."""
+    net = load("pretrained:space")
+    for reynolds, ratio, aspect in ((0.1, 0.95425, 2.0), (40.0, 0.79645, 3.69)):
+        design = optimise(Problem(net.scene, reynolds), net)
+        sphere = float(net.drag(FAMILY.ellipse(1.0), reynolds))
+        assert design.drag / sphere == pytest.approx(ratio, abs=0.006)
+        assert design.parameters[0] == pytest.approx(aspect, rel=0.1)
+        assert design.parameters[1] < 1.05  # nothing is gained by flattening
+
+
+@pytest.mark.slow
+def test_a_bound_on_height_flattens_the_optimum(slender, network, tmp_path):
+    """Free, it is a body of revolution; a run is written and read, its files are watertight."""
+    surrogate = load(network)
+    free = optimise(Problem(slender, 20.0, max_length=1.7), surrogate)
+    low = Problem(slender, 20.0, max_length=1.7, max_thickness=0.6)
+    flat = optimise(low, surrogate)
+    assert free.parameters[1] < 1.1 < 1.2 < flat.parameters[1]
+    assert float(slender.family.body_class.thickness(flat.parameters)) <= 0.6 + 1e-6
+    run = save_run(tmp_path / "run", flat, surrogate)
+    assert load_run(tmp_path / "run")["parameters"] == run["parameters"]
+    for name in ("contour.vtp", "body.stl"):
+        mesh = pv.read(tmp_path / "run" / name)
+        assert mesh.n_open_edges == 0
+        assert mesh.is_manifold
+        assert mesh.volume == pytest.approx(np.pi / 6, rel=3e-3)
+    loads = pv.read(tmp_path / "run" / "contour.vtp")
+    assert np.all(np.isfinite(loads["Cp"]))
+    assert loads["Cf"].shape == (loads.n_points, 3)
+    with pytest.raises(InvalidInput, match=r"max thickness 0\.2: every body"):
+        candidates(Problem(slender, 20.0, max_thickness=0.2))
+
+
+@pytest.mark.slow
+def test_every_row_of_bodies_has_its_own_colour_scale(slender, tmp_path):
+    """Cp at Re 0.5 is a hundred times that at Re 20: one scale would hide a row."""
+    flow = Flow(slender)
+    found = [flow.solve(slender.family.ellipse(1.0), re, estimate=False) for re in (0.5, 20.0)]
+    rows = [[Panel(solution, f"Re {solution.reynolds:g}")] for solution in found]
+    (width, height), colours = pixels(render_bodies(rows, tmp_path / "rows.png"))
+    reds = colours.reshape(height, width, 3).astype(int)
+    reds = np.sum((reds[..., 0] > 150) & (reds[..., 2] < 90), axis=1)
+    below, above = reds[: height // 2].sum(), reds[height // 2 :].sum()
+    assert min(below, above) > 0.2 * max(below, above) > 100
+
+
+@pytest.mark.slow
+def test_pictures_of_a_3d_run(network, slender, tmp_path):
+    from shapeopt.commands import render
+
+    save_run(tmp_path / "run", optimise(Problem(slender, 20.0), load(network)))
+    render.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "pair.png")])
+    shown = [pixels(tmp_path / "pair.png")[1]]
+    run = ["--runs", str(tmp_path / "run")]
+    render.main([*run, "--surface", "--out", str(tmp_path / "friction.png")])
+    shown.append(pixels(tmp_path / "friction.png")[1])
+    assert np.mean(np.any(shown[0] != shown[1], axis=-1)) > 0.01  # the bodies have other colours
+    render.main([*run, "--surface", "--out", str(tmp_path / "turn.gif")])
+    frames = imageio.imread(tmp_path / "turn.gif")
+    assert len(frames) == TURNS
+    for one, other in itertools.pairwise(frames[:: TURNS // 4]):
+        assert np.mean(one != other) > 0.02  # the body has turned

@@ -1,0 +1,43 @@
+"""Particles that settle: Stokes, Oseen and the correlation of spheres; what is refused."""
+
+import pytest
+from conftest import ROUGH_3D
+
+from surrogate import Flow, InvalidInput, Particle, Scene, family_shape, settle
+
+DRAFT = Flow(Scene(dimension=3, reynolds=(0.01, 100), fidelity="draft"))
+SPHERE = family_shape({"aspect": 1.0}, dimension=3)
+
+
+@pytest.mark.parametrize("size", [1e-6, 2e-5, 3e-5])
+def test_golden_small_particles_settle_by_stokes(size):
+    """w = (s - 1) g D^2 / 18 nu, less Oseen's 3/16 Re; the smallest has Re 9e-7."""
+    settled = settle(DRAFT, SPHERE, Particle(2.65, 1e-6, size), estimate=False)
+    re = settled.reynolds
+    assert settled.solution.reynolds == max(re, 1e-3)
+    stokes = 1.65 * 9.81 * size**2 / 18e-6
+    assert settled.velocity == pytest.approx(stokes / (1 + 3 / 16 * re), rel=0.005)
+    assert settled.flows <= 4
+
+
+def test_golden_grains_settle_by_the_sphere_curve():
+    """Schiller and Naumann 1933, good to 5 %."""
+    settled = settle(DRAFT, SPHERE, Particle(2.65, 1e-6, 5e-4), estimate=False)
+    re = settled.solution.reynolds
+    assert settled.solution.drag == pytest.approx(24 / re * (1 + 0.15 * re**0.687), rel=0.05)
+
+
+@pytest.mark.parametrize(("aspect", "onset", "size"), [(1.0, 210, 5e-3), (0.5, 113, 2e-3)])
+def test_particles_too_large_to_settle_steadily_are_refused(aspect, onset, size):
+    """Their wakes would shed vortices."""
+    rough = Flow(Scene(dimension=3, fidelity=ROUGH_3D))
+    body = family_shape({"aspect": aspect}, dimension=3)
+    with pytest.raises(InvalidInput, match=rf"beyond Re {onset}, .* smaller size"):
+        settle(rough, body, Particle(2.65, 1e-6, size))
+
+
+def test_particles_without_weight_or_size_are_refused():
+    with pytest.raises(InvalidInput, match="neither falls nor rises"):
+        Particle(1.0, 1e-6, 1e-4)
+    with pytest.raises(InvalidInput, match="size -1: from 1e-12"):
+        Particle(2.0, 1e-6, -1)
