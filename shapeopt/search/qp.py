@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 # along the body (81 constraints) twenty do.
 STEPS, STEPS_OF_MANY, MANY = 8, 20, 20
 TO_BOUNDARY = 0.995  # part of the step to the boundary that is taken, as usual (N&W, section 16.6)
+CONVERGED = 1e-16  # mean of dual times slack below which rounding would spoil further steps
 RELAXED = 1e-6  # curvature of the relaxation, which keeps the matrix positive definite
 
 
@@ -58,6 +59,7 @@ def solve_relaxed_qp(
         centre = jnp.mean((slack + length * ds) * (dual + length * dm)) ** 3 / mean**2
         dx, ds, dm = newton(centre - ds * dm)
         length = TO_BOUNDARY * _step_length(slack, dual, ds, dm)
+        length = jnp.where(mean > CONVERGED, length, 0.0)
         return x + length * dx, slack + length * ds, dual + length * dm
 
     slack = jnp.maximum(offsets, 1e-2)
