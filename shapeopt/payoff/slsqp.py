@@ -19,7 +19,6 @@ class SlsqpResult(NamedTuple):
 
     parameters: Float[AnyArray, " parameters"]
     value: float
-    evaluations: int
     kkt_residual: float
     feasible: bool
     converged: bool
@@ -41,7 +40,7 @@ def minimise_slsqp(
 
     def scaled(z):
         value, gradient = value_and_gradient(low + width * z)
-        last.update(z=z.copy(), gradient=gradient * width, calls=last.get("calls", 0) + 1)
+        last.update(z=z.copy(), gradient=gradient * width)
         return value, gradient * width
 
     def constraints(z):
@@ -70,7 +69,6 @@ def minimise_slsqp(
     return SlsqpResult(
         parameters=low + width * z,
         value=float(value),
-        evaluations=last["calls"],
         kkt_residual=kkt_residual(limits, low + width * z, value, gradient / width),
         feasible=feasible,
         converged=bool(result.success) and feasible and bool(np.isfinite(value)),

@@ -14,6 +14,8 @@ from shapeopt.payoff.break_even import (
 from shapeopt.render.tables import markdown
 
 SUFFIXES = {"seconds": "s", "green_applications": "g"}  # of the keys in JSON
+COSTS = ("training", "flows a design", "a design")
+PAYS = ("pays after designs, by G", "by time")
 Row = Mapping[str, Any]
 
 
@@ -61,8 +63,7 @@ def payoff_tables(result: Row) -> str:
 
 def break_even_table(rows: Sequence[Row]) -> str:
     """Return the full table, one line for each strategy."""
-    heads = ["way", "error mean / max", "training", "flows a design", "a design"]
-    heads += ["gap, KKT at most", "pays after designs, by G", "by time", "beats kriging, by G"]
+    heads = ["way", "error mean / max", *COSTS, "gap, KKT at most", *PAYS, "beats kriging, by G"]
     lines = [
         [
             row["method"],
@@ -78,14 +79,10 @@ def break_even_table(rows: Sequence[Row]) -> str:
 
 
 def short_table(rows: Sequence[Row]) -> str:
-    """Return costs and break-even alone, without the methods as published."""
-    heads = ["way", "training", "flows a design", "a design", "pays after designs, by G", "by time"]
-    lines = [
-        [row["method"], *_costs(row), *_break_evens(row)]
-        for row in rows
-        if "published" not in row["method"]
-    ]
-    return markdown(heads, lines)
+    """Return the costs and break-even alone, without the methods as published."""
+    chosen = [row for row in rows if "published" not in row["method"]]
+    lines = [[row["method"], *_costs(row), *_break_evens(row)] for row in chosen]
+    return markdown(["way", *COSTS, *PAYS], lines)
 
 
 def _cumulative_table(rows):

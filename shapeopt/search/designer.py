@@ -99,14 +99,15 @@ class Designer:
         memory.refresh()
         before = memory.flows, memory.green_applications
         try:
-            evaluated, calls = self._search(problem, report)
+            evaluated, failures, calls = self._search(problem, report)
         finally:
             self._save()
         best = min(evaluated, key=lambda body: body.rank)
         if best.kkt_residual > KKT_ACCEPTED:
+            lost = f" and {failures} that were not found" if failures else ""
             raise NotConverged(
                 f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
-                f"{memory.flows - before[0]} flows; {KKT_TOLERANCE:g} is asked"
+                f"{memory.flows - before[0]} flows{lost}; {KKT_TOLERANCE:g} is asked"
             )
         drag = best.value
         if not isinstance(problem.objective, AtReynolds):
@@ -134,8 +135,8 @@ class Designer:
         except (OSError, InvalidInput) as problem:
             warnings.warn(f"the flows of this design were not kept: {problem}", stacklevel=3)
 
-    def _search(self, problem: Problem, report: Report) -> tuple[list[EvaluatedDesign], int]:
-        """Return the bodies evaluated on the way to an optimum, and drags asked of models.
+    def _search(self, problem: Problem, report: Report) -> tuple[list[EvaluatedDesign], int, int]:
+        """Return the evaluated bodies, the number of failed ones, and that of drags of models.
 
         Raises:
           NotConverged: no flow was found.
@@ -168,7 +169,7 @@ class Designer:
             report(evaluated[-1], memory.flows)
         if not evaluated:
             raise NotConverged(f"optimise on the flow: no flow of {len(failed)} bodies was found")
-        return evaluated, calls
+        return evaluated, len(failed), calls
 
 
 def check_model(model: Surrogate | Flow) -> None:
