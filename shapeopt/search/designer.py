@@ -79,7 +79,7 @@ class Designer:
         """The scene of all its designs."""
         return self.memory.flow.scene
 
-    def design(self, problem: Problem, report: Report = lambda body, flows: None) -> Design:
+    def design(self, problem: Problem, report: Report | None = None) -> Design:
         """Return an optimum of the flow for a problem.
 
         Flows are kept whether or not the search succeeds; a warning says where they could not be
@@ -135,7 +135,9 @@ class Designer:
         except (OSError, InvalidInput) as problem:
             warnings.warn(f"the flows of this design were not kept: {problem}", stacklevel=3)
 
-    def _search(self, problem: Problem, report: Report) -> tuple[list[EvaluatedDesign], int, int]:
+    def _search(
+        self, problem: Problem, report: Report | None
+    ) -> tuple[list[EvaluatedDesign], int, int]:
         """Return the evaluated bodies, the number of failed ones, and that of drags of models.
 
         Raises:
@@ -159,16 +161,16 @@ class Designer:
                 break
             try:
                 evaluated.append(evaluate_design(problem, memory, body))
-            except NotConverged as error:
+            except NotConverged:
                 failed.append(body)
-                if len(failed) < MAX_FAILURES:
-                    continue
-                if not evaluated:
-                    raise NotConverged(f"{error}, for any of {len(failed)} bodies") from None
-                break
-            report(evaluated[-1], memory.flows)
+                if len(failed) == MAX_FAILURES:
+                    break
+                continue
+            if report:
+                report(evaluated[-1], memory.flows)
         if not evaluated:
-            raise NotConverged(f"optimise on the flow: no flow of {len(failed)} bodies was found")
+            where = f"any of {len(failed)} bodies about Re {problem.objective.nominal:g}"
+            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}")
         return evaluated, len(failed), calls
 
 
