@@ -11,7 +11,7 @@ import pytest
 
 from shapeopt.render.page.page import page
 from surrogate import Family, Scene, Surrogate, Tunnel, load
-from surrogate.flow.grid.domain import traction_modes
+from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import held_out_samples
 
@@ -81,8 +81,11 @@ def cases(name):
 
 def crossing(family):
     """The body of the ranges that is thinnest at its tail, where sin kt / sin t is k or -k."""
-    ratios, betas = family.ranges[: family.form.ratios], family.ranges[family.form.ratios :]
-    betas = zip(family.form.modes, betas, strict=True)
+    ratios, betas = (
+        family.ranges[: family.body_class.ratios],
+        family.ranges[family.body_class.ratios :],
+    )
+    betas = zip(family.body_class.modes, betas, strict=True)
     return [*(ends[0] for _, ends in ratios), *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
 
 

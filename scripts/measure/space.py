@@ -19,7 +19,7 @@ from maps import Field, map_tables
 from study import TINY, Result, Study, run_study, words
 
 from surrogate import Family, Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
-from surrogate.flow.grid.immersed import THIN
+from surrogate.flow.grid.wall_3d import THIN_LAYER_RE
 
 # sphere, axisymmetric finite elements on finer meshes, uncertainty about 5e-5
 SPHERE = {0.1: 244.176, 1.0: 27.3175, 10.0: 4.3079, 40.0: 1.7891, 100.0: 1.0881}
@@ -125,7 +125,7 @@ def _revolved(extent: Extent) -> Fields:
     for k, (body, re) in enumerate(held_out(extent.revolved)):
         row, exact = form.format(re=re, **body), _by_elements(body, re, extent.elements)
         yield _place(HELD_OUT, row, "finite elements") | exact
-        finest = extent.finest if k % 3 == 0 or re > THIN else ()
+        finest = extent.finest if k % 3 == 0 or re > THIN_LAYER_RE else ()
         for level in (*extent.levels, *finest):
             yield _place(HELD_OUT, row, level.name) | _by_flow(body, re, level, exact["cd"])
 
@@ -134,7 +134,8 @@ def held_out(count: int) -> list[tuple[dict[str, float], float]]:
     """Bodies of revolution, their aspects and Re spread evenly in the log, betas at random."""
     keys = jax.random.split(jax.random.key(SEED))
     bodies = np.array(REVOLVED.sample(keys[0], count))
-    bodies[:, 0] = np.geomspace(*REVOLVED.bounds[0], count)
+    aspect = REVOLVED.names.index("aspect")
+    bodies[:, aspect] = np.geomspace(*REVOLVED.bounds[aspect], count)
     numbers = jax.random.permutation(keys[1], np.geomspace(*NUMBERS, count))
     return [(REVOLVED.named(body), float(re)) for body, re in zip(bodies, numbers, strict=True)]
 

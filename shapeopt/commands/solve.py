@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady, dimension)
     scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
     for value in reynolds:  # before the first is solved
-        check_reynolds(value, arguments.allow_unsteady, dimension, shape.reach)
+        check_reynolds(value, arguments.allow_unsteady, dimension, shape.extent)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
     flow, results = Flow(scene), []
@@ -71,7 +71,7 @@ def _settling(arguments):
     row = _plain(settled.solution)
     told = {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
-    turns = bool(shape.reach[0] > 1.01 * min(shape.reach[1:]))
+    turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:]))
     told |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
     result = {"results": [row | told], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"

@@ -61,12 +61,12 @@ class _Constraint(NamedTuple):
 
 def _constraints(problem: Problem) -> list[_Constraint]:
     """Return the constraints that a problem sets."""
-    form = problem.scene.family.form
+    body_class = problem.scene.family.body_class
     found = [
         _Constraint(
             f"{name.replace('_', ' ')} {getattr(problem, name):g}",
             lambda p, name=name: dataclasses.replace(p, **{name: None}),
-            lambda body, bound=bound: bound.value(body, form),
+            lambda body, b=bound: b.sense * jnp.min(b.sense * b.values(body_class, body)),
             bound.conflict,
         )
         for name, bound in BOUNDS.items()
@@ -78,7 +78,7 @@ def _constraints(problem: Problem) -> list[_Constraint]:
             lambda p, station=station: dataclasses.replace(
                 p, stations=tuple(other for other in p.stations if other != station)
             ),
-            lambda body, station=station: station.measure(body, form),
+            lambda body, x=station.x: body_class.thickness_at(body, jnp.asarray(x)),
             f"{EVERY} is thinner there than",
         )
         for station in problem.stations

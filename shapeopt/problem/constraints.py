@@ -4,7 +4,6 @@ A new bound is an entry of ``BOUNDS`` and the field of ``Problem`` of that name.
 ``shapeopt/README.md``, section 1; lengths in D.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,10 +13,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import CLEAR_THICKNESS_RATIO
-from surrogate.body.form import Form
-from surrogate.body.measures import chord, least, radii, thickness, thickness_at, thicknesses
-from surrogate.body.outline import opening
+from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass
+from surrogate.body.measures import least
 
 FEASIBLE = -1e-6  # constraint value down to which a body counts as feasible: rounding and solver
 EVERY = "every body of the family"
@@ -26,34 +23,32 @@ EVERY = "every body of the family"
 class Bound(NamedTuple):
     """A bound that a problem may set, by what it measures on a body, in D.
 
-    It holds for every value that ``measure`` returns: a minimum where ``sense`` is 1, a maximum
-    where it is -1. ``unbounded`` is a bound that every body satisfies. ``usual`` stands for a bound
-    that is not set when two problems are compared. An ``optional`` one has so many values that it
-    takes part only where it is set. ``conflict`` begins the text of a conflict.
+    It holds for every value of ``measure``, a method of ``BodyClass``: a minimum where ``sense`` is
+    1, a maximum where it is -1. ``unbounded`` is a bound that every body satisfies. ``usual``
+    stands for a bound that is not set when two problems are compared. An ``optional`` one has so
+    many values that it takes part only where it is set. ``conflict`` begins the text of a conflict.
     """
 
-    measure: Callable[[Float[AnyArray, " parameters"], Form], Float[AnyArray, "..."]]
+    measure: str
     sense: int
     unbounded: float
     usual: float
     conflict: str
     optional: bool = False
 
-    def value(self, parameters: Float[AnyArray, " parameters"], form: Form) -> Float[Array, ""]:
-        """Return the measured value that is nearest to violating the bound."""
-        return self.sense * least(self.sense * jnp.ravel(self.measure(parameters, form)))
-
-
-def _all_radii(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[Array, " places"]:
-    return jnp.stack(radii(parameters, form))
+    def values(
+        self, body_class: BodyClass, parameters: Float[AnyArray, " parameters"]
+    ) -> Float[Array, " values"]:
+        """Return what the bound measures on a body."""
+        return jnp.hstack(jax.tree.leaves(getattr(body_class, self.measure)(parameters)))
 
 
 BOUNDS = {
-    "max_length": Bound(chord, -1, 100.0, 3.0, f"{EVERY} is longer than"),
-    "min_thickness": Bound(thickness, 1, 0.0, 0.3, f"{EVERY} is thinner than"),
+    "max_length": Bound("length", -1, 100.0, 3.0, f"{EVERY} is longer than"),
+    "min_thickness": Bound("thickness", 1, 0.0, 0.3, f"{EVERY} is thinner than"),
     # all along the body, because an optimum meets it at several places
-    "max_thickness": Bound(thicknesses, -1, 100.0, 1.0, f"{EVERY} is thicker than", True),
-    "min_radius": Bound(_all_radii, 1, 0.0, 0.0, f"{EVERY} has somewhere a radius below"),
+    "max_thickness": Bound("thicknesses", -1, 100.0, 1.0, f"{EVERY} is thicker than", True),
+    "min_radius": Bound("radii", 1, 0.0, 0.0, f"{EVERY} has somewhere a radius below"),
 }
 
 
@@ -67,10 +62,6 @@ class Station(NamedTuple):
 
     x: float
     thickness: float
-
-    def measure(self, parameters: Float[AnyArray, " parameters"], form: Form) -> Float[Array, ""]:
-        """Return the thickness of a body at this place, in D."""
-        return thickness_at(parameters, form, jnp.asarray(self.x))
 
 
 FREE_STATION = Station(0.5, 0.0)  # that every body satisfies
@@ -88,7 +79,7 @@ class Limits(eqx.Module):
     shift: Float[AnyArray, "cases parameters"]
     bounds: dict[str, Float[AnyArray, ""]]
     stations: Float[AnyArray, "stations 2"]
-    form: Form = eqx.field(static=True)
+    body_class: BodyClass = eqx.field(static=True)
 
     @property
     def width(self) -> Float[AnyArray, " parameters"]:
@@ -107,7 +98,7 @@ class Limits(eqx.Module):
             np.pad(self.shift, ((0, cases - len(self.shift)), (0, 0)), mode="edge"),
             {name: np.asarray(BOUNDS[name].unbounded) for name in names} | self.bounds,
             np.concatenate([self.stations, added]),
-            self.form,
+            self.body_class,
         )
 
 
@@ -116,15 +107,14 @@ def constraint_values(
     parameters: Float[AnyArray, " parameters"], limits: Limits
 ) -> Float[Array, " constraints"]:
     """Return c(p), which is >= 0 where a body satisfies the constraints other than its ranges."""
-    form = limits.form
-    ratios = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
+    body = limits.body_class
+    ratios = jax.vmap(lambda shift: body.min_thickness_ratio(parameters + shift))(limits.shift)
     values = [least(ratios) - CLEAR_THICKNESS_RATIO]
     for name, bound in BOUNDS.items():
         if name in limits.bounds:
-            measured = bound.measure(parameters, form)
-            values.append(bound.sense * (measured - limits.bounds[name]))
-    values.append(jax.vmap(lambda s: thickness_at(parameters, form, s[0]) - s[1])(limits.stations))
-    return jnp.concatenate([jnp.ravel(value) for value in values])
+            values.append(bound.sense * (bound.values(body, parameters) - limits.bounds[name]))
+    values.append(jax.vmap(lambda s: body.thickness_at(parameters, s[0]) - s[1])(limits.stations))
+    return jnp.hstack(values)
 
 
 @jax.jit

@@ -33,9 +33,8 @@ def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
 
 def drawn_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
     """Return ellipses of all aspects, then uniform draws, the same for every problem."""
-    ellipses = np.tile(np.clip(0.0, limits.low, limits.high), (ELLIPSES, 1))
-    aspect = limits.form.names.index("aspect")
-    ellipses[:, aspect] = np.linspace(limits.low[aspect], limits.high[aspect], ELLIPSES)
+    aspects = np.linspace(*map(limits.body_class.aspect, (limits.low, limits.high)), ELLIPSES)
+    ellipses = [np.clip(limits.body_class.ellipse(a), limits.low, limits.high) for a in aspects]
     draws = _uniform_draws(len(limits.low))
     return np.concatenate([ellipses, limits.low + (limits.high - limits.low) * draws])
 

@@ -90,8 +90,8 @@ class Problem:
             if given is not None or not bound.optional:
                 bounds[name] = np.asarray(bound.unbounded if given is None else given)
         stations = np.array(self.stations, float).reshape(-1, 2)
-        form = self.scene.family.form
-        return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, form)
+        body_class = self.scene.family.body_class
+        return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, body_class)
 
     def _ranges(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
         """Return the parameters' ranges after ``within``, ``trust`` and the shape changes."""
