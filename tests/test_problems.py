@@ -332,11 +332,11 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("change", "message"), REFUSED)
-def test_problems_that_make_no_sense_are_refused(pretrained, change, message):
+def test_problems_that_make_no_sense_are_refused(pretrained, change, message, unchecked):
     with pytest.raises(InvalidInput, match=message):
         Problem(**{"scene": pretrained.scene, "reynolds": 20.0, **change})
 
 
 @pytest.mark.parametrize("number", [np.float32(20), np.int64(20), 20, np.asarray(20.0)])
-def test_every_kind_of_number_is_a_number(pretrained, number):
+def test_every_kind_of_number_is_a_number(pretrained, number, unchecked):
     assert Problem(pretrained.scene, number).objective.nominal == 20.0
