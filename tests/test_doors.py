@@ -292,13 +292,12 @@ def test_a_body_that_crosses_itself_has_no_drag_under_jit_either(net):
         assert np.isfinite(drag(jnp.array(BODY)))
 
 
-def test_a_scene_takes_the_place_of_scenes_alone(tmp_path):
-    (tmp_path / "notes.txt").write_text("my thesis")
-    with pytest.raises(InvalidInput, match="choose another name"):
-        Scene().write(tmp_path / "notes.txt")
-    assert (tmp_path / "notes.txt").read_text() == "my thesis"
+def test_a_scene_replaces_the_file_that_is_named_but_no_folder(tmp_path):
     for _ in range(2):
         Scene().write(tmp_path / "scene.toml")
+    assert Scene.read(tmp_path / "scene.toml") == Scene()
+    with pytest.raises(InvalidInput, match="is a folder"):
+        Scene().write(tmp_path)
 
 
 def test_a_scene_that_was_altered_is_noticed(net, tmp_path):

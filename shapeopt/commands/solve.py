@@ -153,6 +153,8 @@ def _parser():
     parser.add_argument("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
     parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
     parser.add_argument(
-        "--allow-unsteady", action="store_true", help="past Re 46.7; in space 210 or less"
+        "--allow-unsteady",
+        action="store_true",
+        help="past the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies",
     )
     return parser
