@@ -156,17 +156,20 @@ def test_robust_costs_more_than_its_middle_and_cvar_more_than_the_mean(pretraine
 
 def test_a_call_of_many_problems_answers_as_one_by_one(pretrained):
     scene = pretrained.scene
-    asked = [Problem(scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 37.0)]
-    asked.append(Problem(scene, 20.0, min_thickness=0.7, within={"aspect": (1.0, 1.02)}))
-    together, alone = optimise_all(asked, pretrained), [optimise(p, pretrained) for p in asked]
+    problems = [Problem(scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 37.0)]
+    problems.append(Problem(scene, 20.0, min_thickness=0.7, within={"aspect": (1.0, 1.02)}))
+    together, alone = (
+        optimise_all(problems, pretrained),
+        [optimise(p, pretrained) for p in problems],
+    )
     for one, other in zip(together, alone, strict=True):
         assert one.parameters == pytest.approx(other.parameters, abs=1e-9)
         assert (one.calls, one.kkt_residual < 1e-5) == (other.calls, True)
     assert optimise_all([], pretrained) == []
     with pytest.raises(InvalidInput, match="JAX has"):
-        optimise_all(asked, pretrained, devices=1000)
+        optimise_all(problems, pretrained, devices=1000)
     with pytest.raises(InvalidInput, match="a surrogate"):
-        optimise_all(asked, Flow(scene))
+        optimise_all(problems, Flow(scene))
 
 
 def test_problems_of_different_kinds_share_a_call(pretrained):

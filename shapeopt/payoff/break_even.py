@@ -94,8 +94,8 @@ def pays_after(strategy: Strategy, direct: Strategy, unit: Unit, seed: int = 0) 
 
     def resampled():
         chosen = generator.integers(seeds, size=seeds)
-        asked = generator.integers(queries, size=queries)
-        return break_even(training[chosen].mean(), 0.0, saved[np.ix_(chosen, asked)].mean())
+        drawn = generator.integers(queries, size=queries)
+        return break_even(training[chosen].mean(), 0.0, saved[np.ix_(chosen, drawn)].mean())
 
     low, high = np.quantile([resampled() for _ in range(RESAMPLES)], [0.025, 0.975], method="lower")
     return BreakEven(break_even(training.mean(), 0.0, saved.mean()), float(low), float(high))

@@ -1,4 +1,4 @@
-"""A design: the optimum that a search found, with what the flow says of it."""
+"""A design: the optimum that a search found, with its verification by the flow."""
 
 import dataclasses
 import functools
@@ -27,7 +27,7 @@ class Design:
         local optimum.
       start: objective where the search began.
       path: bodies on the way.
-      calls: drags asked of surrogates.
+      calls: number of drags that surrogates were evaluated for.
       flows: flows that were solved, one per scenario and body.
       green_applications: their convolutions with the Green's function (G), with their adjoints'.
       seconds: wall time of the search.

@@ -107,7 +107,7 @@ class Designer:
             lost = f" and {failures} that were not found" if failures else ""
             raise NotConverged(
                 f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
-                f"{memory.flows - before[0]} flows{lost}; {KKT_TOLERANCE:g} is asked"
+                f"{memory.flows - before[0]} flows{lost}; it must be at most {KKT_ACCEPTED:g}"
             )
         drag = best.value
         if not isinstance(problem.objective, AtReynolds):

@@ -29,7 +29,7 @@ class Proposal(NamedTuple):
     """The best end of the searches on a model.
 
     ``start`` is the objective where that search began, ``path`` the bodies on its way, ``calls``
-    the number of drags that all searches asked of the model.
+    the number of drags that all searches evaluated the model for.
     """
 
     parameters: Float[np.ndarray, " parameters"]
