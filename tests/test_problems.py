@@ -158,10 +158,8 @@ def test_a_call_of_many_problems_answers_as_one_by_one(pretrained):
     scene = pretrained.scene
     problems = [Problem(scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 37.0)]
     problems.append(Problem(scene, 20.0, min_thickness=0.7, within={"aspect": (1.0, 1.02)}))
-    together, alone = (
-        optimise_all(problems, pretrained),
-        [optimise(p, pretrained) for p in problems],
-    )
+    together = optimise_all(problems, pretrained)
+    alone = [optimise(problem, pretrained) for problem in problems]
     for one, other in zip(together, alone, strict=True):
         assert one.parameters == pytest.approx(other.parameters, abs=1e-9)
         assert (one.calls, one.kkt_residual < 1e-5) == (other.calls, True)
