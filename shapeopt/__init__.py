@@ -1,14 +1,14 @@
-"""Shape optimisation by drag surrogates or by the flow, and the measurement of what pays.
+"""Shape optimisation with drag surrogates or with the flow itself, and when training pays.
 
-The front door; ``shapeopt.render`` draws what it finds: problem -> search -> runs -> render. Rooms
-open when they are first asked for, so that a command has begun before libraries are loaded.
+Public API of the package; the mathematics is in ``shapeopt/README.md``. Modules are imported when
+one of their names is first used, so that commands start before JAX and the solver are loaded.
 """
 
 import importlib
 import importlib.util
 from typing import Any
 
-ROOMS = {
+LAZY_EXPORTS = {  # public name: module that defines it
     "Design": "search.design",
     "Designer": "search.designer",
     "LogNormal": "problem.uncertainty",
@@ -24,7 +24,7 @@ ROOMS = {
     "save_run": "runs",
     "verify": "search.verify",
 }
-__all__ = list(ROOMS)
+__all__ = list(LAZY_EXPORTS)
 
 
 def __dir__() -> list[str]:
@@ -32,8 +32,8 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    if name in ROOMS:
-        return getattr(importlib.import_module(f"{__name__}.{ROOMS[name]}"), name)
+    if name in LAZY_EXPORTS:
+        return getattr(importlib.import_module(f"{__name__}.{LAZY_EXPORTS[name]}"), name)
     if importlib.util.find_spec(f"{__name__}.{name}") is not None:
         return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

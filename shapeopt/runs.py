@@ -1,4 +1,4 @@
-"""A run: the folder of a shape optimisation, its record read and written here alone."""
+"""Runs: the folder of files that a shape optimisation leaves, and its record."""
 
 import json
 from pathlib import Path
@@ -6,14 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.problem.objective import Robust, predicted, predicted_drags
-from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import model_drags, model_objective
 from shapeopt.search.design import Design
+from shapeopt.search.verify import Verified
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, path_of, strict_json, whole_files
 from surrogate.flow.flow import Flow
+from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import check_reynolds
@@ -33,23 +34,25 @@ def save_run(
     name: str = "none",
     verify: bool = True,
 ) -> dict[str, Any]:
-    """Write run.json, contour.csv, contour.vtp with the flow's loads, and body.stl.
+    """Write a design into a folder: run.json, contour.csv, contour.vtp and body.stl.
 
-    In space contour.csv is the outline seen from the side, contour.vtp the skin.
+    contour.vtp carries the flow's surface loads. In 3-D contour.csv is the outline seen from the
+    side, and contour.vtp the surface.
 
     Args:
-      folder: new, empty, or an older run's; other files in it stay.
-      design: what was asked and found.
-      surrogate: by which it was found, if it was one.
-      name: of the surrogate, by which ``load`` finds it again.
-      verify: ask the flow, which takes as many flows as the objective has cases.
+      folder: new, empty, or of an earlier run; other files in it stay.
+      design: what was found.
+      surrogate: by which it was found, if by one.
+      name: name of the surrogate, by which ``surrogate.load`` finds it.
+      verify: whether to solve the flow, once for each scenario of the objective.
 
     Returns:
-      The record. cd_* are values of the problem's objective, a Cd for one Reynolds number.
+      The record, as in run.json. cd_* are values of the problem's objective: Cd where that is the
+      drag at one Reynolds number.
 
     Raises:
-      InvalidInput: the folder is not to be written to, or it is no design.
-      NotConverged: a flow of the verification was not found.
+      InvalidInput: the folder cannot be written to, or ``design`` is no design.
+      NotConverged: a flow of the verification did not converge.
     """
     # pyvista takes a second to import, which only files and pictures need
     from shapeopt.export.files import (
@@ -65,26 +68,25 @@ def save_run(
     if surrogate is not None and surrogate.scene != design.problem.scene:
         raise InvalidInput("save_run: design and surrogate are of different scenes")
     check_run_folder(folder)
-    folder, problem = Path(folder), design.problem
+    folder, scene = Path(folder), design.problem.scene
     verified = design.verified if verify else None
     record = {
-        **_found(design),
-        **_said_by_the_flow(design, verified, surrogate),
+        **_search_record(design),
+        **_verification_record(design, verified, surrogate),
         "contour": str(folder / "contour.csv"),
         "surrogate": name,
-        "scene": problem.scene.record,
+        "scene": scene.record,
         "path": design.path.tolist(),
         "command": command_line(),
     }
-    record["cd_surrogate"] = _predicted(design, surrogate)
-    contour = np.asarray(problem.scene.family.outline(design.parameters, SURFACE_POINTS))
-    solution = verified.solutions[0] if verified and _single(problem) else None
-    solution = solution or _solved(design)
+    contour = np.asarray(scene.family.outline(design.parameters, SURFACE_POINTS))
+    solution = verified.solutions[0] if verified and len(verified.solutions) == 1 else None
+    solution = solution or _nominal_flow(design)
     with whole_files(folder, RECORD) as part:
         write_contour_csv(contour, part / "contour.csv")
         vtp, stl = part / "contour.vtp", part / "body.stl"
-        if problem.scene.dimension == 3:
-            named = problem.scene.family.named(design.parameters)
+        if scene.dimension == 3:
+            named = scene.family.named(design.parameters)
             write_skin(family_shape(named, dimension=3), vtp, stl, solution)
         else:
             write_contour_vtp(contour, vtp, solution and solution.surface())
@@ -94,15 +96,15 @@ def save_run(
 
 
 def check_run_folder(folder: str | Path) -> None:
-    """Raise InvalidInput unless a run may be written there."""
+    """Raise InvalidInput unless a run may be written to the folder."""
     check_target(folder, RECORD, ("parameters", "scene"), FILES)
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:
-    """The record of a run.
+    """Return the record of a run.
 
     Raises:
-      InvalidInput: the folder is missing, or holds no readable run.
+      InvalidInput: the folder is missing, or has no readable run.
     """
     folder = path_of(folder)
     try:
@@ -126,103 +128,83 @@ def load_run(folder: str | Path) -> dict[str, Any]:
 
 
 def run_scene(record: dict[str, Any]) -> Scene:
-    """The scene of a run."""
+    """Return the scene of a run."""
     return Scene.of(record["scene"])
 
 
 def run_body(record: dict[str, Any]) -> np.ndarray:
-    """The parameters that a run found."""
+    """Return the parameters of the body that a run found."""
     return run_scene(record).family.parameters(record["parameters"])
 
 
-def _single(problem):
-    return len(problem.scenarios.weight) == 1
-
-
-def _found(design: Design) -> dict[str, Any]:
-    """What was asked, and what came of the search."""
+def _search_record(design: Design) -> dict[str, Any]:
+    """Return the objective and the result of the search."""
     problem = design.problem
     low, high = problem.scene.family.bounds.T
     edges = np.minimum(design.parameters - low, high - design.parameters) / (high - low)
     return {
         "parameters": problem.scene.family.named(design.parameters),
         "reynolds": problem.objective.nominal,
-        "objective": _objective(problem),
+        "objective": {
+            "kind": type(problem.objective).__name__,
+            "number_of_cases": len(problem.scenarios.weight),
+            **problem.objective.record(problem.scene),
+        },
         "flows": design.flows,
         "green_applications": design.green_applications,
         "kkt_residual": design.kkt_residual,
         "calls": design.calls,
         "loop_s": design.seconds,
-        "converged": True,
+        "converged": design.converged,
         "edge_distance": float(edges.min()),
     }
 
 
-def _objective(problem: Problem) -> dict[str, Any]:
-    objective = problem.objective
-    plain = {"kind": type(objective).__name__, "number_of_cases": len(problem.scenarios.weight)}
-    if isinstance(objective, Robust):
-        plain |= {
-            "spread": objective.spread.spread,
-            "distribution": type(objective.spread).__name__,
-            "tolerance": objective.tolerance,
-            "cvar": objective.level,
-            "seed": objective.seed,
-            "kept": objective.kept(problem.scene),
-        }
-    return plain
-
-
-def _predicted(design, surrogate):
-    """The objective by the surrogate, at the body that was found in the end."""
-    if surrogate is None:
-        return None
-    return float(predicted(surrogate.network, design.parameters, design.problem.scenarios))
-
-
-def _said_by_the_flow(design, verified, surrogate) -> dict[str, Any]:
-    """Objective, status and estimated error, and every case's drags."""
-    if verified is None:
-        return {"cd_start": None, "cd_verified": None, "verify_s": 0.0, "cases": []}
-    scenarios, guesses = design.problem.scenarios, [None] * len(verified.solutions)
-    if surrogate is not None:
-        drags, _ = predicted_drags(surrogate.network, design.parameters, scenarios)
-        guesses = np.asarray(drags).tolist()
-    cases = [
-        {
-            "parameters": (design.parameters + shift).tolist(),
-            "reynolds": solution.reynolds,
-            "weight": float(weight),
-            "cd_start": float(cylinder),
-            "cd_surrogate": guess,
-            "cd_verified": solution.drag,
-            "status": solution.status,
-            "estimated_error": solution.estimated_error,
-        }
-        for shift, weight, cylinder, guess, solution in zip(
-            scenarios.shift,
-            scenarios.weight,
-            verified.cylinder,
-            guesses,
-            verified.solutions,
+def _verification_record(
+    design: Design, verified: Verified | None, surrogate: Surrogate | None
+) -> dict[str, Any]:
+    """Return the objective by surrogate and flow, and the drags of every scenario."""
+    scenarios, network = design.problem.scenarios, surrogate and surrogate.network
+    record: dict[str, Any] = {"cd_start": None, "cd_verified": None, "verify_s": 0.0, "cases": []}
+    if verified is not None:
+        drags = [None] * len(verified.solutions)
+        if network is not None:
+            drags = model_drags(network, design.parameters, scenarios)[0].tolist()
+        rows = zip(
+            *(scenarios.shift, scenarios.weight, verified.cylinder, drags, verified.solutions),
             strict=True,
         )
-    ]
-    return {
-        "cd_start": verified.cylinder_objective,
-        "cd_verified": verified.objective,
-        "status": verified.status,
-        "estimated_error": verified.estimated_error,
-        "verify_s": verified.seconds,
-        "cases": cases,
-    }
+        cases = [
+            {
+                "parameters": (design.parameters + shift).tolist(),
+                "reynolds": solution.reynolds,
+                "weight": float(weight),
+                "cd_start": float(cylinder),
+                "cd_surrogate": drag,
+                "cd_verified": solution.drag,
+                "status": solution.status,
+                "estimated_error": solution.estimated_error,
+            }
+            for shift, weight, cylinder, drag, solution in rows
+        ]
+        record = {
+            "cd_start": verified.cylinder_objective,
+            "cd_verified": verified.objective,
+            "status": verified.status,
+            "estimated_error": verified.estimated_error,
+            "verify_s": verified.seconds,
+            "cases": cases,
+        }
+    predicted = network and float(model_objective(network, design.parameters, scenarios))
+    return record | {"cd_surrogate": predicted}
 
 
-def _solved(design: Design):
-    """The body's flow at the nominal Re; None where it is not to be had."""
+def _nominal_flow(design: Design) -> Solution | None:
+    """Return the body's flow at the nominal Re; None where it does not converge."""
     problem = design.problem
     try:
-        at = design.parameters, problem.objective.nominal
-        return Flow(problem.scene).solve(*at, estimate=False, allow_unsteady=True)
+        return Flow(problem.scene).solve(
+            design.parameters, problem.objective.nominal, estimate=False, allow_unsteady=True
+        )
     except NotConverged:
         return None

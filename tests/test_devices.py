@@ -265,7 +265,7 @@ def test_designers_share_a_memory_and_lose_nothing(tmp_path, tiny_scene):
     designers = [Designer(flow, memory=file) for _ in range(2)]
     for designer, reynolds in zip(designers, (10.0, 30.0), strict=True):
         designer.design(Problem(tiny_scene, reynolds, within={"aspect": (1.0, 1.2)}))
-    asked = {told.reynolds for told in Designer(flow, memory=file).memory.told}
+    asked = {seen.reynolds for seen in Designer(flow, memory=file).memory.observations}
     assert asked == {10.0, 30.0}
     again = designers[0].design(Problem(tiny_scene, 30.0, within={"aspect": (1.0, 1.2)}))
     assert again.flows <= 1
@@ -288,7 +288,7 @@ def test_processes_answer_a_stream_together_and_lose_nothing(tmp_path):
     kept = json.loads(file.read_text())["flows"]
     assert len(kept) == sum(answer["flows"] for answer in said)
     assert len({json.dumps(flow[:2]) for flow in kept}) == len(kept)
-    assert max(answer["told"] for answer in said) == len(kept)
+    assert max(answer["observations"] for answer in said) == len(kept)
 
 
 def _start(tmp_path, out, *arguments, samples=8):

@@ -268,7 +268,7 @@ def test_wrong_kinds_get_one_clear_line(net, words, unchecked):
     assert len(str(refusal.value).splitlines()) == 1
 
 
-def test_numbers_of_every_kind_are_numbers(net):
+def test_numbers_of_every_kind_are_numbers(net, unchecked):
     plain = float(net.drag(BODY, 20.0))
     for body, reynolds in (
         ([Decimal(2), Fraction(1, 10), 0, np.float32(0)], Fraction(20)),

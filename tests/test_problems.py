@@ -4,15 +4,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import minimize
+from scipy.stats import norm
 
 from shapeopt import LogNormal, Problem, Robust, Station, Uniform, Weighted, optimise, optimise_all
 from shapeopt.payoff.direct import design_directly
-from shapeopt.payoff.slsqp import descend
+from shapeopt.payoff.slsqp import minimise_slsqp
 from shapeopt.problem.conflicts import candidates
-from shapeopt.problem.constraints import margins, satisfied
+from shapeopt.problem.constraints import constraint_values, satisfied
 from shapeopt.problem.feasible import drawn_bodies
-from shapeopt.problem.objective import conditional_value_at_risk, predicted
-from shapeopt.search import sqp
+from shapeopt.problem.scenarios import conditional_value_at_risk, model_objective
+from shapeopt.search.qp import solve_relaxed_qp
+from shapeopt.search.sqp import minimise_sqp
 from surrogate import Family, Flow, InvalidInput, Scene, load
 
 FAMILY = Family()
@@ -82,12 +85,12 @@ def test_gradients_by_finite_differences(pretrained, objective):
     problem = Problem(pretrained.scene, objective, stations=(Station(0.3, 0.2),), min_radius=0.01)
 
     def value(body):
-        return predicted(pretrained.network, body, problem.scenarios)
+        return model_objective(pretrained.network, body, problem.scenarios)
 
-    def room(body):
-        return margins(body, problem.limits)
+    def constraints(body):
+        return constraint_values(body, problem.limits)
 
-    for function in (value, room):
+    for function in (value, constraints):
         exact = jax.jacfwd(function)(jnp.asarray(BODY))
         for k, step in enumerate(1e-6 * np.eye(4)):
             slope = (function(jnp.asarray(BODY + step)) - function(jnp.asarray(BODY - step))) / 2e-6
@@ -101,7 +104,9 @@ def test_weighted_is_the_mean_of_drags_over_the_cylinders(pretrained):
         for re in (1.0, 10.0, 40.0)
     ]
     mean = np.average(ratios, weights=[1, 2, 1])
-    assert float(predicted(pretrained.network, jnp.asarray(BODY), scenarios)) == pytest.approx(mean)
+    assert float(
+        model_objective(pretrained.network, jnp.asarray(BODY), scenarios)
+    ) == pytest.approx(mean)
 
 
 def test_one_seed_is_one_set_of_cases(pretrained):
@@ -112,6 +117,17 @@ def test_one_seed_is_one_set_of_cases(pretrained):
     assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
     assert not np.array_equal(first.reynolds, other.reynolds)
     assert np.log(first.reynolds / 20).std() == pytest.approx(0.3, rel=0.1)
+
+
+def test_a_tolerance_is_a_standard_deviation_before_truncation(pretrained):
+    """Shape changes: a normal of this deviation, truncated at two of them, which leaves 0.88."""
+    robust = Robust(20.0, Uniform(0.1), tolerance=0.03, cases=4096)
+    shift = robust.scenarios(pretrained.scene).shift / np.ptp(FAMILY.bounds, axis=1)
+    truncated = 0.03 * np.sqrt(1 - 4 * norm.pdf(2) / (norm.cdf(2) - norm.cdf(-2)))
+    assert truncated == pytest.approx(0.88 * 0.03, rel=1e-3)
+    assert shift.std(axis=0) == pytest.approx([truncated] * 4, rel=2e-3)
+    assert np.abs(shift).max() == pytest.approx(2 * 0.03, rel=1e-2)
+    assert np.abs(shift).max() <= 2 * 0.03
 
 
 @pytest.mark.parametrize("spread", [LogNormal(0.5), Uniform(0.6)])
@@ -140,19 +156,36 @@ def test_robust_costs_more_than_its_middle_and_cvar_more_than_the_mean(pretraine
 
 def test_a_call_of_many_problems_answers_as_one_by_one(pretrained):
     scene = pretrained.scene
-    asked = [Problem(scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 37.0)]
-    asked.append(Problem(scene, 20.0, min_thickness=0.7, within={"aspect": (1.0, 1.02)}))
-    together, alone = optimise_all(asked, pretrained), [optimise(p, pretrained) for p in asked]
+    problems = [Problem(scene, re, max_length=1.3 + re / 40) for re in (2.0, 11.0, 37.0)]
+    problems.append(Problem(scene, 20.0, min_thickness=0.7, within={"aspect": (1.0, 1.02)}))
+    together = optimise_all(problems, pretrained)
+    alone = [optimise(problem, pretrained) for problem in problems]
     for one, other in zip(together, alone, strict=True):
         assert one.parameters == pytest.approx(other.parameters, abs=1e-9)
         assert (one.calls, one.kkt_residual < 1e-5) == (other.calls, True)
     assert optimise_all([], pretrained) == []
     with pytest.raises(InvalidInput, match="JAX has"):
-        optimise_all(asked, pretrained, devices=1000)
-    with pytest.raises(InvalidInput, match="as many cases and stations"):
-        optimise_all([asked[0], Problem(scene, Weighted((1.0, 40.0), (1.0, 1.0)))], pretrained)
+        optimise_all(problems, pretrained, devices=1000)
     with pytest.raises(InvalidInput, match="a surrogate"):
-        optimise_all(asked, Flow(scene))
+        optimise_all(problems, Flow(scene))
+
+
+def test_problems_of_different_kinds_share_a_call(pretrained):
+    """Other bounds, other numbers of stations and scenarios: padding changes no answer."""
+    scene = pretrained.scene
+    problems = [
+        Problem(scene, 11.0, max_length=1.4),
+        Problem(scene, 11.0, max_thickness=0.55),
+        Problem(scene, 30.0, stations=(Station(0.2, 0.6), Station(0.8, 0.4))),
+        Problem(scene, Weighted((1.0, 10.0, 40.0), (1.0, 2.0, 1.0)), min_radius=0.1),
+        Problem(scene, Robust(20.0, LogNormal(0.3), level=0.8, cases=4), max_length=1.6),
+    ]
+    for one, alone in zip(optimise_all(problems, pretrained), problems, strict=True):
+        other = optimise(alone, pretrained)
+        assert one.objective == pytest.approx(other.objective, rel=1e-8)
+        assert one.parameters == pytest.approx(other.parameters, abs=1e-4)
+        assert one.drag == pytest.approx(other.drag, rel=1e-5)
+        assert np.min(constraint_values(one.parameters, alone.limits)) >= -1e-6
 
 
 @pytest.mark.parametrize("case", [(1.2, 0.0), (3.0, 0.78), (1.15, 0.7)])
@@ -163,16 +196,39 @@ def test_sqp_and_slsqp_end_alike(pretrained, case):
     start = candidates(problem)[0]
 
     def objective(body):
-        value, gradient = jax.value_and_grad(predicted, 1)(
+        value, gradient = jax.value_and_grad(model_objective, 1)(
             pretrained.network, jnp.asarray(body), problem.scenarios
         )
         return float(value), np.asarray(gradient)
 
-    ours = jax.jit(sqp.descend)(pretrained.network, start, problem.limits, problem.scenarios)
-    theirs = descend(objective, problem.limits, start, 1e-12)
-    assert ours.ended
-    assert ours.room >= -1e-8
+    ours = jax.jit(minimise_sqp)(pretrained.network, start, problem.limits, problem.scenarios)
+    theirs = minimise_slsqp(objective, problem.limits, start, 1e-12)
+    assert ours.converged
+    assert ours.feasibility >= -1e-8
     assert ours.value <= theirs.value * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 30])
+def test_a_quadratic_program_is_solved(generator, count):
+    """Against SLSQP: min g d + d B d / 2 under c + J d >= 0 and a box; no relaxation is needed."""
+    root, gradient = generator.normal(size=(4, 4)), generator.normal(size=4)
+    hessian = root @ root.T + np.eye(4)
+    jacobian, values = generator.normal(size=(count, 4)), generator.uniform(0.01, 0.3, count)
+    low, high = -generator.uniform(0.05, 0.5, 4), generator.uniform(0.05, 0.5, 4)
+    step, multipliers = solve_relaxed_qp(
+        *map(jnp.asarray, (hessian, gradient, values, jacobian, low, high)), 30.0
+    )
+    expected = minimize(
+        lambda d: gradient @ d + d @ hessian @ d / 2,
+        np.zeros(4),
+        method="SLSQP",
+        bounds=list(zip(low, high, strict=True)),
+        constraints={"type": "ineq", "fun": lambda d: values + jacobian @ d},
+        options={"ftol": 1e-14},
+    )
+    assert step == pytest.approx(expected.x, abs=1e-4)
+    assert np.min(multipliers) >= 0
+    assert multipliers @ (values + jacobian @ step) == pytest.approx(0, abs=1e-3)
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES)
@@ -187,7 +243,7 @@ def test_constraints_hold_and_the_optimum_is_stationary(pretrained, objective):
         trust=0.05,
     )
     optimum = optimise(problem, pretrained)
-    assert np.all(np.asarray(margins(optimum.parameters, problem.limits)) >= -1e-6)
+    assert np.all(np.asarray(constraint_values(optimum.parameters, problem.limits)) >= -1e-6)
     low, high = problem.limits.low, problem.limits.high
     assert np.all((optimum.parameters >= low) & (optimum.parameters <= high))
     assert np.all(low >= [1.15, -0.2, -0.15, -0.05])
@@ -201,7 +257,7 @@ def test_kkt_residual_of_a_known_problem(pretrained):
     def bowl(body):
         return 1 + float(np.sum((body - BODY) ** 2)), 2 * (body - BODY)
 
-    found = descend(bowl, limits, np.asarray(FAMILY.ellipse(2.0)))
+    found = minimise_slsqp(bowl, limits, np.asarray(FAMILY.ellipse(2.0)))
     np.testing.assert_allclose(found.parameters, BODY, atol=1e-5)
     assert found.kkt_residual < 1e-4
     assert found.converged
@@ -277,11 +333,11 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("change", "message"), REFUSED)
-def test_problems_that_make_no_sense_are_refused(pretrained, change, message):
+def test_problems_that_make_no_sense_are_refused(pretrained, change, message, unchecked):
     with pytest.raises(InvalidInput, match=message):
         Problem(**{"scene": pretrained.scene, "reynolds": 20.0, **change})
 
 
 @pytest.mark.parametrize("number", [np.float32(20), np.int64(20), 20, np.asarray(20.0)])
-def test_every_kind_of_number_is_a_number(pretrained, number):
+def test_every_kind_of_number_is_a_number(pretrained, number, unchecked):
     assert Problem(pretrained.scene, number).objective.nominal == 20.0

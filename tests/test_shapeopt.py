@@ -16,7 +16,7 @@ from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
 from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
-from shapeopt.problem.constraints import margins
+from shapeopt.problem.constraints import constraint_values
 from surrogate import Family, Flow, InvalidInput, Scene, Tunnel, load
 
 
@@ -48,7 +48,7 @@ def test_optimum_is_stationary_inside_its_bounds(pretrained):
 def test_constraints_hold_at_the_optimum(pretrained, length, thick):
     problem = Problem(pretrained.scene, 40.0, length, thick)
     optimum = optimise(problem, pretrained)
-    assert np.all(np.asarray(margins(optimum.parameters, problem.limits)) >= -1e-6)
+    assert np.all(np.asarray(constraint_values(optimum.parameters, problem.limits)) >= -1e-6)
     free = optimise(Problem(pretrained.scene, 40.0), pretrained)
     assert optimum.drag >= free.drag - 1e-9
 
@@ -80,22 +80,22 @@ def known_design(seconds, work, objective=1.0, flows=1):
     return Design(problem, body, objective, objective, 1e-4, 2.0, body[None], *cost)
 
 
-def example_ways():
+def example_strategies():
     direct = Strategy("direct", [Cost()], [[known_design(3, 110), known_design(5, 90, 1.02)]])
     sip = Strategy("sip", [Cost(30.0, 900.0)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
-    growing = [[known_design(2, 100 / (k + 1)) for k in range(2)]]
-    return direct, sip, Strategy("growing kriging", [Cost()], growing, remembers=True)
+    kriging = [[known_design(2, 100 / (k + 1)) for k in range(2)]]
+    return direct, sip, Strategy("growing kriging", [Cost()], kriging, keeps_flows=True)
 
 
 def test_payoff_of_known_designs():
-    direct, sip, growing = example_ways()
+    direct, sip, kriging = example_strategies()
     found = pays_after(sip, direct, "seconds")
     assert found.designs == pytest.approx(10.0)
     assert found.low == pytest.approx(30 / 4)  # both queries the dearer one
     assert found.high == pytest.approx(30 / 2)
     assert pays_after(sip, direct, "green_applications").designs == pytest.approx(10.0)
     assert np.allclose(best_known([direct, sip]), 1.0)
-    rows = payoff_rows([sip], [direct, growing], seed=0)
+    rows = payoff_rows([sip], [direct, kriging], seed=0)
     assert [row["method"] for row in rows] == ["direct", "growing kriging", "sip"]
     assert [row["gap_max"] for row in rows] == pytest.approx([0.02, 0.0, 0.01])
     assert rows[2]["break_even_g"] == pytest.approx(10.0)
@@ -103,14 +103,14 @@ def test_payoff_of_known_designs():
     assert rows[2]["kkt_max"] == 1e-4
 
 
-def test_cumulative_costs_of_what_remembers_and_what_does_not():
-    direct, sip, growing = example_ways()
+def test_cumulative_costs_with_flows_kept_and_not():
+    direct, sip, kriging = example_strategies()
     assert np.allclose(direct.cumulative("green_applications", 3), [100, 200, 300])
-    assert np.allclose(growing.cumulative("green_applications", 3), [100, 150, 225])
+    assert np.allclose(kriging.cumulative("green_applications", 3), [100, 150, 225])
     assert np.allclose(sip.cumulative("seconds", 4), [31, 32, 33, 34])
     assert overtakes(sip, direct, "green_applications") == 10
     assert overtakes(direct, sip, "green_applications", 5) == 1
-    assert overtakes(direct, growing, "green_applications", 500) == 1
+    assert overtakes(direct, kriging, "green_applications", 500) == 1
 
 
 def test_queries_are_solvable_and_repeat(pretrained):
@@ -125,9 +125,9 @@ def test_payoff_plot_names_its_axes(tmp_path, monkeypatch):
     monkeypatch.setattr(
         "shapeopt.payoff.plot.save_figure", lambda f, path: figures.append(f) or path
     )
-    plot_payoff(example_ways(), tmp_path / "payoff.png")
+    plot_payoff(example_strategies(), tmp_path / "payoff.png")
     labels = [axis.get_ylabel() for axis in figures[0].axes]
-    assert labels == ["cumulative applications of G", "cumulative wall seconds"]
+    assert labels == ["cumulative convolutions (G)", "cumulative wall seconds"]
 
 
 def test_what_does_not_fit_the_scene_is_refused(pretrained, unchecked):
@@ -142,7 +142,7 @@ def test_what_does_not_fit_the_scene_is_refused(pretrained, unchecked):
         verify(Problem(pretrained.scene, 20.0), np.array([9.0, 0.0, 0.0, 0.0]))
 
 
-def test_front_door():
+def test_public_names_are_listed_and_documented():
     assert dir(shapeopt) == sorted(shapeopt.__all__)
     for name in shapeopt.__all__:
         assert getattr(shapeopt, name).__doc__
@@ -176,7 +176,7 @@ def test_a_design_is_pickled_without_its_flows(designed):
     assert "verified" not in vars(copy)
 
 
-def test_a_run_is_saved_and_loaded_and_strangers_files_stay(designed, tmp_path):
+def test_a_run_is_saved_and_loaded_and_other_files_stay(designed, tmp_path):
     folder = tmp_path / "run"
     record = save_run(folder, designed)
     assert load_run(folder) == record
@@ -195,6 +195,14 @@ def test_a_run_is_saved_and_loaded_and_strangers_files_stay(designed, tmp_path):
         save_run(tmp_path / "thesis", designed)
 
 
+def test_a_record_says_whether_the_search_converged(designed, tmp_path):
+    """By the KKT residual, not because there is a record."""
+    assert save_run(tmp_path / "run", designed, verify=False)["converged"]
+    rough = dataclasses.replace(designed, kkt_residual=0.3)
+    assert not save_run(tmp_path / "run", rough, verify=False)["converged"]
+    assert not load_run(tmp_path / "run")["converged"]
+
+
 def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
     ranges = {f"beta{k}": (-0.05, 0.05) for k in range(2, 9)}
     scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1.0, 3.0), **ranges))
@@ -206,7 +214,7 @@ def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
 
 
 def test_payoff_plot_is_not_blank(tmp_path, capfd):
-    path = plot_payoff(example_ways(), tmp_path / "payoff.png")
+    path = plot_payoff(example_strategies(), tmp_path / "payoff.png")
     pixels = pv.read(path).active_scalars
     assert len(np.unique(pixels, axis=0)) > 50
     assert capfd.readouterr().err == ""

@@ -72,7 +72,7 @@ def _rows(scene: Scene, tiny: bool, queries: int) -> Iterator[Row]:
         row |= _errors(np.exp(predict(z)), truth) | {"work": round(work * count / max(counts))}
         if count == led:
             designer = Designer(flow)
-            designer.memory.told.extend(part.told)
+            designer.memory.observations.extend(part.told)
             row |= _designs(designer, asked)
         yield row
         for method in METHODS:

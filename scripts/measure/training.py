@@ -112,7 +112,7 @@ def learned(truth: Truth, surrogate: Surrogate) -> Row:
 def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
     """What rivals learn from, and the work of flows and adjoints."""
     inputs, memory = scene_inputs(flow.scene), Memory(flow, None)
-    told = [memory.ask(p, float(re)) for p, re in zip(*samples, strict=True)]
+    told = [memory.evaluate(p, float(re)) for p, re in zip(*samples, strict=True)]
     return Solved(inputs, np.asarray(jax.vmap(inputs)(*samples)), told), memory.green_applications
 
 

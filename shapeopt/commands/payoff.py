@@ -20,7 +20,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.together import add_devices, use_devices
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
-from shapeopt.payoff.strategies import compile_all, remembering, rivals, trained
+from shapeopt.payoff.strategies import compile_all, rivals, trained, trained_with_memory
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
 from shapeopt.problem.objective import Robust
 from shapeopt.problem.problem import Problem
@@ -80,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         compile_s = compile_all(queries, flow, groups[0][best])
     others = rivals(queries, flow)
     ways = [trained(name, queries, found) for name, found in surrogates.items()]
-    ways.append(remembering(f"{best}, and kriging", queries, surrogates[best]))
+    ways.append(trained_with_memory(f"{best}, and kriging", queries, surrogates[best]))
     rows = payoff_rows(ways, others, arguments.seed)
     keys = ("flows_per_design", "g_per_design", "s_per_design")
     result = {

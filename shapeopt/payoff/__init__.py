@@ -1,1 +1,1 @@
-"""Whether training pays: what designs cost by each way, and when the bills cross."""
+"""Whether training pays: what designs cost by each strategy, and after how many it breaks even."""

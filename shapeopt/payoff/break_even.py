@@ -1,4 +1,4 @@
-"""The payoff: a training's bill against what it saves on every design of equal quality."""
+"""Break-even: the cost of a training against what it saves on every design of equal quality."""
 
 import dataclasses
 import math
@@ -14,12 +14,12 @@ from shapeopt.search.design import Design
 Unit = Literal["seconds", "green_applications"]
 UNITS: tuple[Unit, ...] = ("seconds", "green_applications")
 RESAMPLES = 2000
-LATE = 5  # designs at the end of a stream that say what all later ones cost
+LATE = 5  # designs at the end of a stream whose mean cost stands for all later ones
 
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """Wall seconds and applications of G."""
+    """Wall seconds, and convolutions with the Green's function (G)."""
 
     seconds: float = 0.0
     green_applications: float = 0.0
@@ -27,43 +27,50 @@ class Cost:
 
 @dataclasses.dataclass(frozen=True)
 class Strategy:
-    """One way to answer a stream of queries: its trainings and its designs, one row a seed.
+    """A strategy to answer a stream of queries, with what it cost.
 
-    What remembers its flows (``remembers``) gets cheaper from design to design; other ways cost
-    the same for every query whenever it comes.
+    Attributes:
+      name: as in the tables.
+      trainings: cost of the training, for each seed.
+      designs: the answers, one row of designs for each seed.
+      keeps_flows: whether flows are kept from query to query, so that designs get cheaper; else
+        the order of the queries does not matter.
+      drag_error_mean: mean relative drag error of the trained networks.
+      drag_error_max: the largest one.
     """
 
     name: str
     trainings: Sequence[Cost]
     designs: Sequence[Sequence[Design]]
-    remembers: bool = False
+    keeps_flows: bool = False
     drag_error_mean: float | None = None
     drag_error_max: float | None = None
 
-    def costs(self, unit: Unit) -> Float[np.ndarray, "seeds queries"]:
-        """Of every design."""
+    def design_costs(self, unit: Unit) -> Float[np.ndarray, "seeds queries"]:
+        """Return the cost of every design."""
         return np.array([[getattr(d, unit) for d in row] for row in self.designs], float)
 
-    def bills(self, unit: Unit) -> Float[np.ndarray, " seeds"]:
-        """Of the trainings."""
-        return np.array([getattr(bill, unit) for bill in self.trainings], float)
+    def training_costs(self, unit: Unit) -> Float[np.ndarray, " seeds"]:
+        """Return the cost of every training."""
+        return np.array([getattr(cost, unit) for cost in self.trainings], float)
 
     def cumulative(self, unit: Unit, count: int) -> Float[np.ndarray, " designs"]:
-        """Cost and designs together after 1, 2, ... designs, the seeds' mean.
+        """Return the cost of training and designs after 1, 2, ..., count designs, mean over seeds.
 
-        Beyond the stream a design costs what the last of them did, or the mean of them all.
+        Beyond the stream a design costs the mean of its last designs where flows are kept, else
+        the mean of all.
         """
-        costs = self.costs(unit).mean(axis=0)
-        late = costs[-LATE:].mean() if self.remembers else costs.mean()
-        if not self.remembers:
+        costs = self.design_costs(unit).mean(axis=0)
+        late = costs[-LATE:].mean() if self.keeps_flows else costs.mean()
+        if not self.keeps_flows:
             costs = np.full_like(costs, late)
         each = np.concatenate([costs, np.full(max(count - costs.size, 0), late)])[:count]
-        return self.bills(unit).mean() + np.cumsum(each)
+        return self.training_costs(unit).mean() + np.cumsum(each)
 
 
 @dataclasses.dataclass(frozen=True)
 class BreakEven:
-    """Designs after which a training has paid, with a 95 % interval; infinite if never."""
+    """Number of designs after which a training has paid, with a 95 % interval; inf if never."""
 
     designs: float
     low: float
@@ -71,51 +78,55 @@ class BreakEven:
 
 
 def break_even(training: float, own: float, direct: float) -> float:
-    """Number of designs after which training + K own <= K direct."""
+    """Return the number of designs K from which training + K own <= K direct."""
     return training / (direct - own) if direct > own else math.inf
 
 
-def pays_after(way: Strategy, direct: Strategy, unit: Unit, seed: int = 0) -> BreakEven:
-    """Break-even by mean costs; the interval is a bootstrap over seeds and queries (Efron 1979)."""
-    generator, bills = np.random.default_rng(seed), way.bills(unit)
-    saved = direct.costs(unit).mean(axis=0) - way.costs(unit)
+def pays_after(strategy: Strategy, direct: Strategy, unit: Unit, seed: int = 0) -> BreakEven:
+    """Return the break-even of mean costs, with a percentile bootstrap interval (Efron 1979).
+
+    Seeds and queries are resampled independently. ``scipy.stats.bootstrap`` is not used because it
+    refuses a single seed and interpolates between break-evens that may be infinite.
+    """
+    generator, training = np.random.default_rng(seed), strategy.training_costs(unit)
+    saved = direct.design_costs(unit).mean(axis=0) - strategy.design_costs(unit)
     seeds, queries = saved.shape
 
     def resampled():
         chosen = generator.integers(seeds, size=seeds)
-        asked = generator.integers(queries, size=queries)
-        return break_even(bills[chosen].mean(), 0.0, saved[np.ix_(chosen, asked)].mean())
+        drawn = generator.integers(queries, size=queries)
+        return break_even(training[chosen].mean(), 0.0, saved[np.ix_(chosen, drawn)].mean())
 
     low, high = np.quantile([resampled() for _ in range(RESAMPLES)], [0.025, 0.975], method="lower")
-    return BreakEven(break_even(bills.mean(), 0.0, saved.mean()), float(low), float(high))
+    return BreakEven(break_even(training.mean(), 0.0, saved.mean()), float(low), float(high))
 
 
-def overtakes(way: Strategy, rival: Strategy, unit: Unit, most: int = 1000) -> int | None:
-    """First number of designs at which the way has cost no more than the rival; None if none."""
-    ahead = way.cumulative(unit, most) <= rival.cumulative(unit, most)
+def overtakes(strategy: Strategy, rival: Strategy, unit: Unit, most: int = 1000) -> int | None:
+    """Return the first number of designs at which a strategy costs no more than its rival."""
+    ahead = strategy.cumulative(unit, most) <= rival.cumulative(unit, most)
     return int(np.argmax(ahead)) + 1 if ahead.any() else None
 
 
-def best_known(ways: Sequence[Strategy]) -> Float[np.ndarray, " queries"]:
-    """The least objective that any way has found, of every query."""
-    return np.min([[d.objective for d in row] for way in ways for row in way.designs], axis=0)
+def best_known(strategies: Sequence[Strategy]) -> Float[np.ndarray, " queries"]:
+    """Return the least objective that any strategy has found, for every query."""
+    return np.min([[d.objective for d in row] for s in strategies for row in s.designs], axis=0)
 
 
-def per_design(way: Strategy) -> dict[str, float]:
-    """Mean flows, work and seconds of a design."""
-    designs = [design for row in way.designs for design in row]
+def per_design(strategy: Strategy) -> dict[str, float]:
+    """Return the mean flows, work and seconds of a design."""
+    designs = [design for row in strategy.designs for design in row]
     return {
         "flows_per_design": statistics.fmean(design.flows for design in designs),
-        "g_per_design": float(way.costs("green_applications").mean()),
-        "s_per_design": float(way.costs("seconds").mean()),
+        "g_per_design": float(strategy.design_costs("green_applications").mean()),
+        "s_per_design": float(strategy.design_costs("seconds").mean()),
     }
 
 
-def quality(way: Strategy, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
-    """How far its designs are from optimal: KKT residuals, excess over the best that is known."""
-    gaps = [[d.objective for d in row] / best - 1 for row in way.designs]
+def quality(strategy: Strategy, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
+    """Return the largest KKT residual, and mean and largest excess over the best objective."""
+    gaps = [[d.objective for d in row] / best - 1 for row in strategy.designs]
     return {
-        "kkt_max": max(design.kkt_residual for row in way.designs for design in row),
+        "kkt_max": max(design.kkt_residual for row in strategy.designs for design in row),
         "gap_mean": float(np.mean(gaps)),
         "gap_max": float(np.max(gaps)),
     }

@@ -1,58 +1,63 @@
-"""The rival that trains nothing: SLSQP on flows and adjoints, query by query."""
+"""Direct optimisation, the strategy without a model: SLSQP on flows and adjoints."""
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.payoff.slsqp import Found, descend
+from shapeopt.payoff.slsqp import SlsqpResult, minimise_slsqp
+from shapeopt.problem.constraints import BOUNDS
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
-from shapeopt.search.designer import OPTIMAL, WIGGLE, EvaluatedDesign, plainest
+from shapeopt.search.evaluated import EvaluatedDesign, evaluate_design, starting_body
 from shapeopt.search.memory import Memory
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate.arrays import AnyArray
 from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow
 
-ROUNDS = 4  # of SLSQP, each to a hundredth of the tolerance before
+ROUNDS = 4  # of SLSQP, each with a hundredth of the tolerance before
 
 
 def design_directly(
     problem: Problem, flow: Flow, start: Float[AnyArray, " parameters"] | None = None
 ) -> Design:
-    """SLSQP on the flow until its optimality condition holds, from ``start`` or a plain body.
+    """Return the optimum that SLSQP finds on the flow, from ``start`` or ``starting_body``.
 
     Raises:
       InvalidInput: no body satisfies the constraints.
-      NotConverged: it ended elsewhere, or a flow on the way was not found.
+      NotConverged: the optimality condition does not hold at the end, or a flow did not converge.
     """
     begin, memory = time.perf_counter(), Memory(flow, None)
-    solved: list[EvaluatedDesign] = []
+    evaluated: list[EvaluatedDesign] = []
 
     def objective(parameters):
-        solved.append(EvaluatedDesign(problem, memory, parameters))
-        return solved[-1].value, solved[-1].gradient
+        evaluated.append(evaluate_design(problem, memory, parameters))
+        return evaluated[-1].value, evaluated[-1].gradient
 
-    body, rounds = plainest(problem) if start is None else start, list[Found]()
+    body, rounds = starting_body(problem) if start is None else start, list[SlsqpResult]()
     for k in range(ROUNDS):
-        rounds.append(descend(objective, problem.limits, body, 1e-6 * 100.0**-k))
+        rounds.append(minimise_slsqp(objective, problem.limits, body, 1e-6 * 100.0**-k))
         body = rounds[-1].parameters
-        if rounds[-1].kkt_residual <= OPTIMAL:
+        if rounds[-1].kkt_residual <= KKT_TOLERANCE:
             break
     best = rounds[-1]
-    # SLSQP that can no longer tell two drags apart reports failure at the optimum itself.
-    if not (best.feasible and best.kkt_residual <= WIGGLE):
+    # ``converged`` does not count: at the optimum itself SLSQP may report failure, where two drags
+    # differ by rounding alone.
+    if not (best.feasible and best.kkt_residual <= KKT_ACCEPTED):
         raise NotConverged(
             f"SLSQP on the flow: KKT residual {best.kkt_residual:.1e} after {memory.flows} flows, "
-            f"{'' if best.feasible else 'not '}within the constraints; {OPTIMAL:g} is asked"
+            f"{'' if best.feasible else 'not '}within the constraints; it must be at most "
+            f"{KKT_ACCEPTED:g} within them"
         )
     return Design(
         problem=problem,
         parameters=best.parameters,
         objective=best.value,
-        drag=memory.ask(best.parameters, problem.objective.nominal).drag,
+        drag=memory.evaluate(best.parameters, problem.objective.nominal).drag,
         kkt_residual=best.kkt_residual,
-        start=solved[0].value,
+        start=evaluated[0].value,
         path=np.concatenate([found.path for found in rounds]),
         calls=0,
         flows=memory.flows,
@@ -61,23 +66,16 @@ def design_directly(
     )
 
 
-def nearest_answer(
-    problem: Problem, answered: list[Design]
+def nearest_design(
+    problem: Problem, designs: Sequence[Design]
 ) -> Float[AnyArray, " parameters"] | None:
-    """The answer to the most similar query before: nearest in log Re and in what is bounded."""
-    if not answered:
-        return None
+    """Return the body of the design whose problem is most similar, in its bounds and log Re."""
+
+    def features(one):
+        bounds = [getattr(one, name) or bound.usual for name, bound in BOUNDS.items()]
+        return np.array([*bounds, np.log(one.objective.nominal)])
 
     def away(design):
-        lengths = [
-            (
-                a.max_length or 3.0,
-                a.min_thickness or 0.3,
-                a.max_thickness or 1.0,
-                np.log(a.objective.nominal),
-            )
-            for a in (problem, design.problem)
-        ]
-        return float(np.linalg.norm(np.subtract(*lengths)))
+        return float(np.linalg.norm(features(problem) - features(design.problem)))
 
-    return min(answered, key=away).parameters
+    return min(designs, key=away).parameters if designs else None

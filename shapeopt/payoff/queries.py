@@ -1,4 +1,4 @@
-"""A stream of design queries, as a project asks them: Reynolds numbers and constraints, seeded."""
+"""A random stream of design problems, the queries that all strategies answer."""
 
 import jax
 import numpy as np
@@ -8,15 +8,15 @@ from shapeopt.problem.problem import Problem
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
-LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that bind for most optima, in D
-HEIGHTS = (0.45, 0.65)  # the same in space, where a height may be too much
+LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that are active at most optima, in D
+HEIGHTS = (0.45, 0.65)  # upper bounds on the height, in 3-D instead of the lower on the thickness
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
-    """``count`` solvable problems: Re uniform in its logarithm, each bound asked half the time.
+    """Return ``count`` solvable problems: log Re uniform, each bound set with probability 1/2.
 
     Raises:
-      InvalidInput: the family's bodies are all longer or thinner than the bounds that are asked.
+      InvalidInput: the family's bodies are all longer or thinner than the bounds that are drawn.
     """
     queries: list[Problem] = []
     key = jax.random.fold_in(jax.random.key(seed), 7)
@@ -35,7 +35,7 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
         try:
             candidates(problem)
         except InvalidInput:
-            continue  # the bounds drawn contradict each other: nobody's query
+            continue  # the bounds contradict each other
         queries.append(problem)
     if len(queries) < count:
         raise InvalidInput("queries: hardly any bound on length or thickness suits this family")

@@ -1,10 +1,10 @@
-"""All ways to answer a stream of queries, each to the flow's own optimum."""
+"""The strategies that answer a stream of queries, each up to an optimum of the flow."""
 
 import time
 from collections.abc import Callable, Sequence
 
 from shapeopt.payoff.break_even import Cost, Strategy
-from shapeopt.payoff.direct import design_directly, nearest_answer
+from shapeopt.payoff.direct import design_directly, nearest_design
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
@@ -12,68 +12,82 @@ from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 
-Answer = Callable[[Problem], Design]
+Queries = Sequence[Problem]
+Solve = Callable[[Problem], Design]
 
 
-def rivals(queries: list[Problem], flow: Flow) -> list[Strategy]:
-    """What trains nothing: SLSQP afresh, SLSQP from the nearest answer, and growing kriging."""
-    answered: list[Design] = []
+def rivals(queries: Queries, flow: Flow) -> list[Strategy]:
+    """Return the strategies without training.
 
-    def warm(problem):
-        answered.append(design_directly(problem, flow, nearest_answer(problem, answered)))
-        return answered[-1]
+    SLSQP from the same body, SLSQP from the nearest design so far, and kriging with memory: the
+    managed search from nothing, which keeps its flows.
+    """
+    found: list[Design] = []
 
-    growing = Designer(flow)
+    def solve_from_nearest(problem):
+        found.append(design_directly(problem, flow, nearest_design(problem, found)))
+        return found[-1]
+
+    kriging = Designer(flow)
     return [
-        _way("direct", queries, lambda problem: design_directly(problem, flow)),
-        _way("direct, from the nearest answer", queries, warm, remembers=True),
-        _way("growing kriging", queries, growing.design, remembers=True),
+        _answer("direct", queries, lambda problem: design_directly(problem, flow)),
+        _answer("direct, from the nearest answer", queries, solve_from_nearest, True),
+        _answer("growing kriging", queries, kriging.design, True),
     ]
 
 
-def trained(name: str, queries: list[Problem], surrogates: Sequence[Surrogate]) -> Strategy:
-    """A network, one a seed, corrected for every query afresh: its worth as it was trained."""
+def trained(name: str, queries: Queries, surrogates: Sequence[Surrogate]) -> Strategy:
+    """Return the strategy of a network, one a seed, whose correction is forgotten after a query."""
     return _of_seeds(name, queries, surrogates, lambda s: lambda q: Designer(s).design(q), False)
 
 
-def remembering(name: str, queries: list[Problem], surrogates: Sequence[Surrogate]) -> Strategy:
-    """A network whose discrepancy is kept from query to query."""
+def trained_with_memory(name: str, queries: Queries, surrogates: Sequence[Surrogate]) -> Strategy:
+    """Return the strategy of a network, one a seed, whose correction is kept between queries."""
     return _of_seeds(name, queries, surrogates, lambda s: Designer(s).design, True)
 
 
-def _of_seeds(name, queries, surrogates, make, remembers):
-    ways = [_way(name, queries, make(surrogate), remembers) for surrogate in surrogates]
+def _of_seeds(
+    name: str,
+    queries: Queries,
+    surrogates: Sequence[Surrogate],
+    make_solve: Callable[[Surrogate], Solve],
+    keeps_flows: bool,
+) -> Strategy:
     records = [surrogate.record for surrogate in surrogates]
     return Strategy(
         name,
         [Cost(r["train_s"] + r["setup_s"], r["green_applications"]) for r in records],
-        [way.designs[0] for way in ways],
-        remembers,
+        [_designs(name, queries, make_solve(surrogate)) for surrogate in surrogates],
+        keeps_flows,
         sum(r["drag_error_mean"] for r in records) / len(records),
         max(r["drag_error_max"] for r in records),
     )
 
 
-def _way(name: str, queries: list[Problem], answer: Answer, remembers: bool = False) -> Strategy:
+def _answer(name: str, queries: Queries, solve: Solve, keeps_flows: bool = False) -> Strategy:
+    return Strategy(name, [Cost()], [_designs(name, queries, solve)], keeps_flows)
+
+
+def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
     designs = []
     with progress_bar(f"designs: {name}") as progress:
         for k, problem in enumerate(queries):
-            designs.append(answer(problem))
+            designs.append(solve(problem))
             progress((k + 1) / len(queries), f"{k + 1} of {len(queries)} queries")
-    return Strategy(name, [Cost()], [designs], remembers)
+    return designs
 
 
-def compile_all(queries: list[Problem], flow: Flow, surrogate: Surrogate) -> float:
-    """Seconds of compiling what designs need, which is no part of any design's cost.
+def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> float:
+    """Compile what designs need, and return the seconds, which no design's cost includes.
 
-    All queries are answered twice by the growing kriging, which compiles anew as it grows; what
-    the first time took longer was compilation.
+    Kriging with memory answers all queries twice, because it compiles anew as it grows; the first
+    time takes longer by the compilation.
     """
     first, second = (_seconds(Designer(flow), queries) for _ in range(2))
     return first - second + _seconds(Designer(surrogate), queries[:1])
 
 
-def _seconds(designer, queries):
+def _seconds(designer: Designer, queries: Queries) -> float:
     start = time.perf_counter()
     for problem in queries:
         designer.design(problem)

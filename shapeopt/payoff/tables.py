@@ -1,4 +1,4 @@
-"""The payoff's result in words: what every way costs, and after how many designs it pays."""
+"""The payoff's result as rows of JSON and as tables: costs of all strategies, and break-even."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,33 +13,40 @@ from shapeopt.payoff.break_even import (
 )
 from shapeopt.render.tables import markdown
 
-SHORT = {"seconds": "s", "green_applications": "g"}
+SUFFIXES = {"seconds": "s", "green_applications": "g"}  # of the keys in JSON
+COSTS = ("training", "flows a design", "a design")
+PAYS = ("pays after designs, by G", "by time")
+Row = Mapping[str, Any]
 
 
 def payoff_rows(
-    ways: Sequence[Strategy], rivals: Sequence[Strategy], seed: int
+    strategies: Sequence[Strategy], rivals: Sequence[Strategy], seed: int
 ) -> list[dict[str, Any]]:
-    """One row a way, as the contract of the payoff's JSON names it; None is never."""
+    """Return one row of JSON for each strategy; a break-even of None is never.
+
+    ``rivals`` are as ``strategies.rivals`` returns them, direct optimisation first and kriging with
+    memory last.
+    """
     direct, kriging = rivals[0], rivals[-1]
-    best = best_known([*ways, *rivals])
+    best = best_known([*strategies, *rivals])
     rows = []
-    for way in [*rivals, *ways]:
-        row: dict[str, Any] = {"method": way.name}
-        for unit, short in SHORT.items():
-            row[f"training_{short}"] = float(way.bills(unit).mean())
-            found = pays_after(way, direct, unit, seed)
-            finite = [None if value == float("inf") else value for value in vars(found).values()]
-            row[f"break_even_{short}"], *row[f"break_even_{short}_interval"] = finite
-            row[f"beats_kriging_{short}"] = overtakes(way, kriging, unit)
-            row[f"cumulative_{short}"] = way.cumulative(unit, 1000)[[0, 4, 9, 49, 999]].tolist()
-        row |= per_design(way) | quality(way, best)
-        row |= {"drag_error_mean": way.drag_error_mean, "drag_error_max": way.drag_error_max}
+    for one in [*rivals, *strategies]:
+        row: dict[str, Any] = {"method": one.name}
+        for unit, suffix in SUFFIXES.items():
+            row[f"training_{suffix}"] = float(one.training_costs(unit).mean())
+            found = vars(pays_after(one, direct, unit, seed)).values()
+            finite = [None if value == float("inf") else value for value in found]
+            row[f"break_even_{suffix}"], *row[f"break_even_{suffix}_interval"] = finite
+            row[f"beats_kriging_{suffix}"] = overtakes(one, kriging, unit)
+            row[f"cumulative_{suffix}"] = one.cumulative(unit, 1000)[[0, 4, 9, 49, 999]].tolist()
+        row |= per_design(one) | quality(one, best)
+        row |= {"drag_error_mean": one.drag_error_mean, "drag_error_max": one.drag_error_max}
         rows.append(row)
     return rows
 
 
-def payoff_tables(result: Mapping[str, Any]) -> str:
-    """Markdown of what the payoff command has found."""
+def payoff_tables(result: Row) -> str:
+    """Return the result of the payoff command as Markdown."""
     robust, count = result["robust"], len(result["queries"])
     hours = robust["direct_seconds_extrapolated"] / 3600
     return "\n\n".join(
@@ -54,48 +61,53 @@ def payoff_tables(result: Mapping[str, Any]) -> str:
     )
 
 
-def break_even_table(rows: list[Mapping[str, Any]]) -> str:
-    """One line a way."""
-    heads = ["way", "error mean / max", "training", "flows a design", "a design"]
-    heads += ["gap, KKT at most", "pays after designs, by G", "by time", "beats kriging, by G"]
+def break_even_table(rows: Sequence[Row]) -> str:
+    """Return the full table, one line for each strategy."""
+    heads = ["way", "error mean / max", *COSTS, "gap, KKT at most", *PAYS, "beats kriging, by G"]
     lines = [
         [
-            r["method"],
-            _error(r),
-            f"{r['training_g']:.0f} G, {r['training_s']:.0f} s" if r["training_g"] else "",
-            f"{r['flows_per_design']:.2f}",
-            f"{r['g_per_design']:.0f} G, {r['s_per_design']:.2f} s",
-            f"{100 * r['gap_max']:.3f} %, {r['kkt_max']:.0e}",
-            _designs(r, "g"),
-            _designs(r, "s"),
-            _from(r["beats_kriging_g"]) if r["training_g"] else "",
+            row["method"],
+            _error(row),
+            *_costs(row),
+            f"{100 * row['gap_max']:.3f} %, {row['kkt_max']:.0e}",
+            *_break_evens(row),
+            _from(row["beats_kriging_g"]) if row["training_g"] else "",
         ]
-        for r in rows
+        for row in rows
     ]
     return markdown(heads, lines)
 
 
-def short_table(rows: list[Mapping[str, Any]]) -> str:
-    """Who pays when, in few columns: without the methods as published."""
-    heads = ["way", "training", "flows a design", "a design", "pays after designs, by G", "by time"]
-    lines = [
-        [
-            r["method"],
-            f"{r['training_g']:.0f} G, {r['training_s']:.0f} s" if r["training_g"] else "",
-            f"{r['flows_per_design']:.2f}",
-            f"{r['g_per_design']:.0f} G, {r['s_per_design']:.2f} s",
-            _designs(r, "g"),
-            _designs(r, "s"),
-        ]
-        for r in rows
-        if "published" not in r["method"]
-    ]
-    return markdown(heads, lines)
+def short_table(rows: Sequence[Row]) -> str:
+    """Return the costs and break-even alone, without the methods as published."""
+    chosen = [row for row in rows if "published" not in row["method"]]
+    lines = [[row["method"], *_costs(row), *_break_evens(row)] for row in chosen]
+    return markdown(["way", *COSTS, *PAYS], lines)
 
 
 def _cumulative_table(rows):
     heads = ["applications of G after designs", "1", "5", "10", "50", "1000"]
     return markdown(heads, [[r["method"], *(f"{g:,.0f}" for g in r["cumulative_g"])] for r in rows])
+
+
+def _costs(row):
+    return [
+        f"{row['training_g']:.0f} G, {row['training_s']:.0f} s" if row["training_g"] else "",
+        f"{row['flows_per_design']:.2f}",
+        f"{row['g_per_design']:.0f} G, {row['s_per_design']:.2f} s",
+    ]
+
+
+def _break_evens(row):
+    return [_break_even(row, suffix) if row["training_g"] else "" for suffix in ("g", "s")]
+
+
+def _break_even(row, suffix):
+    designs, (low, high) = row[f"break_even_{suffix}"], row[f"break_even_{suffix}_interval"]
+    if designs is None:
+        return "never"
+    low, high = ("never" if end is None else f"{end:.1f}" for end in (low, high))
+    return f"{designs:.1f} ({low} to {high})"
 
 
 def _error(row):
@@ -106,13 +118,3 @@ def _error(row):
 
 def _from(designs):
     return "never" if designs is None else f"from design {designs}"
-
-
-def _designs(row, short):
-    if not row["training_g"]:
-        return ""
-    found, (low, high) = row[f"break_even_{short}"], row[f"break_even_{short}_interval"]
-    if found is None:
-        return "never"
-    low, high = ("never" if end is None else f"{end:.1f}" for end in (low, high))
-    return f"{found:.1f} ({low} to {high})"

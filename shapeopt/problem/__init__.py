@@ -1,1 +1,1 @@
-"""What is asked for: an objective to be least, constraints on the body, and what contradicts."""
+"""The optimisation problem: objectives, constraints, feasible bodies, conflicting constraints."""

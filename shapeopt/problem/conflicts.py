@@ -1,24 +1,22 @@
-"""The names of constraints that cannot be met."""
+"""Constraints that cannot be met, named for a message."""
 
 import dataclasses
-import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from shapeopt.problem.constraints import margins, satisfied
+from shapeopt.problem.constraints import BOUNDS, EVERY, constraint_values, satisfied
 from shapeopt.problem.feasible import drawn_bodies, feasible_bodies, repaired_bodies
 from shapeopt.problem.problem import Problem
-from surrogate.arrays import AnyArray
 from surrogate.errors import InvalidInput
 
 
-def candidates(problem: Problem) -> Float[AnyArray, "bodies parameters"]:
-    """Feasible bodies from all over the family.
+def candidates(problem: Problem) -> Float[np.ndarray, "bodies parameters"]:
+    """Return feasible bodies from all over the family.
 
     Raises:
       InvalidInput: there is none; the message names the constraints in conflict.
@@ -30,89 +28,87 @@ def candidates(problem: Problem) -> Float[AnyArray, "bodies parameters"]:
 
 
 def explain_conflict(problem: Problem) -> str:
-    """Which constraints cannot be met: each that no body satisfies, or a set in contradiction.
+    """Return which constraints cannot be met: single ones, or else a set in contradiction.
 
     The set is irreducible: without any one of its members some body satisfies the others.
     """
-    asked = _asked(problem)
-    bare = _without(problem, asked)
-    hopeless = []
-    for constraint in asked:
-        alone = _without(problem, [other for other in asked if other is not constraint])
-        if not len(feasible_bodies(alone.limits)):
-            hopeless.append(f"{constraint.name}: {_attainable(constraint, bare, alone)}")
-    if hopeless:
-        return "; ".join(hopeless)
-    dropped: list[_Asked] = []
-    for constraint in asked:
-        if not len(feasible_bodies(_without(problem, [*dropped, constraint]).limits)):
+    constraints = _constraints(problem)
+    free = _without(problem, constraints)
+    alone = {c: _without(problem, [d for d in constraints if d is not c]) for c in constraints}
+    impossible = [
+        f"{constraint.name}: {_nearest_value(constraint, free, single)}"
+        for constraint, single in alone.items()
+        if not _feasible(single)
+    ]
+    if impossible:
+        return "; ".join(impossible)
+    dropped: list[_Constraint] = []
+    for constraint in constraints:
+        if not _feasible(_without(problem, [*dropped, constraint])):
             dropped.append(constraint)
-    names = [constraint.name for constraint in asked if constraint not in dropped]
+    names = [constraint.name for constraint in constraints if constraint not in dropped]
     return " and ".join(names) + " contradict each other at this area; relax one of them"
 
 
-class _Asked(NamedTuple):
-    """One constraint by name, what lifts it, and the quantity that it bounds."""
+class _Constraint(NamedTuple):
+    """A constraint by name, how to remove it from a problem, and the quantity that it bounds."""
 
     name: str
-    lift: Callable[[Problem], dict[str, Any]]
-    measure: Callable[[Array], Array] | None = None
-    fault: str = "no body of the family is more than"
+    remove: Callable[[Problem], Problem]
+    measure: Callable[[Float[Array, " parameters"]], Float[Array, ""]] | None = None
+    conflict: str = ""
 
 
-def _asked(problem):
-    body = problem.scene.family.body_class
-    every = "every body of the family is"
-    thin, long, thick = f"{every} thinner", f"{every} longer than", f"{every} thicker than"
-    bounds = (
-        ("max_length", "max length", body.length, long),
-        ("min_thickness", "min thickness", body.thickness, f"{thin} than"),
-        ("max_thickness", "max thickness", body.thickness, thick),
-        (
-            "min_radius",
-            "min radius",
-            lambda p: jnp.min(jnp.stack(body.radii(p))),
-            "every body of the family has somewhere a radius below",
-        ),
-    )
-    asked = [
-        _Asked(f"{words} {bound:g}", lambda p, name=name: {name: None}, measure, fault)
-        for name, words, measure, fault in bounds
-        if (bound := getattr(problem, name)) is not None
+def _constraints(problem: Problem) -> list[_Constraint]:
+    """Return the constraints that a problem sets."""
+    body_class = problem.scene.family.body_class
+    found = [
+        _Constraint(
+            f"{name.replace('_', ' ')} {getattr(problem, name):g}",
+            lambda p, name=name: dataclasses.replace(p, **{name: None}),
+            lambda body, b=bound: b.sense * jnp.min(b.sense * b.values(body_class, body)),
+            bound.conflict,
+        )
+        for name, bound in BOUNDS.items()
+        if getattr(problem, name) is not None
     ]
-    asked += [
-        _Asked(
+    found += [
+        _Constraint(
             f"thickness {station.thickness:g} at {station.x:g} c",
-            functools.partial(_drop_station, station),
-            lambda p, x=station.x: body.thickness_at(p, jnp.asarray(x)),
-            f"{thin} there than",
+            lambda p, station=station: dataclasses.replace(
+                p, stations=tuple(other for other in p.stations if other != station)
+            ),
+            lambda body, x=station.x: body_class.thickness_at(body, jnp.asarray(x)),
+            f"{EVERY} is thinner there than",
         )
         for station in problem.stations
     ]
     if problem.within:
-        asked.append(_Asked("ranges of the parameters", lambda p: {"within": None}))
+        words = "ranges of the parameters"
+        found.append(_Constraint(words, lambda p: dataclasses.replace(p, within=None)))
     if problem.trust:
-        asked.append(_Asked(f"trust {problem.trust:g}", lambda p: {"trust": 0.0}))
-    return asked
+        words = f"trust {problem.trust:g}"
+        found.append(_Constraint(words, lambda p: dataclasses.replace(p, trust=0.0)))
+    return found
 
 
-def _drop_station(station, problem):
-    return {"stations": tuple(other for other in problem.stations if other != station)}
-
-
-def _without(problem, constraints):
+def _without(problem: Problem, constraints: Sequence[_Constraint]) -> Problem:
     for constraint in constraints:
-        problem = dataclasses.replace(problem, **constraint.lift(problem))
+        problem = constraint.remove(problem)
     return problem
 
 
-def _attainable(constraint, bare, alone):
-    """What the family reaches of the bounded quantity: the least violating body's value."""
+def _feasible(problem: Problem) -> bool:
+    return len(feasible_bodies(problem.limits)) > 0
+
+
+def _nearest_value(constraint: _Constraint, free: Problem, alone: Problem) -> str:
+    """Return, as a text, the bounded quantity of the body that violates the constraint least."""
     if constraint.measure is None:
         return "no body of the family closes properly there"
-    drawn = drawn_bodies(bare.limits)
+    drawn = drawn_bodies(free.limits)
     nearest = jnp.concatenate([drawn, repaired_bodies(drawn, alone.limits)])
-    nearest = nearest[np.asarray(satisfied(nearest, bare.limits))]
-    violation = jax.vmap(lambda body: -jnp.min(margins(body, alone.limits)))(nearest)
+    nearest = nearest[np.asarray(satisfied(nearest, free.limits))]
+    violation = jax.vmap(lambda body: -jnp.min(constraint_values(body, alone.limits)))(nearest)
     value = float(constraint.measure(nearest[jnp.argmin(violation)]))
-    return f"{constraint.fault} {value:.3g} D"
+    return f"{constraint.conflict} {value:.3g} D"

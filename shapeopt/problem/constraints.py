@@ -1,74 +1,135 @@
-"""Constraints on a body as numbers: ranges of its parameters, and margins not to be negative."""
+"""Constraints on a body: ranges of its parameters, and constraint values c(p) >= 0.
+
+A new bound is an entry of ``BOUNDS`` and the field of ``Problem`` of that name. Symbols as in
+``shapeopt/README.md``, section 1; lengths in D.
+"""
 
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from surrogate.arrays import AnyArray, Number
+from surrogate.arrays import AnyArray
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass
 from surrogate.body.measures import least
 
+FEASIBLE = -1e-6  # constraint value down to which a body counts as feasible: rounding and solver
+EVERY = "every body of the family"
+
+
+class Bound(NamedTuple):
+    """A bound that a problem may set, by what it measures on a body, in D.
+
+    It holds for every value of ``measure``, a method of ``BodyClass``: a minimum where ``sense`` is
+    1, a maximum where it is -1. ``unbounded`` is a bound that every body satisfies. ``usual``
+    stands for a bound that is not set when two problems are compared. An ``optional`` one has so
+    many values that it takes part only where it is set. ``conflict`` begins the text of a conflict.
+    """
+
+    measure: str
+    sense: int
+    unbounded: float
+    usual: float
+    conflict: str
+    optional: bool = False
+
+    def values(
+        self, body_class: BodyClass, parameters: Float[AnyArray, " parameters"]
+    ) -> Float[Array, " values"]:
+        """Return what the bound measures on a body."""
+        return jnp.hstack(jax.tree.leaves(getattr(body_class, self.measure)(parameters)))
+
+
+BOUNDS = {
+    "max_length": Bound("length", -1, 100.0, 3.0, f"{EVERY} is longer than"),
+    "min_thickness": Bound("thickness", 1, 0.0, 0.3, f"{EVERY} is thinner than"),
+    # all along the body, because an optimum meets it at several places
+    "max_thickness": Bound("thicknesses", -1, 100.0, 1.0, f"{EVERY} is thicker than", True),
+    "min_radius": Bound("radii", 1, 0.0, 0.0, f"{EVERY} has somewhere a radius below"),
+}
+
 
 class Station(NamedTuple):
-    """At x/c (0 the nose, 1 the tail) the body is at least ``thickness`` D thick."""
+    """A lower bound on the thickness at one place along the chord.
 
-    x: Number
-    thickness: Number
+    Args:
+      x: x/c, 0 at the nose and 1 at the tail.
+      thickness: least thickness there, in D.
+    """
+
+    x: float
+    thickness: float
+
+
+FREE_STATION = Station(0.5, 0.0)  # that every body satisfies
 
 
 class Limits(eqx.Module):
-    """All constraints as numbers; what is not bounded cannot be reached.
+    """All constraints of a problem as arrays.
 
-    Of bounds on the thickness there is one or none: it holds all along the body, as a body of
-    least drag under it meets it at several places.
+    ``low`` and ``high`` are the ranges of the parameters, ``shift`` the shape changes of the
+    scenarios, under which a body must not cross itself; ``stations`` has rows (x/c, thickness).
     """
 
     low: Float[AnyArray, " parameters"]
     high: Float[AnyArray, " parameters"]
     shift: Float[AnyArray, "cases parameters"]
-    max_length: Float[AnyArray, ""]
-    min_thickness: Float[AnyArray, ""]
-    max_thickness: Float[AnyArray, " bounds"]
+    bounds: dict[str, Float[AnyArray, ""]]
     stations: Float[AnyArray, "stations 2"]
-    min_radius: Float[AnyArray, ""]
     body_class: BodyClass = eqx.field(static=True)
 
     @property
     def width(self) -> Float[AnyArray, " parameters"]:
-        """Of the ranges; what is fixed has next to none."""
+        """Widths of the ranges, at least 1e-12 so that parameters can be scaled by them."""
         return jnp.maximum(self.high - self.low, 1e-12)
+
+    def padded(self, names: set[str], stations: int, cases: int) -> "Limits":
+        """Return the same constraints with these bounds and numbers of stations and cases.
+
+        What is added is satisfied by every body, so that limits can be stacked.
+        """
+        added = np.tile(np.array(FREE_STATION), (stations - len(self.stations), 1))
+        return Limits(
+            self.low,
+            self.high,
+            np.pad(self.shift, ((0, cases - len(self.shift)), (0, 0)), mode="edge"),
+            {name: np.asarray(BOUNDS[name].unbounded) for name in names} | self.bounds,
+            np.concatenate([self.stations, added]),
+            self.body_class,
+        )
 
 
 @jax.jit
-def margins(
+def constraint_values(
     parameters: Float[AnyArray, " parameters"], limits: Limits
-) -> Float[AnyArray, " constraints"]:
-    """Every constraint as a number that must not be negative; the ranges are not among them."""
+) -> Float[Array, " constraints"]:
+    """Return c(p), which is >= 0 where a body satisfies the constraints other than its ranges."""
     body = limits.body_class
-    min_thickness_ratios = jax.vmap(lambda shift: body.min_thickness_ratio(parameters + shift))(
-        limits.shift
-    )
-    stations = jax.vmap(lambda s: body.thickness_at(parameters, s[0]) - s[1])(limits.stations)
-    return jnp.concatenate(
-        [
-            least(min_thickness_ratios)[None] - CLEAR_THICKNESS_RATIO,
-            jnp.stack([limits.max_length - body.length(parameters)]),
-            jnp.stack([body.thickness(parameters) - limits.min_thickness]),
-            stations,
-            (limits.max_thickness[:, None] - body.thicknesses(parameters)).ravel(),
-            jnp.stack(body.radii(parameters)) - limits.min_radius,
-        ]
-    )
+    ratios = jax.vmap(lambda shift: body.min_thickness_ratio(parameters + shift))(limits.shift)
+    values = [least(ratios) - CLEAR_THICKNESS_RATIO]
+    for name, bound in BOUNDS.items():
+        if name in limits.bounds:
+            values.append(bound.sense * (bound.values(body, parameters) - limits.bounds[name]))
+    values.append(jax.vmap(lambda s: body.thickness_at(parameters, s[0]) - s[1])(limits.stations))
+    return jnp.hstack(values)
+
+
+@jax.jit
+def constraint_values_and_jacobian(
+    parameters: Float[AnyArray, " parameters"], limits: Limits
+) -> tuple[Float[Array, " constraints"], Float[Array, "constraints parameters"]]:
+    """Return c(p) and its derivative in the parameters."""
+    return constraint_values(parameters, limits), jax.jacfwd(constraint_values)(parameters, limits)
 
 
 @jax.jit
 def satisfied(
-    bodies: Float[AnyArray, "bodies parameters"], limits: Limits
+    bodies: Float[AnyArray, "bodies parameters"], limits: Limits, tolerance: AnyArray | float = 0.0
 ) -> Bool[Array, " bodies"]:
-    """Which bodies meet every constraint."""
+    """Return which bodies are within their ranges and have all c(p) >= -tolerance."""
     inside = (bodies >= limits.low - 1e-9) & (bodies <= limits.high + 1e-9)
-    room = jax.vmap(margins, in_axes=(0, None))(bodies, limits)
-    return jnp.all(inside, axis=1) & jnp.all(room >= 0, axis=1)
+    values = jax.vmap(constraint_values, in_axes=(0, None))(bodies, limits)
+    return jnp.all(inside, axis=1) & jnp.all(values >= -tolerance, axis=1)

@@ -1,26 +1,26 @@
-"""Bodies that satisfy the constraints, from all over the feasible set."""
+"""Feasible bodies, from all over the set that the constraints leave."""
 
 import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from shapeopt.problem.constraints import Limits, margins, satisfied
+from shapeopt.problem.constraints import Limits, constraint_values, satisfied
 from surrogate.arrays import AnyArray
 
 DRAWN = 2048
-ELLIPSES = 33  # of them
+ELLIPSES = 33  # of the drawn bodies
 REPAIRED = 64
-ENOUGH = 8  # feasible draws from which a search can start
-ROOM = 1e-6  # a repaired body is this far inside its constraints
+ENOUGH = 8  # feasible draws with which no repair is needed; a search starts from as many
+INSIDE = 1e-6  # constraint value that a repaired body reaches, so that rounding cannot violate it
 
 
-def feasible_bodies(limits: Limits) -> Float[AnyArray, "bodies parameters"]:
-    """Bodies from all over the feasible set; none where it is empty.
+def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
+    """Return bodies from all over the feasible set; none where it is empty.
 
-    Where chance finds few of them, the least violating draws are moved until they satisfy.
+    Where few draws are feasible, the least violating ones are moved until they are.
     """
     drawn = drawn_bodies(limits)
     bodies = drawn[np.asarray(satisfied(drawn, limits))]
@@ -31,33 +31,34 @@ def feasible_bodies(limits: Limits) -> Float[AnyArray, "bodies parameters"]:
     return bodies
 
 
-def drawn_bodies(limits: Limits) -> Float[AnyArray, "bodies parameters"]:
-    """The same draws for every problem, in its own ranges: ellipses, then uniform."""
+def drawn_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
+    """Return ellipses of all aspects, then uniform draws, the same for every problem."""
     aspects = np.linspace(*map(limits.body_class.aspect, (limits.low, limits.high)), ELLIPSES)
     ellipses = [np.clip(limits.body_class.ellipse(a), limits.low, limits.high) for a in aspects]
-    draws = _draws(len(limits.low))
+    draws = _uniform_draws(len(limits.low))
     return np.concatenate([ellipses, limits.low + (limits.high - limits.low) * draws])
 
 
 @functools.cache
-def _draws(parameters):
+def _uniform_draws(parameters):
     return np.asarray(jax.random.uniform(jax.random.key(0), (DRAWN - ELLIPSES, parameters)))
 
 
 @jax.jit
 def repaired_bodies(
     bodies: Float[AnyArray, "bodies parameters"], limits: Limits
-) -> Float[AnyArray, "some parameters"]:
-    """The least violating bodies after Levenberg-Marquardt steps on the violations, in range."""
+) -> Float[Array, "repaired parameters"]:
+    """Return the least violating bodies after Levenberg-Marquardt steps on their violations."""
     width = limits.width
 
     def violation(z):
-        return jnp.maximum(ROOM - margins(limits.low + width * z, limits), 0.0)
+        return jnp.maximum(INSIDE - constraint_values(limits.low + width * z, limits), 0.0)
 
     def step(_, z):
-        jacobian, miss = jax.jacfwd(violation)(z), violation(z)
-        normal = jacobian.T @ jacobian + (1e-6 + 1e-2 * jnp.sum(miss**2)) * jnp.eye(z.size)
-        change = jnp.linalg.solve(normal, jacobian.T @ miss)
+        jacobian, residual = jax.jacfwd(violation)(z), violation(z)
+        damping = 1e-6 + 1e-2 * jnp.sum(residual**2)
+        normal = jacobian.T @ jacobian + damping * jnp.eye(z.size)
+        change = jnp.linalg.solve(normal, jacobian.T @ residual)
         return jnp.clip(z - jnp.clip(change, -0.2, 0.2), 0, 1)
 
     z = (bodies - limits.low) / width

@@ -1,46 +1,54 @@
-"""The problem: minimise an objective over the scene's family under constraints."""
+"""The problem: minimise an objective over the scene's family of bodies under constraints."""
 
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from shapeopt.problem.constraints import Limits, Station
-from shapeopt.problem.objective import AtReynolds, Objective, Scenarios
-from surrogate.arrays import Number
-from surrogate.checks import expect, finite_number, interval
+from shapeopt.problem.constraints import BOUNDS, Limits, Station
+from shapeopt.problem.objective import AtReynolds, Objective
+from shapeopt.problem.scenarios import Scenarios
+from surrogate.checks import expect, finite_number, interval, shown
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
-
-UNBOUNDED_LENGTH = 100.0  # D: longer than any body of a family
 
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """Minimise an objective over the scene's family; the area pi/4, or the volume pi/6, is given.
+    """Minimise an objective over the bodies of a scene's family, under constraints.
 
-    ``reynolds`` is a number (least Cd there) or an objective. ``max_length`` bounds the chord,
-    ``min_thickness`` and ``max_thickness`` the greatest thickness (in space the height),
-    ``stations`` the thickness at places along the chord, ``min_radius`` the radius of curvature
-    all around (in space of the outline seen from the side), all in D. ``within`` narrows ranges
-    of the family, by name. ``trust`` keeps every shape parameter away from both edges of its
-    trained range by this share of the range's width, since a surrogate is least sure at the edges.
+    All bodies have the area pi/4 (in 3-D the volume pi/6), so their equivalent diameter D is 1.
+    Lengths are in D.
+
+    Args:
+      scene: stream, family of bodies and fidelity.
+      reynolds: a Reynolds number U D / nu, to minimise Cd there; or an objective, ``Weighted`` or
+        ``Robust``.
+      max_length: upper bound on the chord.
+      min_thickness: lower bound on the greatest thickness; in 3-D on the height.
+      stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
+      min_radius: lower bound on the radius of curvature all around the outline; in 3-D of the
+        outline seen from the side.
+      within: narrower ranges of parameters by name, as ``{"aspect": (1, 3)}``.
+      trust: distance that every shape parameter keeps from both ends of its trained range, as a
+        share of the range's width, from 0 to below 0.5; a surrogate is least accurate at the ends.
+      max_thickness: upper bound on the greatest thickness; in 3-D on the height.
 
     Raises:
-      InvalidInput: a number makes no sense, or the ranges contradict each other.
+      InvalidInput: a value is out of its range, or the ranges of parameters contradict each other.
     """
 
     scene: Scene
-    reynolds: Number | Objective
-    max_length: Number | None = None
-    min_thickness: Number | None = None
+    reynolds: float | Objective
+    max_length: float | None = None
+    min_thickness: float | None = None
     stations: tuple[Station, ...] = ()
-    min_radius: Number | None = None
-    within: Mapping[str, Any] | None = None
-    trust: Number = 0.0
-    max_thickness: Number | None = None
+    min_radius: float | None = None
+    within: Mapping[str, tuple[float, float]] | None = None
+    trust: float = 0.0
+    max_thickness: float | None = None
 
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
@@ -52,11 +60,11 @@ class Problem:
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
-        object.__setattr__(self, "stations", tuple(map(_station, self.stations)))
+        object.__setattr__(self, "stations", tuple(map(_checked_station, self.stations)))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
-        for name in ("max_length", "min_thickness", "max_thickness", "min_radius"):
+        for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
-                object.__setattr__(self, name, _length(name, bound))
+                object.__setattr__(self, name, _checked_length(name, bound))
         object.__setattr__(self, "trust", finite_number("trust", self.trust))
         if not 0 <= self.trust < 0.5:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
@@ -64,35 +72,29 @@ class Problem:
 
     @property
     def objective(self) -> Objective:
-        """What is to be least."""
+        """The objective; Cd at a Reynolds number where ``reynolds`` is a number."""
         given = self.reynolds
         return given if isinstance(given, Objective) else AtReynolds(given)
 
     @functools.cached_property
     def scenarios(self) -> Scenarios:
-        """The objective's cases."""
+        """The cases of the objective as arrays."""
         return self.objective.scenarios(self.scene)
 
     @functools.cached_property
     def limits(self) -> Limits:
-        """All constraints as numbers."""
-        low, high = self._ranges()
-        longest = UNBOUNDED_LENGTH if self.max_length is None else self.max_length
-        bounds = [] if self.max_thickness is None else [self.max_thickness]
-        return Limits(
-            low,
-            high,
-            self.scenarios.shift,
-            np.asarray(longest),
-            np.asarray(self.min_thickness or 0.0),
-            np.asarray(bounds, float),
-            np.array(self.stations, float).reshape(-1, 2),
-            np.asarray(self.min_radius or 0.0),
-            self.scene.family.body_class,
-        )
+        """All constraints as arrays."""
+        bounds = {}
+        for name, bound in BOUNDS.items():
+            given = getattr(self, name)
+            if given is not None or not bound.optional:
+                bounds[name] = np.asarray(bound.unbounded if given is None else given)
+        stations = np.array(self.stations, float).reshape(-1, 2)
+        body_class = self.scene.family.body_class
+        return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, body_class)
 
-    def _ranges(self):
-        """Ranges of the parameters after ``within``, ``trust`` and the objective's tolerance."""
+    def _ranges(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
+        """Return the parameters' ranges after ``within``, ``trust`` and the shape changes."""
         family = self.scene.family
         low, high = family.bounds.T
         inset = np.maximum(self.trust * (high - low), np.abs(self.scenarios.shift).max(axis=0))
@@ -121,17 +123,16 @@ class Problem:
                 )
 
 
-def _station(given: Any) -> Station:
-    """A station of plain floats."""
-    expect("stations", given, Station, "Station(x, thickness)")
+def _checked_station(given: object) -> Station:
+    if not isinstance(given, Station):
+        raise InvalidInput(f"stations: {shown(given)} is no Station(x, thickness)")
     x = finite_number("station x/c", given.x)
     if not 0 < x < 1:
         raise InvalidInput(f"station x/c = {x:g}: between 0 (nose) and 1 (tail)")
-    return Station(x, _length(f"thickness at {x:g} c", given.thickness))
+    return Station(x, _checked_length(f"thickness at {x:g} c", given.thickness))
 
 
-def _length(name: str, given: Any) -> float:
-    """Above 0, as a float."""
+def _checked_length(name: str, given: object) -> float:
     length = finite_number(name, given)
     if not length > 0:
         raise InvalidInput(f"{name} {length:g}: must be a finite length above 0, in D")

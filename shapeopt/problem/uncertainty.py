@@ -1,49 +1,65 @@
-"""Distributions of an uncertain Reynolds number, and even draws from one seed."""
+"""Distributions of an uncertain Reynolds number, and Latin hypercube samples."""
 
 import dataclasses
-from typing import Any
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from surrogate.arrays import Number
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
 
+@runtime_checkable
+class Distribution(Protocol):
+    """A continuous distribution with the methods of ``scipy.stats``."""
+
+    def cdf(self, x: Sequence[float]) -> np.ndarray: ...
+    def ppf(self, q: np.ndarray) -> np.ndarray: ...
+
+
 @dataclasses.dataclass(frozen=True)
 class LogNormal:
-    """log Re is normal about the log of the nominal Re, with standard deviation ``spread``."""
+    """log Re is normally distributed about the log of the nominal Re.
 
-    spread: Number
+    Args:
+      spread: standard deviation of log Re, 0 to 2.
+    """
+
+    spread: float
 
     def __post_init__(self):
         object.__setattr__(self, "spread", finite_number("spread", self.spread))
         if not 0 <= self.spread <= 2:
             raise InvalidInput(f"spread {self.spread:g}: from 0 to 2, of log Re")
 
-    def around(self, nominal: float) -> Any:
-        """The distribution, a frozen one of SciPy's; ``spread`` above 0."""
+    def around(self, nominal: float) -> Distribution:
+        """Return the distribution of Re about a nominal Re; ``spread`` must be above 0."""
         return stats.lognorm(s=self.spread, scale=nominal)
 
 
 @dataclasses.dataclass(frozen=True)
 class Uniform:
-    """Re is uniform within the relative ``spread`` on both sides of the nominal Re."""
+    """Re is uniformly distributed between (1 - spread) and (1 + spread) times the nominal Re.
 
-    spread: Number
+    Args:
+      spread: relative half width, 0 to below 1.
+    """
+
+    spread: float
 
     def __post_init__(self):
         object.__setattr__(self, "spread", finite_number("spread", self.spread))
         if not 0 <= self.spread < 1:
             raise InvalidInput(f"spread {self.spread:g}: from 0 to below 1, of Re")
 
-    def around(self, nominal: float) -> Any:
-        """The distribution, a frozen one of SciPy's; ``spread`` above 0."""
+    def around(self, nominal: float) -> Distribution:
+        """Return the distribution of Re about a nominal Re; ``spread`` must be above 0."""
         return stats.uniform(nominal * (1 - self.spread), 2 * nominal * self.spread)
 
 
 def latin_hypercube(seed: int, count: int, columns: int) -> Float[np.ndarray, "count columns"]:
-    """Uniform in [0, 1), one draw in every count-th part of every column."""
+    """Draw ``count`` points in [0, 1)^columns, stratified in every column (McKay et al. 1979)."""
     return stats.qmc.LatinHypercube(columns, rng=seed).random(count)

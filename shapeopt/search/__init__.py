@@ -1,1 +1,1 @@
-"""The search for the best body, by a surrogate or by the flow, and its verification."""
+"""The search for an optimum, on a surrogate or managed on the flow, and its verification."""

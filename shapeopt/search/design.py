@@ -1,4 +1,4 @@
-"""A design: the best body that a search found, and what the flow itself says of it."""
+"""A design: the optimum that a search found, with its verification by the flow."""
 
 import dataclasses
 import functools
@@ -7,18 +7,30 @@ from typing import Any
 from jaxtyping import Float
 
 from shapeopt.problem.problem import Problem
+from shapeopt.search.optimality import KKT_ACCEPTED
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
 
 
 @dataclasses.dataclass(frozen=True)
 class Design:
-    """The best body found, its objective, and its Cd at the nominal Reynolds number.
+    """The best body that a search found, with the objective of the model that was searched.
 
-    Both are of the model that was searched last, and so is ``kkt_residual``; ``start`` is the
-    objective where that search began. ``calls`` counts drags asked of models, ``flows`` those of
-    the flow (one per scenario and step), ``green_applications`` their work with that of the
-    adjoints. ``path`` holds the bodies on the way.
+    Attributes:
+      problem: what was minimised.
+      parameters: the body, in the order of ``problem.scene.family.names``.
+      objective: value of the problem's objective, by the surrogate or, after a search on the flow,
+        by the flow.
+      drag: Cd at the objective's nominal Reynolds number, by the same model; NaN where that flow
+        did not converge.
+      kkt_residual: optimality residual on that model, per width of a parameter's range; 0 at a
+        local optimum.
+      start: objective where the search began.
+      path: bodies on the way.
+      calls: number of drags that surrogates were evaluated for.
+      flows: flows that were solved, one per scenario and body.
+      green_applications: their convolutions with the Green's function (G), with their adjoints'.
+      seconds: wall time of the search.
     """
 
     problem: Problem
@@ -36,21 +48,26 @@ class Design:
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}
 
+    @property
+    def converged(self) -> bool:
+        """Whether the KKT residual is at most 1e-2, up to which the flow's designs are accepted."""
+        return self.kkt_residual <= KKT_ACCEPTED
+
     @functools.cached_property
     def verified(self) -> Verified:
-        """What the flow says of it: solved, with estimates, when first asked for.
+        """The flows of all scenarios, solved with error estimates when first accessed.
 
         Raises:
-          NotConverged: a flow was not found.
+          NotConverged: a flow did not converge.
         """
         return verify(self.problem, self.parameters)
 
     @property
     def status(self) -> str:
-        """Of its flows: accurate where every one is, else degraded."""
+        """``accurate`` where all of its flows are, else ``degraded``."""
         return self.verified.status
 
     @property
     def estimated_error(self) -> float | None:
-        """The largest of its flows', relative; None where one has no estimate."""
+        """The largest estimated relative error of its flows; None where one has no estimate."""
         return self.verified.estimated_error

@@ -1,28 +1,35 @@
-"""The managed search: it ends at the flow's own optimum, whatever the model it is led by.
+"""The managed search: it ends at an optimum of the flow, whatever model leads it there.
 
-The model is corrected through every drag and slope that the flow has told, its optimum over the
-whole family is solved, and so on until the optimality condition holds on the flow and the corrected
-model promises nothing better anywhere. Alexandrov and Lewis 2001, with memory.
+Model management after Alexandrov and Lewis (2001), with kriging as the correction. In each
+iteration the model is corrected by kriging through all observations of the flow, its global optimum
+is computed, and flow and adjoints are solved there. It ends where the optimality condition holds on
+the flow and the corrected model predicts nothing better. See ``shapeopt/README.md``, section 3.
 """
 
+import contextlib
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.problem.conflicts import candidates
-from shapeopt.problem.objective import AtReynolds, combine
+from shapeopt.problem.constraints import FEASIBLE, satisfied
+from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import DragModel
 from shapeopt.search.design import Design
+from shapeopt.search.evaluated import (
+    Bodies,
+    EvaluatedDesign,
+    distance,
+    evaluate_design,
+    starting_body,
+)
 from shapeopt.search.memory import Memory
-from shapeopt.search.optimality import optimality
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from shapeopt.search.propose import Proposal, propose
-from surrogate.arrays import AnyArray
 from surrogate.checks import expect
 from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput, NotConverged
@@ -30,48 +37,30 @@ from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 
-OPTIMAL = 1e-3  # KKT residual at which a body counts as the flow's own optimum
-WIGGLE = 1e-2  # where the grid's own wiggle leaves no better, and nothing better is promised
-PROMISE = 1e-4  # of the objective: less than this is not worth a flow
-NEAR = 1e-3  # of a range: a body so near to a solved one would tell nothing new
-MOST = 60  # bodies a design
-TIGHTEST = 3  # times that a model may be told to follow the slopes more closely
-LEADERS = 2  # solved bodies from which the next search starts too
-
-
-class EvaluatedDesign:
-    """A body whose objective the flow has told: value, gradient, optimality."""
-
-    def __init__(self, problem: Problem, memory: Memory, parameters: np.ndarray):
-        scenarios, self.parameters = problem.scenarios, parameters
-        pairs = list(zip(scenarios.shift, scenarios.reynolds, strict=True))
-        asked = [(parameters + shift, reynolds) for shift, reynolds in pairs]
-        round_, relative = problem.scene.family.ellipse(1.0), bool(scenarios.relative)
-        told = memory.ask_all(asked + [(round_, re) for _, re in pairs if relative])
-        drags = np.array([flow.drag for flow in told])
-        count = len(asked)
-        cylinder = drags[count:] if relative else np.ones(count)
-        value, weights = _combined(drags[:count], cylinder, scenarios)
-        slopes = np.array([flow.drag * flow.slopes[:-1] for flow in told[:count]])
-        self.value, self.gradient = float(value), np.asarray(weights) @ slopes
-        self.kkt_residual = optimality(problem.limits, parameters, self.value, self.gradient)
-
+DECREASE = 1e-4  # predicted relative decrease of the objective that is worth a flow
+NEAR = 1e-3  # distance, in range widths, below which two bodies count as the same
+MAX_BODIES = 60  # evaluated bodies of a design
+MAX_TIGHTNESS = 3  # of the model, see ``Memory.model``
+STARTS = 2  # best evaluated bodies from which the search on the model starts too
+# Where flows or proposals fail: failures of a design, halvings of the step to a body that failed,
+# and the distance that a new start keeps from bodies that failed.
+MAX_FAILURES, HALVINGS, CLEARANCE = 10, 6, 0.1
 
 Report = Callable[[EvaluatedDesign, int], None]
 
 
 class Designer:
-    """Designs of one scene, each the flow's own optimum, and every one cheaper than the last.
+    """Find designs of one scene, each an optimum of the flow, and reuse all flows for the next.
 
     Args:
-      model: a surrogate to start from, or the flow alone.
-      memory: file that keeps flows and adjoints; read if it is there. Several processes may share
-        one: each learns at the start of a design what the others have added.
-      devices: over which the cases of an objective are spread; one where nothing is said.
+      model: a surrogate that leads the search, or the flow to start from nothing.
+      memory: JSON file that keeps flows and adjoints; it is read if it exists. Several processes
+        may share one: each reads at the start of a design what the others have added.
+      devices: number of devices that the scenarios of an objective are spread over (1).
 
     Raises:
-      InvalidInput: the model is none, there are not so many devices, or the file is damaged,
-        foreign or of another scene.
+      InvalidInput: ``model`` is no drag model, there are fewer devices, or the file is damaged, of
+        another program or of another scene.
     """
 
     def __init__(
@@ -87,79 +76,102 @@ class Designer:
 
     @property
     def scene(self) -> Scene:
-        """Of all its designs."""
+        """The scene of all its designs."""
         return self.memory.flow.scene
 
-    def design(self, problem: Problem, report: Report = lambda body, flows: None) -> Design:
-        """The flow's own optimum of a problem; ``report(body, flows)`` hears of every body solved.
+    def design(self, problem: Problem, report: Report | None = None) -> Design:
+        """Return an optimum of the flow for a problem.
 
-        Flows are kept whatever comes of the design; where they cannot be, a warning says so.
+        Flows are kept whether or not the search succeeds; a warning says where they could not be
+        written to the file. A body whose flow is not found is left out.
+
+        Args:
+          problem: of the designer's scene.
+          report: called as ``report(body, flows)`` after each body, an ``EvaluatedDesign``, with
+            the number of flows so far.
 
         Raises:
           InvalidInput: no body satisfies the constraints, or the problem is of another scene.
-          NotConverged: no optimum was found, or a flow on the way was not.
+          NotConverged: no optimum was found.
         """
         check_problem(problem, self.scene)
         begin, memory = time.perf_counter(), self.memory
         memory.refresh()
         before = memory.flows, memory.green_applications
         try:
-            solved, calls = self._search(problem, report)
+            evaluated, failures, calls = self._search(problem, report)
         finally:
-            self._keep()
-        best = min(solved, key=_preference)
-        if best.kkt_residual > WIGGLE:
+            self._save()
+        best = min(evaluated, key=lambda body: body.rank)
+        if best.kkt_residual > KKT_ACCEPTED:
+            lost = f" and {failures} that were not found" if failures else ""
             raise NotConverged(
                 f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
-                f"{memory.flows - before[0]} flows; {OPTIMAL:g} is asked"
+                f"{memory.flows - before[0]} flows{lost}; it must be at most {KKT_ACCEPTED:g}"
             )
         drag = best.value
         if not isinstance(problem.objective, AtReynolds):
-            drag = memory.ask(best.parameters, problem.objective.nominal).drag
+            drag = float("nan")
+            with contextlib.suppress(NotConverged):
+                drag = memory.evaluate(best.parameters, problem.objective.nominal).drag
         return Design(
             problem=problem,
             parameters=best.parameters,
             objective=best.value,
             drag=drag,
             kkt_residual=best.kkt_residual,
-            start=solved[0].value,
-            path=np.array([body.parameters for body in solved]),
+            start=evaluated[0].value,
+            path=np.array([body.parameters for body in evaluated]),
             calls=calls,
             flows=memory.flows - before[0],
             green_applications=memory.green_applications - before[1],
             seconds=time.perf_counter() - begin,
         )
 
-    def _keep(self) -> None:
-        """Put flows into the file; where that fails the design is not lost."""
+    def _save(self) -> None:
+        """Write flows to the file; where that fails the design is still returned."""
         try:
             self.memory.save()
         except (OSError, InvalidInput) as problem:
             warnings.warn(f"the flows of this design were not kept: {problem}", stacklevel=3)
 
-    def _search(self, problem: Problem, report: Report) -> tuple[list[EvaluatedDesign], int]:
-        """Bodies that were solved on the way to an optimum, and drags asked of models."""
-        memory, width = self.memory, np.asarray(problem.limits.width)
-        solved: list[EvaluatedDesign] = []
-        calls = tight = 0
-        for _ in range(MOST):
-            model = memory.model(tight)
-            if model is None:
-                body = plainest(problem)
-            else:
-                leaders = [body.parameters for body in sorted(solved, key=_preference)[:LEADERS]]
-                proposed = propose(problem, model, leaders, settled=False)
-                body, calls = proposed.parameters, calls + proposed.calls
-                if finished(proposed, solved):
+    def _search(
+        self, problem: Problem, report: Report | None
+    ) -> tuple[list[EvaluatedDesign], int, int]:
+        """Return the evaluated bodies, the number of failed ones, and that of drags of models.
+
+        Raises:
+          NotConverged: no flow was found.
+        """
+        memory, evaluated, failed = self.memory, list[EvaluatedDesign](), list[np.ndarray]()
+        calls = tightness = 0
+        for _ in range(MAX_BODIES):
+            proposal = _propose(problem, memory.model(tightness), evaluated)
+            if proposal is not None:
+                calls += proposal.calls
+                if _finished(proposal, evaluated):
                     break
-                if stuck(proposed, solved, width):
-                    tight += 1
-                    if tight > TIGHTEST:
+                if distance(problem, proposal.parameters, _parameters(evaluated)) < NEAR:
+                    tightness += 1  # the model takes the gradient there for noise
+                    if tightness > MAX_TIGHTNESS:
                         break
                     continue
-            solved.append(EvaluatedDesign(problem, memory, body))
-            report(solved[-1], memory.flows)
-        return solved, calls
+            body = _next_body(problem, proposal, evaluated, failed)
+            if body is None:
+                break
+            try:
+                evaluated.append(evaluate_design(problem, memory, body))
+            except NotConverged:
+                failed.append(body)
+                if len(failed) == MAX_FAILURES:
+                    break
+                continue
+            if report:
+                report(evaluated[-1], memory.flows)
+        if not evaluated:
+            where = f"any of {len(failed)} bodies about Re {problem.objective.nominal:g}"
+            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}")
+        return evaluated, len(failed), calls
 
 
 def check_model(model: Surrogate | Flow) -> None:
@@ -169,7 +181,10 @@ def check_model(model: Surrogate | Flow) -> None:
 
 
 def check_problem(problem: Problem, scene: Scene) -> None:
-    """Raise InvalidInput where it is of another scene, or over a cylinder that its family lacks."""
+    """Raise InvalidInput unless the problem is of this scene.
+
+    Objectives relative to the cylinder need a family that contains it.
+    """
     expect("optimise", problem, Problem, "Problem")
     if problem.scene != scene:
         raise InvalidInput("optimise: problem and model are of different scenes")
@@ -178,33 +193,50 @@ def check_problem(problem: Problem, scene: Scene) -> None:
         raise InvalidInput("weighted drags are over the cylinder's, which this family lacks")
 
 
-def finished(proposed: Proposal, solved: list[EvaluatedDesign]) -> bool:
-    """Whether a solved body is optimal and no other is promised to be better."""
-    if not solved:
+def _propose(
+    problem: Problem, model: DragModel | None, evaluated: Sequence[EvaluatedDesign]
+) -> Proposal | None:
+    """Return the model's optimum; None where there is no model, or no search on it succeeded."""
+    if model is None:
+        return None
+    best = sorted(evaluated, key=lambda body: body.rank)[:STARTS]
+    with contextlib.suppress(NotConverged):
+        return propose(problem, model, _parameters(best), require_converged=False)
+    return None
+
+
+def _finished(proposal: Proposal, evaluated: Sequence[EvaluatedDesign]) -> bool:
+    """Return whether a body is optimal on the flow, and the model predicts no better one."""
+    if not evaluated:
         return False
-    best = min(solved, key=_preference)
-    promised = 1 - proposed.value / best.value
-    return best.kkt_residual <= OPTIMAL and promised < PROMISE
+    best = min(evaluated, key=lambda body: body.rank)
+    predicted_decrease = 1 - proposal.value / best.value
+    return best.kkt_residual <= KKT_TOLERANCE and predicted_decrease < DECREASE
 
 
-def stuck(proposed: Proposal, solved: list[EvaluatedDesign], width: np.ndarray) -> bool:
-    """Whether the model proposes what is solved already: it takes slopes there for noise."""
-    away = [np.max(np.abs(b.parameters - proposed.parameters) / width) for b in solved]
-    return bool(solved and min(away) < NEAR)
+def _next_body(
+    problem: Problem,
+    proposal: Proposal | None,
+    evaluated: Sequence[EvaluatedDesign],
+    failed: Bodies,
+) -> Float[np.ndarray, " parameters"] | None:
+    """Return the body to evaluate next; None where every candidate is near one that was tried.
+
+    It is the proposal. Where its flow has failed, the step to it from the best evaluated body is
+    halved; without such a body, or without a proposal, the search starts anew elsewhere.
+    """
+    if proposal is not None and distance(problem, proposal.parameters, failed) >= NEAR:
+        return proposal.parameters
+    if proposal is not None and evaluated:
+        best = min(evaluated, key=lambda body: body.rank).parameters
+        shares = 0.5 ** np.arange(1, HALVINGS + 1)[:, None]
+        line = best + shares * (proposal.parameters - best)
+        for body in line[np.asarray(satisfied(line, problem.limits, -FEASIBLE))]:
+            if distance(problem, body, [*failed, *_parameters(evaluated)]) >= NEAR:
+                return body
+    tried = [*failed, *_parameters(evaluated)]
+    return starting_body(problem, tried, CLEARANCE)
 
 
-def plainest(problem: Problem) -> Float[AnyArray, " parameters"]:
-    """The feasible body nearest to the ellipse of aspect 2."""
-    bodies, family = candidates(problem), problem.scene.family
-    away = np.linalg.norm((bodies - family.ellipse(2.0)) / np.ptp(family.bounds, axis=1), axis=1)
-    return bodies[np.argmin(away)]
-
-
-def _preference(body: EvaluatedDesign) -> tuple[bool, float]:
-    """Optimal ones first, then by value."""
-    return body.kkt_residual > OPTIMAL, body.value
-
-
-@jax.jit
-def _combined(drags, cylinder, scenarios):
-    return jax.value_and_grad(combine)(jnp.asarray(drags), cylinder, scenarios)
+def _parameters(evaluated: Sequence[EvaluatedDesign]) -> list[np.ndarray]:
+    return [body.parameters for body in evaluated]

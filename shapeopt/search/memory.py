@@ -1,4 +1,4 @@
-"""What the flow has told so far: drags with slopes, kept between designs, in a file if asked."""
+"""Observations of the flow, drags with their slopes, kept between designs and in a file."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -19,15 +19,16 @@ from surrogate.model.kriging import Hyper, Kriging, Observation, kriging, likeli
 from surrogate.model.network import DragNetwork
 from surrogate.scene.limits import REYNOLDS
 
-KIND = "flows of a designer"
-LARGEST = 1e7  # drag or slope that a flow may have told
-REFIT = 1.3  # lengths are sought again when so many times the flows are known
+KIND = "flows of a designer"  # "kind" of the file
+LARGEST = 1e7  # magnitude of a drag or slope beyond which a file is damaged
+REFIT = 1.3  # growth of the number of observations after which kriging's lengths are fitted anew
 
 
 class Memory:
-    """All flows and adjoints of a scene that were asked for; one that is known costs nothing.
+    """All observations of a scene's flow: a body that is known is not solved again.
 
-    ``flows`` and ``green_applications`` count what was solved here.
+    ``flows`` and ``green_applications`` count the flows that were solved by this object, and the
+    convolutions with the Green's function (G) of these flows and their adjoints.
     """
 
     def __init__(
@@ -39,29 +40,29 @@ class Memory:
     ):
         self.flow, self.base, self.devices = flow, base, devices or choose_devices()
         self.file = None if file is None else check_file(file, ".json")
-        self.told: list[Observation] = []
+        self.observations: list[Observation] = []
         self.flows, self.green_applications = 0, 0
         self._hyper: Hyper | None = None
         self._fitted = 0
         self.refresh()
 
-    def ask(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Observation:
-        """Drag and slopes of a body, by flow and adjoint unless they are known.
+    def evaluate(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Observation:
+        """Return drag and slopes of a body, by one flow and adjoint unless they are known.
 
         Raises:
-          NotConverged: flow or adjoint was not found.
+          NotConverged: the flow or its adjoint did not converge.
         """
-        return self.ask_all([(parameters, reynolds)])[0]
+        return self.evaluate_all([(parameters, reynolds)])[0]
 
-    def ask_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Observation]:
-        """The same of many bodies, each with its Reynolds number; spread over the devices.
+    def evaluate_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Observation]:
+        """Return drag and slopes for every (body, Reynolds number), spread over the devices.
 
         Raises:
-          NotConverged: as ``ask``.
+          NotConverged: a flow or its adjoint did not converge.
         """
-        asked = {_body(*query): query for query in queries}
-        known = {_body(told.parameters, told.reynolds): told for told in self.told}
-        unknown = [query for body, query in asked.items() if body not in known]
+        wanted = {_key(*query): query for query in queries}
+        known = {_key(seen.parameters, seen.reynolds): seen for seen in self.observations}
+        unknown = [query for key, query in wanted.items() if key not in known]
         for (parameters, reynolds), found in zip(unknown, self._solve(unknown), strict=True):
             if not bool(found.converged):
                 raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
@@ -69,43 +70,45 @@ class Memory:
             self.green_applications += int(found.green_applications)
             drag = float(found.drag)
             slopes = np.append(found.gradient, reynolds * found.by_reynolds) / drag
-            told = Observation(np.asarray(parameters, float), float(reynolds), drag, slopes)
-            self.told.append(told)
-            known[_body(parameters, reynolds)] = told
-        return [known[_body(*query)] for query in queries]
+            seen = Observation(np.asarray(parameters, float), float(reynolds), drag, slopes)
+            self.observations.append(seen)
+            known[_key(parameters, reynolds)] = seen
+        return [known[_key(*query)] for query in queries]
 
     def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[DragGradient]:
-        """One after another on one device, where no number of them needs compiling anew."""
+        """Solve one by one on a single device, where another number would be compiled anew."""
         if self.devices.count == 1 or len(queries) < 2:
             yield from (self.flow.slope(*query) for query in queries)
         else:
             found = self.flow.slopes(*map(np.array, zip(*queries, strict=True)), self.devices)
             yield from (jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(len(queries)))
 
-    def model(self, tight: int = 0) -> Kriging | DragNetwork | None:
-        """The base corrected by all that was told; None where there is neither.
+    def model(self, tightness: int = 0) -> Kriging | DragNetwork | None:
+        """Return the base model corrected by kriging through all observations.
 
-        It is taken for less noisy, by a factor e each, the tighter it is to follow.
+        Without observations it is the base itself, which is None where the search starts from the
+        flow alone. Each unit of ``tightness`` divides the assumed noise of the observations by e,
+        so that the model interpolates the observed gradients more closely.
         """
-        if not self.told:
+        if not self.observations:
             return self.base
         inputs = scene_inputs(self.flow.scene)
-        if self._hyper is None or len(self.told) >= REFIT * self._fitted:
-            self._hyper = likeliest(self.told, inputs, self.base)
-            self._fitted = len(self.told)
-        closer = self._hyper._replace(noise=self._hyper.noise - tight)
-        return kriging(self.told, inputs, self.base, closer)
+        if self._hyper is None or len(self.observations) >= REFIT * self._fitted:
+            self._hyper = likeliest(self.observations, inputs, self.base)
+            self._fitted = len(self.observations)
+        hyper = self._hyper._replace(noise=self._hyper.noise - tightness)
+        return kriging(self.observations, inputs, self.base, hyper)
 
     def refresh(self) -> None:
-        """Learn what other processes have put into the file meanwhile.
+        """Read what other processes have added to the file.
 
         Raises:
-          InvalidInput: the file is damaged, foreign or of another scene.
+          InvalidInput: the file is damaged, of another program or of another scene.
         """
         if self.file is not None and self.file.is_file():
-            known = {_body(told.parameters, told.reynolds) for told in self.told}
-            theirs = _read(self.file, self.flow)
-            self.told += [t for t in theirs if _body(t.parameters, t.reynolds) not in known]
+            known = {_key(seen.parameters, seen.reynolds) for seen in self.observations}
+            read = _read(self.file, self.flow)
+            self.observations += [o for o in read if _key(o.parameters, o.reynolds) not in known]
 
     def save(self) -> None:
         """Add to the file, if there is one, what it lacks; several processes may share it."""
@@ -114,7 +117,8 @@ class Memory:
         with locked(self.file.parent):
             self.refresh()
             flows = [
-                [t.parameters.tolist(), t.reynolds, t.drag, t.slopes.tolist()] for t in self.told
+                [seen.parameters.tolist(), seen.reynolds, seen.drag, seen.slopes.tolist()]
+                for seen in self.observations
             ]
             record = {"kind": KIND, "scene": self.flow.scene.record, "sha256": json_digest(flows)}
             record["flows"] = flows
@@ -122,37 +126,37 @@ class Memory:
                 part.write_text(json.dumps(record) + "\n")
 
 
-def _body(parameters, reynolds):
+def _key(parameters, reynolds):
     return (*np.asarray(parameters, float).tolist(), float(reynolds))
 
 
 def _read(file: Path, flow: Flow) -> list[Observation]:
-    """The flows of a file.
+    """Return the observations of a file.
 
     Raises:
-      InvalidInput: it is damaged, foreign, or of another scene.
+      InvalidInput: it is damaged, of another program, or of another scene.
     """
     try:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        right = json_digest(record["flows"])
-        if record.get("sha256", right) != right:  # older files have none
+        digest = json_digest(record["flows"])
+        if record.get("sha256", digest) != digest:  # files of older versions have none
             raise ValueError
-        told = [Observation(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
+        rows = [Observation(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
         size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
-        for flow_ in told:
-            numbers = np.concatenate([flow_.parameters, flow_.slopes])
-            good = numbers.dtype.kind == "f" and numbers.shape == (2 * size + 1,)
-            bounded = good and np.all(np.abs(numbers) < LARGEST)
-            if not (bounded and 0 < flow_.drag < LARGEST and least <= flow_.reynolds <= most):
+        for seen in rows:
+            numbers = np.concatenate([seen.parameters, seen.slopes])
+            sound = numbers.dtype.kind == "f" and numbers.shape == (2 * size + 1,)
+            bounded = sound and np.all(np.abs(numbers) < LARGEST)
+            if not (bounded and 0 < seen.drag < LARGEST and least <= seen.reynolds <= most):
                 raise ValueError
-        if told:
-            flow.scene.family.check_all(np.array([flow_.parameters for flow_ in told]))
+        if rows:
+            flow.scene.family.check_all(np.array([seen.parameters for seen in rows]))
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InvalidInput(f"{file}: damaged, or no {KIND}; name another file") from None
     if record["scene"] != flow.scene.record:
         raise InvalidInput(f"{file}: is of another scene; name another file")
-    return told
+    return rows

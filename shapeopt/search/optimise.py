@@ -1,4 +1,4 @@
-"""The body of least objective: a surrogate's own optimum, or the flow's."""
+"""Optimisation: the surrogate's own optimum, or the flow's."""
 
 import time
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer, check_model, check_problem
-from shapeopt.search.propose import propose_all
+from shapeopt.search.propose import Proposal, propose_all
 from surrogate.checks import expect
 from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
@@ -16,17 +16,17 @@ from surrogate.model.surrogate import Surrogate
 
 
 def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None) -> Design:
-    """Minimise the problem's objective over the family, within its constraints.
+    """Return the body of the scene's family that minimises the problem's objective.
 
     Args:
-      problem: what is asked.
-      model: a surrogate of the problem's scene, or its flow.
-      until: ``surrogate`` ends at the surrogate's own optimum, as is usual where there is one;
-        ``flow`` goes on to the flow's own, by a ``Designer`` that remembers this design alone.
+      problem: objective and constraints.
+      model: a surrogate of the problem's scene, or the scene's flow.
+      until: ``"surrogate"`` ends at the surrogate's own optimum (default with a surrogate);
+        ``"flow"`` goes on to an optimum of the flow (default with a flow), as ``Designer`` does.
 
     Raises:
       InvalidInput: no body satisfies the constraints, or the model is of another scene.
-      NotConverged: no start reached an optimum, or a flow on the way was not found.
+      NotConverged: no start reached an optimum.
     """
     check_model(model)
     check_problem(problem, model.scene)
@@ -42,16 +42,21 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
 def optimise_all(
     problems: Sequence[Problem], surrogate: Surrogate | Flow, devices: int | None = None
 ) -> list[Design]:
-    """The surrogate's own optimum of every problem, all in one compiled call.
+    """Return the surrogate's own optimum of every problem, all in one compiled call.
 
-    Problems are spread over ``devices``, one where nothing is said; ``seconds`` of a design are
-    its share of the call.
+    Args:
+      problems: of the surrogate's scene; objectives and constraints may be of different kinds. All
+        are padded to the most scenarios, stations and bounds among them.
+      surrogate: the model; a flow is refused, a ``Designer`` answers its problems.
+      devices: number of devices that the problems are spread over (1).
+
+    Returns:
+      Designs in the order of the problems; ``seconds`` of a design is its share of the call.
 
     Raises:
-      InvalidInput: a problem has no feasible body or is of another scene, the problems differ
-        in how many cases or stations they have, there are not so many devices, or the model is a
-        flow.
-      NotConverged: no start reached an optimum of one.
+      InvalidInput: a problem has no feasible body or is of another scene, there are fewer devices,
+        or the model is a flow.
+      NotConverged: no start reached an optimum of a problem.
     """
     check_model(surrogate)
     if not isinstance(surrogate, Surrogate):
@@ -66,7 +71,7 @@ def optimise_all(
     return [_design(problem, surrogate, proposal, share) for problem, proposal in pairs]
 
 
-def _design(problem, surrogate, proposal, seconds):
+def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds: float) -> Design:
     drag = proposal.value
     if not isinstance(problem.objective, AtReynolds):
         drag = float(surrogate.drag(proposal.parameters, problem.objective.nominal))

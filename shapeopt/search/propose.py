@@ -1,7 +1,7 @@
-"""The body that a drag model finds best: draws are ranked, the best of them descended."""
+"""The optimum of a problem on a differentiable model: SQP from the best of many draws."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,25 +9,28 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from shapeopt.problem.conflicts import candidates
-from shapeopt.problem.constraints import Limits, satisfied
+from shapeopt.problem.constraints import FEASIBLE, Limits, satisfied
 from shapeopt.problem.feasible import drawn_bodies
-from shapeopt.problem.objective import Scenarios, predicted
 from shapeopt.problem.problem import Problem
-from shapeopt.search.optimality import optimality
-from shapeopt.search.sqp import descend
+from shapeopt.problem.scenarios import DragModel, Scenarios, model_objective
+from shapeopt.search.optimality import kkt_residual
+from shapeopt.search.sqp import SqpResult, minimise_sqp
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices, map_over_devices
-from surrogate.errors import InvalidInput, NotConverged
+from surrogate.errors import NotConverged
 
-RANKED = 1024  # draws
-STARTS = 8  # of them, at least; twice the parameters where that is more
-WITHIN = -1e-6  # room of constraints that counts as none
+RANKED = 1024  # draws whose objectives are compared
+STARTS = 8  # searches from the best of them, or twice as many as parameters if that is more
 
-Leaders = Sequence[Float[AnyArray, " parameters"]]
+Bodies = Sequence[Float[AnyArray, " parameters"]]
 
 
 class Proposal(NamedTuple):
-    """Where a search on a model ended, the objective where it began, drags asked of the model."""
+    """The best end of the searches on a model.
+
+    ``start`` is the objective where that search began, ``path`` the bodies on its way, ``calls``
+    the number of drags that all searches evaluated the model for.
+    """
 
     parameters: Float[np.ndarray, " parameters"]
     value: float
@@ -37,101 +40,115 @@ class Proposal(NamedTuple):
     calls: int
 
 
-def propose(problem: Problem, model: Any, leaders: Leaders = (), settled: bool = True) -> Proposal:
-    """The global optimum of the problem on a differentiable model; ``leaders`` are starts too.
-
-    Where none of the starts settled, the best body that they came to will do unless ``settled``.
-
-    Raises:
-      InvalidInput: no body satisfies the constraints.
-      NotConverged: no start reached an optimum, or none a body within the constraints.
-    """
-    return propose_all([problem], model, leaders, settled)[0]
+def propose(
+    problem: Problem, model: DragModel, starts: Bodies = (), require_converged: bool = True
+) -> Proposal:
+    """Return the global optimum of a problem on a model, as ``propose_all`` does."""
+    return propose_all([problem], model, starts, require_converged)[0]
 
 
 def propose_all(
     problems: Sequence[Problem],
-    model: Any,
-    leaders: Leaders = (),
-    settled: bool = True,
+    model: DragModel,
+    starts: Bodies = (),
+    require_converged: bool = True,
     devices: Devices | None = None,
 ) -> list[Proposal]:
-    """The same of many problems in one compiled call; they must have as many cases and stations.
+    """Return the global optimum of every problem on a model, all in one compiled call.
 
-    Problems are spread over ``devices``.
+    Args:
+      problems: of one scene; their constraints and objectives may be of different kinds.
+      model: a differentiable drag model.
+      starts: bodies from which a search starts too.
+      require_converged: otherwise the best feasible body will do where no search converged.
+      devices: over which the problems are spread.
 
     Raises:
-      InvalidInput: problems are of different kinds, or no body satisfies the constraints of one.
-      NotConverged: no start reached an optimum of one.
+      InvalidInput: no body satisfies the constraints of a problem.
+      NotConverged: no search of a problem converged, or none ended at a feasible body.
     """
-    limits = _stacked([problem.limits for problem in problems])
-    scenarios = _stacked([problem.scenarios for problem in problems])
+    limits, scenarios = _stacked(problems)
     drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
     devices = devices or choose_devices()
     rows = drawn, limits, scenarios
-    starts, feasible = map(np.array, map_over_devices(devices, best_draws, model, rows))
-    count = starts.shape[1]
+    begin, feasible = map(np.array, map_over_devices(devices, best_draws, model, rows))
+    count = begin.shape[1]
     for k in np.flatnonzero(feasible < count):
         bodies = candidates(problems[k])
-        starts[k] = bodies[np.arange(count) % len(bodies)]
-    if leaders:
-        starts[:, -len(leaders) :] = np.array(leaders)
-    rows = starts, limits, scenarios
-    ends, began, turns = map_over_devices(devices, descend_from_all, model, rows)
+        begin[k] = bodies[np.arange(count) % len(bodies)]
+    if starts:
+        begin[:, -len(starts) :] = np.array(starts)
+    rows = begin, limits, scenarios
+    ends, values, evaluations = map_over_devices(devices, minimise_from_all, model, rows)
     found = []
     for k, problem in enumerate(problems):
         end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)
-        if not ((end.ended or not settled) and end.room >= WITHIN and np.isfinite(end.value)):
+        sound = end.feasibility >= FEASIBLE and np.isfinite(end.value)
+        if not (sound and (end.converged or not require_converged)):
             raise NotConverged("optimise: none of the starts reached an optimum")
-        value = float(end.value)
-        residual = optimality(problem.limits, end.parameters, value, end.gradient)
-        calls = (RANKED + int(turns[k])) * len(problem.scenarios.weight)
-        path = end.path[: int(end.moves) + 1]
-        found.append(Proposal(end.parameters, value, residual, float(began[k]), path, calls))
+        residual = kkt_residual(problem.limits, end.parameters, float(end.value), end.gradient)
+        found.append(
+            Proposal(
+                parameters=end.parameters,
+                value=float(end.value),
+                kkt_residual=residual,
+                start=float(values[k]),
+                path=end.path[: int(end.steps) + 1],
+                calls=(RANKED + int(evaluations[k])) * len(problem.scenarios.weight),
+            )
+        )
     return found
 
 
 def best_draws(
-    model: Any,
+    model: DragModel,
     drawn: Float[AnyArray, "problems bodies parameters"],
     limits: Limits,
     scenarios: Scenarios,
 ) -> tuple[Float[Array, "problems starts parameters"], Int[Array, " problems"]]:
-    """The best draws of every problem, and how many of its draws are feasible."""
+    """Return the best draws of every problem, and how many of its draws are feasible."""
     count = max(STARTS, 2 * drawn.shape[-1])
 
     def one(case):
         drawn, limits, scenarios = case
-        values = jax.vmap(predicted, in_axes=(None, 0, None))(model, drawn, scenarios)
+        values = jax.vmap(model_objective, in_axes=(None, 0, None))(model, drawn, scenarios)
         values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
         return drawn[jax.lax.top_k(-values, count)[1]], jnp.sum(jnp.isfinite(values))
 
     return jax.lax.map(one, (drawn, limits, scenarios))
 
 
-def descend_from_all(
-    model: Any,
+def minimise_from_all(
+    model: DragModel,
     starts: Float[AnyArray, "problems starts parameters"],
     limits: Limits,
     scenarios: Scenarios,
-) -> tuple[Any, Float[Array, " problems"], Int[Array, " problems"]]:
-    """The best end of every problem, the objective where it began, and evaluations of all."""
+) -> tuple[SqpResult, Float[Array, " problems"], Int[Array, " problems"]]:
+    """Return, for every problem, its best end, the objective where that began, all evaluations."""
 
     def one(case):
         starts, limits, scenarios = case
-        ends = jax.vmap(lambda start: descend(model, start, limits, scenarios))(starts)
-        sound = jnp.isfinite(ends.value) & (ends.room >= WITHIN)
-        within = jnp.where(sound, ends.value, jnp.inf)
-        reached = jnp.where(ends.ended, within, jnp.inf)
-        best = jnp.where(jnp.isfinite(jnp.min(reached)), jnp.argmin(reached), jnp.argmin(within))
+        ends = jax.vmap(lambda start: minimise_sqp(model, start, limits, scenarios))(starts)
+        sound = jnp.isfinite(ends.value) & (ends.feasibility >= FEASIBLE)
+        feasible = jnp.where(sound, ends.value, jnp.inf)
+        reached = jnp.where(ends.converged, feasible, jnp.inf)
+        any_reached = jnp.isfinite(jnp.min(reached))
+        best = jnp.where(any_reached, jnp.argmin(reached), jnp.argmin(feasible))
         end = jax.tree.map(lambda leaf: leaf[best], ends)
-        return end, predicted(model, starts[best], scenarios), jnp.sum(ends.evaluations)
+        return end, model_objective(model, starts[best], scenarios), jnp.sum(ends.evaluations)
 
     return jax.lax.map(one, (starts, limits, scenarios))
 
 
-def _stacked(values):
-    kinds = {tuple(np.shape(leaf) for leaf in jax.tree.leaves(value)) for value in values}
-    if len(kinds) > 1:
-        raise InvalidInput("problems: of one batch must have as many cases and stations each")
-    return jax.tree.map(lambda *leaves: np.stack(leaves), *values)
+def _stacked(problems: Sequence[Problem]) -> tuple[Limits, Scenarios]:
+    """Stack the arrays of problems, padded by what changes none of their answers."""
+    names = {name for problem in problems for name in problem.limits.bounds}
+    stations = max(len(problem.stations) for problem in problems)
+    cases = max(len(problem.scenarios.weight) for problem in problems)
+    limits = [problem.limits.padded(names, stations, cases) for problem in problems]
+    scenarios = [problem.scenarios.padded(cases) for problem in problems]
+    return _stack(limits), _stack(scenarios)
+
+
+def _stack(trees):
+    return jax.tree.map(lambda *leaves: np.stack(leaves), *trees)

@@ -1,4 +1,4 @@
-"""A surrogate's designs over Reynolds number and length, and what each bound costs."""
+"""Optima of a surrogate over Reynolds number and length, and how much drag each bound costs."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,29 +14,29 @@ def designs_over(
     lengths: Sequence[float],
     min_thickness: float | None = None,
 ) -> tuple[list[dict[str, Any]], float]:
-    """A row for every bound on the length and Re, those of any length last; seconds of all.
+    """Return a row for every bound on the length and Re, and the wall seconds of all.
 
-    ``excess`` is the drag over that of any length, less 1.
+    Unbounded lengths come last. ``excess`` is the drag over that of the unbounded optimum, minus 1.
 
     Raises:
       InvalidInput, NotConverged: as ``optimise_all``.
     """
-    asked = [
+    problems = [
         Problem(surrogate.scene, re, length, min_thickness)
         for length in (*lengths, None)
         for re in reynolds
     ]
-    designs = optimise_all(asked, surrogate)
-    free = {p.reynolds: d.drag for p, d in zip(asked, designs, strict=True) if p.max_length is None}
+    designs = optimise_all(problems, surrogate)
+    unbounded = {d.problem.reynolds: d.drag for d in designs if d.problem.max_length is None}
     rows = [
         {
-            "reynolds": problem.reynolds,
-            "max_length": problem.max_length,
+            "reynolds": design.problem.reynolds,
+            "max_length": design.problem.max_length,
             "parameters": surrogate.scene.family.named(design.parameters),
             "cd": design.drag,
-            "excess": design.drag / free[problem.reynolds] - 1,
+            "excess": design.drag / unbounded[design.problem.reynolds] - 1,
             "kkt_residual": design.kkt_residual,
         }
-        for problem, design in zip(asked, designs, strict=True)
+        for design in designs
     ]
     return rows, sum(design.seconds for design in designs)

@@ -1,196 +1,161 @@
-"""One descent on a differentiable model by SQP: pure, to be vmapped over starts.
+"""Sequential quadratic programming (SQP) on a differentiable model, in pure JAX.
 
-Quadratic programs whose constraints one slack relaxes at a price, so that each has a solution;
-Mehrotra's predictor and corrector solve them; damped BFGS of the Lagrangian (Powell) gives the
-curvature (Nocedal and Wright 2006, chapters 16 and 18). A step that does not pay is shortened and
-tried again, so that every turn of the loop asks the model once.
+The Hessian of the Lagrangian is a damped BFGS approximation (Powell 1978), the merit function the
+objective plus an exact penalty on the worst violation (Nocedal and Wright 2006, chapter 18). A step
+that does not reduce the merit enough is shortened and tried again, so that every iteration
+evaluates the model once. Equations in ``shapeopt/README.md``, section 2.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from shapeopt.problem.constraints import Limits
-from shapeopt.problem.objective import Scenarios, predicted
-from shapeopt.search.optimality import margins_and_slopes
+from shapeopt.problem.constraints import Limits, constraint_values_and_jacobian
+from shapeopt.problem.scenarios import DragModel, Scenarios, model_objective
+from shapeopt.search.qp import solve_relaxed_qp
 from surrogate.arrays import AnyArray
 
-STEPS = 60
-INTERIOR = 8  # steps of a quadratic program
-MANY, MORE = 20, 20  # constraints, from which it takes so many
-PRICE = 30.0  # of a violation of 1 D, in objectives
-ENDED = 1e-11  # of the objective: a step that promises less is the last
-SHORTEST = 1e-6  # part of a step that is still tried
-ARMIJO = 1e-4
+ITERATIONS = 60
+# Of a violation, in objectives of the start per D. The penalty is exact where it exceeds the sum of
+# the multipliers, the relative changes of the objective per D (Nocedal and Wright, section 17.2).
+PENALTY = 30.0
+DECREASE = 1e-11  # predicted relative decrease of the merit below which a search has converged
+SHORTEST = 1e-6  # step length below which a search ends
+SHORTENING = 0.3  # of a step that is refused
+ARMIJO = 1e-4  # share of the predicted decrease that a step must achieve, as usual
 
 
-class End(NamedTuple):
-    """Where a descent ended, the least room of its constraints, the bodies on the way."""
+class SqpResult(NamedTuple):
+    """The end of a search: the body, objective and gradient, and how it went.
+
+    ``feasibility`` is the least constraint value. The first ``steps`` + 1 rows of ``path`` are the
+    bodies on the way.
+    """
 
     parameters: Float[Array, " parameters"]
     value: Float[Array, ""]
     gradient: Float[Array, " parameters"]
-    room: Float[Array, ""]
-    ended: Bool[Array, ""]
+    feasibility: Float[Array, ""]
+    converged: Bool[Array, ""]
     evaluations: Int[Array, ""]
-    path: Float[Array, "steps parameters"]
-    moves: Int[Array, ""]
+    path: Float[Array, "iterations parameters"]
+    steps: Int[Array, ""]
 
 
 class _Point(NamedTuple):
-    """In parameters over their ranges and in objectives of the start."""
+    """An evaluated body, in scaled parameters z and in objectives of the start."""
 
     z: Float[Array, " parameters"]
     value: Float[Array, ""]
     gradient: Float[Array, " parameters"]
-    room: Float[Array, " constraints"]
+    constraints: Float[Array, " constraints"]
     jacobian: Float[Array, "constraints parameters"]
 
 
 class _Step(NamedTuple):
-    """A change of the parameters, its multipliers, and what it promises of the merit."""
+    """The solution of a quadratic program, and the decrease of the merit that it predicts."""
 
     change: Float[Array, " parameters"]
     multipliers: Float[Array, " constraints"]
-    promise: Float[Array, ""]
+    predicted_decrease: Float[Array, ""]
 
 
 class _State(NamedTuple):
     point: _Point
-    curvature: Float[Array, "parameters parameters"]
+    hessian: Float[Array, "parameters parameters"]
     step: _Step
     length: Float[Array, ""]
-    turns: Int[Array, ""]
-    path: Float[Array, "steps parameters"]
-    moves: Int[Array, ""]
+    iterations: Int[Array, ""]
+    path: Float[Array, "iterations parameters"]
+    steps: Int[Array, ""]
 
 
-def descend(
-    model: Any, start: Float[AnyArray, " parameters"], limits: Limits, scenarios: Scenarios
-) -> End:
-    """The local optimum of the objective that ``model`` predicts, within the constraints."""
+def minimise_sqp(
+    model: DragModel, start: Float[AnyArray, " parameters"], limits: Limits, scenarios: Scenarios
+) -> SqpResult:
+    """Return the local optimum, from ``start``, of the objective that a model predicts."""
     low, width = limits.low, limits.width
 
     def evaluate(z):
         body = low + width * z
-        value, gradient = jax.value_and_grad(predicted, argnums=1)(model, body, scenarios)
-        room, jacobian = margins_and_slopes(body, limits)
-        return _Point(z, value / scale, gradient * width / scale, room, jacobian * width)
+        value, gradient = jax.value_and_grad(model_objective, argnums=1)(model, body, scenarios)
+        constraints, jacobian = constraint_values_and_jacobian(body, limits)
+        return _Point(z, value / scale, gradient * width / scale, constraints, jacobian * width)
 
-    def goes_on(state):
-        going = (state.step.promise > ENDED) & (state.length > SHORTEST)
-        return going & (state.turns < STEPS)
+    def unfinished(state):
+        going = (state.step.predicted_decrease > DECREASE) & (state.length > SHORTEST)
+        return going & (state.iterations < ITERATIONS)
 
-    def turn(state):
+    def iterate(state):
         old, step, length = state.point, state.step, state.length
         new = evaluate(jnp.clip(old.z + length * step.change, 0, 1))
-        pays = _merit(new) <= _merit(old) - ARMIJO * length * step.promise
-        bent = _bent(state.curvature, old, new, step.multipliers)
-        point, curvature = jax.tree.map(
-            lambda a, b: jnp.where(pays, a, b), (new, bent), (old, state.curvature)
+        accepted = _merit(new) <= _merit(old) - ARMIJO * length * step.predicted_decrease
+        updated = _damped_bfgs(state.hessian, old, new, step.multipliers)
+        point, hessian = jax.tree.map(
+            lambda a, b: jnp.where(accepted, a, b), (new, updated), (old, state.hessian)
         )
-        moves = state.moves + pays
+        steps = state.steps + accepted
         return _State(
             point,
-            curvature,
-            _best_step(point, curvature),
-            jnp.where(pays, 1.0, 0.3 * length),
-            state.turns + 1,
-            state.path.at[moves].set(point.z),
-            moves,
+            hessian,
+            _next_step(point, hessian),
+            jnp.where(accepted, 1.0, SHORTENING * length),
+            state.iterations + 1,
+            state.path.at[steps].set(point.z),
+            steps,
         )
 
     z = jnp.clip((start - low) / width, 0, 1)
-    scale = jnp.abs(predicted(model, low + width * z, scenarios))
-    first, curvature = evaluate(z), jnp.eye(z.size)
-    path = jnp.zeros((STEPS + 1, z.size)).at[0].set(z)
-    none = jnp.zeros((), int)
-    state = _State(first, curvature, _best_step(first, curvature), jnp.ones(()), none, path, none)
-    state = jax.lax.while_loop(goes_on, turn, state)
+    scale = jnp.abs(model_objective(model, low + width * z, scenarios))
+    first, hessian = evaluate(z), jnp.eye(z.size)
+    path = jnp.zeros((ITERATIONS + 1, z.size)).at[0].set(z)
+    zero = jnp.zeros((), int)
+    state = _State(first, hessian, _next_step(first, hessian), jnp.ones(()), zero, path, zero)
+    state = jax.lax.while_loop(unfinished, iterate, state)
     point = state.point
-    return End(
+    # where no step length helps, rounding hides what little decrease is predicted
+    tolerance = jnp.where(state.length > SHORTEST, DECREASE, 1e3 * DECREASE)
+    return SqpResult(
         parameters=low + width * point.z,
         value=point.value * scale,
         gradient=point.gradient * scale / width,
-        room=jnp.min(point.room),
-        ended=state.step.promise <= jnp.where(state.length > SHORTEST, ENDED, 1e3 * ENDED),
-        evaluations=state.turns + 2,
+        feasibility=jnp.min(point.constraints),
+        converged=state.step.predicted_decrease <= tolerance,
+        evaluations=state.iterations + 2,
         path=low + width * state.path,
-        moves=state.moves,
+        steps=state.steps,
     )
 
 
 def _merit(point):
-    return point.value + PRICE * _violation(point.room)
+    return point.value + PENALTY * _violation(point.constraints)
 
 
-def _violation(room):
-    return jnp.maximum(-jnp.min(room), 0.0)
+def _violation(constraints):
+    return jnp.maximum(-jnp.min(constraints), 0.0)
 
 
-def _bent(curvature, old, new, multipliers):
-    """BFGS of the Lagrangian, damped so that it stays positive definite."""
+def _next_step(point, hessian):
+    """Return the step of the quadratic program at a point."""
+    bounds = -point.z, 1 - point.z
+    change, multipliers = solve_relaxed_qp(
+        hessian, point.gradient, point.constraints, point.jacobian, *bounds, PENALTY
+    )
+    linearised = point.constraints + point.jacobian @ change
+    relief = _violation(point.constraints) - _violation(linearised)
+    return _Step(change, multipliers, PENALTY * relief - point.gradient @ change)
+
+
+def _damped_bfgs(hessian, old, new, multipliers):
+    """Return the BFGS update of the Lagrangian's Hessian, damped to stay positive definite."""
     moved = new.z - old.z
     turned = new.gradient - old.gradient - (new.jacobian - old.jacobian).T @ multipliers
-    before = curvature @ moved
-    along, seen = moved @ before, moved @ turned
-    share = jnp.where(seen >= 0.2 * along, 1.0, 0.8 * along / (along - seen))
+    before = hessian @ moved
+    curvature, measured = moved @ before, moved @ turned
+    damped = measured < 0.2 * curvature
+    share = jnp.where(damped, 0.8 * curvature / (curvature - measured), 1.0)
     turned = share * turned + (1 - share) * before
-    change = jnp.outer(turned, turned) / (moved @ turned) - jnp.outer(before, before) / along
-    return jnp.where(along > 1e-30, curvature + change, curvature)
-
-
-def _best_step(point, curvature):
-    """min g d + d B d / 2 + PRICE t with room + J d + t >= 0, t >= 0 and z + d in range."""
-    size, many = point.z.size, point.room.size
-    hessian = jnp.eye(size + 1).at[:size, :size].set(curvature).at[-1, -1].set(1e-6)
-    slope, eye = jnp.append(point.gradient, PRICE), jnp.eye(size + 1)
-    rows = jnp.concatenate([jnp.append(point.jacobian, jnp.ones((many, 1)), 1), eye, -eye[:-1]])
-    room = jnp.concatenate([point.room, point.z, jnp.zeros(1), 1 - point.z])
-
-    def interior(_, carry):
-        x, slack, dual = carry
-        off, gap = hessian @ x + slope - rows.T @ dual, rows @ x + room - slack
-        weight = dual / slack
-        inverse = _inverse(hessian + (rows.T * weight) @ rows)
-
-        def newton(target):
-            """The step to dual * slack = target."""
-            push = (target - dual * slack) / slack - weight * gap
-            dx = inverse @ (rows.T @ push - off)
-            return dx, rows @ dx + gap, push - weight * (rows @ dx)
-
-        _, ds, dm = newton(0.0)
-        reach = _reach(slack, dual, ds, dm)
-        mean = jnp.mean(dual * slack)
-        centre = jnp.mean((slack + reach * ds) * (dual + reach * dm)) ** 3 / mean**2
-        dx, ds, dm = newton(centre - ds * dm)
-        reach = 0.995 * _reach(slack, dual, ds, dm)
-        return x + reach * dx, slack + reach * ds, dual + reach * dm
-
-    slack = jnp.maximum(room, 1e-2)
-    begin = jnp.zeros(size + 1), slack, 0.1 / slack
-    steps = INTERIOR if many < MANY else MORE
-    x, _, dual = jax.lax.fori_loop(0, steps, interior, begin)
-    change = jnp.clip(x[:-1], -point.z, 1 - point.z)
-    relief = _violation(point.room) - _violation(point.room + point.jacobian @ change)
-    return _Step(change, dual[:many], PRICE * relief - point.gradient @ change)
-
-
-def _reach(slack, dual, ds, dm):
-    """How far slack and dual stay positive, 1 at most."""
-    values, changes = jnp.append(slack, dual), jnp.append(ds, dm)
-    falls = changes < 0
-    return jnp.min(jnp.where(falls, -values / jnp.where(falls, changes, -1.0), 1.0), initial=1.0)
-
-
-def _inverse(matrix):
-    """Of a small positive definite matrix, by Gauss and Jordan: LAPACK has no lanes."""
-    size = matrix.shape[0]
-    work = jnp.append(matrix, jnp.eye(size), axis=1)
-    for k in range(size):
-        row = work[k] / work[k, k]
-        work = (work - jnp.outer(work[:, k], row)).at[k].set(row)
-    return work[:, size:]
+    change = jnp.outer(turned, turned) / (moved @ turned) - jnp.outer(before, before) / curvature
+    return jnp.where(curvature > 1e-30, hessian + change, hessian)

@@ -1,4 +1,4 @@
-"""Verification: what the flow itself says of a body that was proposed."""
+"""Verification: the objective of a body by the flow, with error estimates."""
 
 import dataclasses
 
@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.problem.objective import combine
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import combine
 from surrogate.arrays import AnyArray, Body
 from surrogate.checks import expect
 from surrogate.errors import InvalidInput
@@ -17,7 +17,11 @@ from surrogate.flow.solution import Solution
 
 @dataclasses.dataclass(frozen=True)
 class Verified:
-    """An objective by the flow, every scenario's flow, and the cylinder's drags beside them."""
+    """The objective of a body by the flow, the flows of all scenarios, and the cylinder's drags.
+
+    In 3-D the sphere stands for the cylinder. ``cylinder`` holds its Cd at the Reynolds number of
+    every scenario, and ``cylinder_objective`` is the objective of these drags.
+    """
 
     objective: float
     cylinder_objective: float
@@ -26,29 +30,29 @@ class Verified:
 
     @property
     def drags(self) -> Float[np.ndarray, " cases"]:
-        """Cd of every scenario."""
+        """Cd of the body in every scenario."""
         return np.array([solution.drag for solution in self.solutions])
 
     @property
     def status(self) -> str:
-        """accurate where every flow is, else degraded."""
+        """``accurate`` where every flow is, else ``degraded``."""
         statuses = {solution.status for solution in self.solutions}
         return "accurate" if statuses == {"accurate"} else "degraded"
 
     @property
     def estimated_error(self) -> float | None:
-        """The largest of the flows', relative; None where one has no estimate."""
+        """The largest estimated relative error of the flows; None where one has no estimate."""
         errors = [solution.estimated_error for solution in self.solutions]
         return None if None in errors else max(errors)
 
     @property
     def green_applications(self) -> int:
-        """Of the body's flows."""
+        """Convolutions with the Green's function (G) of the body's flows."""
         return sum(solution.green_applications for solution in self.solutions)
 
     @property
     def seconds(self) -> float:
-        """Of the body's flows."""
+        """Wall time of the body's flows."""
         return sum(solution.seconds for solution in self.solutions)
 
 
@@ -58,13 +62,17 @@ def verify(
     cylinder: Float[AnyArray, " cases"] | None = None,
     estimate: bool = True,
 ) -> Verified:
-    """The objective of a body, every scenario's flow solved, with status and estimated error.
+    """Solve the flow of every scenario of a problem for one body.
 
-    ``cylinder`` are its drags at the same Reynolds numbers, where they are known already.
+    Args:
+      problem: whose objective is evaluated.
+      parameters: the body.
+      cylinder: Cd of the cylinder (sphere) at the scenarios' Reynolds numbers, if known.
+      estimate: whether to estimate the errors of the flows.
 
     Raises:
-      InvalidInput: no such body.
-      NotConverged: a flow was not found.
+      InvalidInput: the parameters describe no body of the family.
+      NotConverged: a flow did not converge.
     """
     expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
@@ -83,10 +91,10 @@ def verify(
 
 
 def cylinder_drags(problem: Problem) -> Float[np.ndarray, " cases"]:
-    """Cd of the cylinder at the Reynolds number of every scenario.
+    """Return Cd of the cylinder (in 3-D the sphere) at the Reynolds number of every scenario.
 
     Raises:
-      NotConverged: a flow was not found.
+      NotConverged: a flow did not converge.
     """
     flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
     return np.array(
