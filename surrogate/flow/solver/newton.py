@@ -105,8 +105,8 @@ def root(
 
     def unfinished(state):
         _, _, size, previous, steps, _ = state
-        evaluate_by_inversion = (size < previous) | (steps == 0)
-        return (size > settings.tolerance) & (steps < settings.max_steps) & evaluate_by_inversion
+        improving = (size < previous) | (steps == 0)
+        return (size > settings.tolerance) & (steps < settings.max_steps) & improving
 
     b, size = preconditioned(guess)
     start = (guess, b, size, size, jnp.array(0), jnp.array(1))
