@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from pictures import pixels
 
 from shapeopt import Problem, load_run, optimise, save_run
-from shapeopt.commands import optimise as optimise_command
-from shapeopt.commands import solve as solve_command
+from shapeopt.commands import optimize_shape, render_shapes, solve_drag
 from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.problem.conflicts import candidates
 from shapeopt.render.bodies_3d import TURNS, render_bodies
@@ -351,16 +350,14 @@ def test_rows_of_bodies_have_colour_scales_of_their_own(slender, tmp_path):
 
 @pytest.mark.slow
 def test_pictures_of_a_run_in_space(network, slender, tmp_path):
-    from shapeopt.commands import render
-
     save_run(tmp_path / "run", optimise(Problem(slender, 20.0), load(network)))
-    render.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "pair.png")])
+    render_shapes.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "pair.png")])
     shown = [pixels(tmp_path / "pair.png")[1]]
     run = ["--runs", str(tmp_path / "run")]
-    render.main([*run, "--surface", "--out", str(tmp_path / "friction.png")])
+    render_shapes.main([*run, "--surface", "--out", str(tmp_path / "friction.png")])
     shown.append(pixels(tmp_path / "friction.png")[1])
     assert np.mean(np.any(shown[0] != shown[1], axis=-1)) > 0.01  # the bodies have other colours
-    render.main([*run, "--surface", "--out", str(tmp_path / "turn.gif")])
+    render_shapes.main([*run, "--surface", "--out", str(tmp_path / "turn.gif")])
     frames = imageio.imread(tmp_path / "turn.gif")
     assert len(frames) == TURNS
     for one, other in itertools.pairwise(frames[:: TURNS // 4]):
@@ -369,27 +366,27 @@ def test_pictures_of_a_run_in_space(network, slender, tmp_path):
 
 def test_commands_in_space(capsys, tmp_path):
     solve = ["--dimension", "3", "--aspect", "1.5", "--flatness", "1.4", "--fidelity", "draft"]
-    row = solve_command.main([*solve, "--reynolds", "10", "--gradient", "--json"])["results"][0]
+    row = solve_drag.main([*solve, "--reynolds", "10", "--gradient", "--json"])["results"][0]
     assert set(row["gradient"]) == {"aspect", "flatness", "beta2", "beta3", "beta4", "reynolds"}
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["scene"]["dimension"] == 3
     grain = ["--dimension", "3", "--aspect", "1", "--fidelity", "draft", "--json"]
-    row = solve_command.main([*grain, "--settling", "2.65,1e-6,1e-6"])["results"][0]
+    row = solve_drag.main([*grain, "--settling", "2.65,1e-6,1e-6"])["results"][0]
     assert row["settling_reynolds"] < 1e-6 < 1e-3 == row["reynolds"]
     assert row["settling_cd"] * row["settling_reynolds"] == pytest.approx(24, rel=0.005)
     disc = ["--dimension", "3", "--aspect", "0.5", "--reynolds", "1,150"]
     with pytest.raises(InvalidInput, match="beyond 113"):
-        solve_command.main(disc)
+        solve_drag.main(disc)
     with pytest.raises(InvalidInput, match="goes with --aspect"):
-        solve_command.main(["--dimension", "3", "--naca", "0012", "--reynolds", "10"])
-    with pytest.raises(InvalidInput, match="or --settling in its place"):
-        solve_command.main(solve)
+        solve_drag.main(["--dimension", "3", "--naca", "0012", "--reynolds", "10"])
+    with pytest.raises(InvalidInput, match="or --settling instead"):
+        solve_drag.main(solve)
     with pytest.raises(InvalidInput, match="density ratio,viscosity,size"):
-        solve_command.main([*solve, "--settling", "2,3"])
+        solve_drag.main([*solve, "--settling", "2,3"])
     with pytest.raises(InvalidInput, match="of bodies in space"):
-        solve_command.main(["--aspect", "1", "--settling", "2.65,1e-6,1e-4"])
+        solve_drag.main(["--aspect", "1", "--settling", "2.65,1e-6,1e-4"])
     scene = tmp_path / "flat.toml"
     scene.write_text("flatness = 3\n")
     with pytest.raises(InvalidInput, match="no key 'flatness'"):
-        optimise_command.main(
+        optimize_shape.main(
             ["--surrogate", "none", "--scene", str(scene), "--reynolds", "10", "--out", "x"]
         )

@@ -1,7 +1,8 @@
-"""A command as one of many processes: joined, and watched, so that a lost one is told in a line.
+"""Options for devices and processes, and the supervision of a process of a distributed command.
 
-JAX aborts all processes when one is lost. So each command runs as a child; its parent relays what
-it says, leaves out what the runtime prints, and turns an abort into a message and a status.
+JAX aborts all processes when one of them is lost. Each process therefore runs the command in a
+child, relays what it prints without the messages of JAX's runtime, and turns an abort into one
+line and exit status 5.
 """
 
 import argparse
@@ -30,66 +31,63 @@ from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 from surrogate.processes import join, scheduled
 
-CHILD = "DRAG_SURROGATES_CHILD"  # set in the environment of a watched process
-RUNTIME = re.compile(r"\[Gloo\]|[EIW]\d{4} ")  # lines of JAX's runtime
-FATAL = re.compile(
-    r"F\d{4} |\*\*\* |terminate called|E\d{4} .*(coordination|distributed)"
-)  # the end
+CHILD = "DRAG_SURROGATES_CHILD"  # environment variable of a supervised process
+RUNTIME = re.compile(r"\[Gloo\]|[EIW]\d{4} ")  # messages of JAX's runtime
+FATAL = re.compile(r"F\d{4} |\*\*\* |terminate called|E\d{4} .*(coordination|distributed)")
 
 
-def add_devices(parser: Parser) -> None:
-    """--devices."""
+def add_device_argument(parser: Parser) -> None:
+    """Add ``--devices``."""
     parser.add_argument("--devices", type=int, help="of this process: CPU cores, or GPUs (1)")
 
 
 def use_devices(count: int | None) -> int | None:
-    """Make so many cores of a CPU devices, where so many are asked for."""
+    """Make ``count`` CPU cores visible to JAX as devices, where a number is given."""
     if count is not None:
         count = whole_number("--devices", count, 1, 4096)
-        with contextlib.suppress(RuntimeError):  # JAX has begun; whether it has them is seen later
+        with contextlib.suppress(RuntimeError):  # JAX is running; choose_devices checks the number
             jax.config.update("jax_num_cpu_devices", count)
     return count
 
 
-def add_arguments(parser: Parser) -> None:
-    """--devices, --lanes, --coordinator, --processes, --process."""
-    add_devices(parser)
+def add_distributed_arguments(parser: Parser) -> None:
+    """Add ``--devices``, ``--lanes``, ``--coordinator``, ``--processes`` and ``--process``."""
+    add_device_argument(parser)
     parser.add_argument(
-        "--lanes", type=int, help="bodies solved at once on a device, from 1 (as many as pay)"
+        "--lanes", type=int, help="batch size per device, from 1 (1 on a CPU, more elsewhere)"
     )
-    parser.add_argument("--coordinator", help="HOST:PORT of the first process, for all of them")
-    parser.add_argument("--processes", type=int, help="how many there are, from 1 (1)")
-    parser.add_argument("--process", type=int, help="which this is, from 0 (0)")
+    parser.add_argument("--coordinator", help="HOST:PORT of the first process, the same for all")
+    parser.add_argument("--processes", type=int, help="number of processes, from 1 (1)")
+    parser.add_argument("--process", type=int, help="index of this process, from 0 (0)")
 
 
-def is_parent(arguments: argparse.Namespace) -> bool:
-    """Whether this is one of many processes that is not yet watched."""
+def needs_supervision(arguments: argparse.Namespace) -> bool:
+    """Whether the command is distributed and this process is not a supervised child."""
     many = arguments.coordinator is not None or scheduled()
     if not many and (arguments.processes or arguments.process):
         raise InvalidInput("--processes and --process: go with --coordinator HOST:PORT")
     return many and CHILD not in os.environ
 
 
-def come_together(arguments: argparse.Namespace) -> int | None:
-    """Devices for this process as asked, the others joined; how many devices to use in all."""
+def initialise(arguments: argparse.Namespace) -> int | None:
+    """Set up this process's devices and join the others; return how many devices to use in all."""
     count = use_devices(arguments.devices)
     if CHILD not in os.environ:
         return count
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
     join(arguments.coordinator, arguments.processes, arguments.process)
     return None
 
 
-def watch(command: str, argv: Sequence[str]) -> None:
-    """Run a command in a child process and relay it.
+def supervise(command: str, argv: Sequence[str]) -> None:
+    """Run a command in a child process and relay its output.
 
     Raises:
-      SystemExit: with the child's status where that is not 0.
-      ProcessLost: it was aborted, since another process was lost or it was killed itself.
+      SystemExit: the child ended with another status than 0, which is passed on.
+      ProcessLost: it was aborted, because another process was lost or because it was killed.
     """
-    words = [sys.executable, "-m", "shapeopt.commands.entry", command, *argv]
     child = subprocess.Popen(
-        words,
+        [sys.executable, "-m", "shapeopt.commands.entry", command, *argv],
         env=os.environ | {CHILD: "1"},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -113,15 +111,15 @@ def watch(command: str, argv: Sequence[str]) -> None:
             relay.join()
     if status not in (DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED):
         raise ProcessLost(
-            "a process was lost; the same command on all of them goes on from the last checkpoint"
+            "a process was lost; the same command on all machines resumes from the last checkpoint"
         )
     if status:
         raise SystemExit(status)
 
 
 @contextlib.contextmanager
-def as_one() -> Iterator[None]:
-    """End at once where the runtime can no longer reach the other processes."""
+def exit_when_disconnected() -> Iterator[None]:
+    """End a supervised process at once when JAX's runtime has lost the others."""
     try:
         yield
     except jax.errors.JaxRuntimeError:
@@ -138,6 +136,6 @@ def _relay(source: TextIO, sink: TextIO) -> None:
             print(line, end="", file=sink, flush=True)
 
 
-def _end_with_parent() -> None:
-    sys.stdin.read()
+def _exit_with_parent() -> None:
+    sys.stdin.read()  # returns when the parent has ended
     os._exit(LOST)

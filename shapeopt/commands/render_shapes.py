@@ -1,6 +1,6 @@
-"""Pictures of optimised shapes: before and after, side by side (.png), or the evolution (.gif).
+"""Pictures of optimised shapes: reference body and optimum (.png), or the search's path (.gif).
 
-Of a run in space the .gif is a turntable of the optimum in its flow, and bodies are coloured by
+Of a 3-D run the .gif is a turntable of the optimum in its flow, and bodies are coloured by
 pressure, with --surface by friction.
 
 python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
@@ -9,9 +9,9 @@ python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/load
 python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
 """
 
-import functools
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -22,30 +22,33 @@ from shapeopt.render.bodies_3d import FRICTION, PRESSURE, render_bodies, render_
 from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
-from shapeopt.render.signature import check_picture
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject, check_file
+from surrogate.flow.loads.surface import Surface
 from surrogate.model.store import load
-from surrogate.progress import progress_bar
+from surrogate.progress import Update, progress_bar
+
+Drawn = TypeVar("Drawn")
 
 
-def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Parse, solve the flows to be shown, render."""
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, solve the flows, render."""
     arguments = _parser().parse_args(argv)
-    out = check_picture(arguments.out, ".png", ".gif")
+    out = check_file(arguments.out, ".png", ".gif")
     records = [load_run(folder) for folder in arguments.runs]
     dimensions = {run_scene(record).dimension for record in records}
     if len(dimensions) > 1:
-        raise InvalidInput("--runs: some are of the plane, some of space; render them apart")
+        raise InvalidInput("--runs: some are 2-D, some 3-D; render them separately")
     dimension = dimensions.pop()
     if out.suffix == ".gif" and (arguments.family or (arguments.surface and dimension == 2)):
-        raise InvalidInput(f"{out}: --family, and in the plane --surface, make a .png")
+        raise InvalidInput(f"{out}: --family, and in 2-D --surface, need a .png")
     load_shown = FRICTION if arguments.surface else PRESSURE
     with progress_bar("rendering") as progress:
         if out.suffix == ".gif" and dimension == 3:
-            render_turntable(_only(records, out, before_and_after)[1], out, load_shown)
+            render_turntable(before_and_after(_only(records, out))[1], out, load_shown)
         elif out.suffix == ".gif":
-            _only(records, out, functools.partial(_evolution, out=out))
+            _evolution(_only(records, out), out)
         elif arguments.family:
             plot_family(_verified(records), out)
         elif arguments.surface and dimension == 3:
@@ -59,8 +62,10 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
 
 
-def _each(solve, records, progress):
-    """Solve every run's flows."""
+def _each(
+    solve: Callable[[JsonObject], Drawn], records: list[JsonObject], progress: Update
+) -> list[Drawn]:
+    """The value of ``solve`` for every run, with progress."""
     found = []
     for k, record in enumerate(records):
         found.append(solve(record))
@@ -68,34 +73,35 @@ def _each(solve, records, progress):
     return found
 
 
-def _surfaces(record):
-    return tuple(solution.surface() for solution in solve_run(record))
+def _surfaces(record: JsonObject) -> tuple[Surface, Surface]:
+    start, optimum = solve_run(record)
+    return start.surface(), optimum.surface()
 
 
-def _verified(records):
+def _verified(records: list[JsonObject]) -> list[JsonObject]:
     if len(records) < 2:
-        raise InvalidInput("--family: shows several runs; give two --runs folders or more")
+        raise InvalidInput("--family: needs two --runs folders or more")
     for record in records:
         if record.get("cd_verified") is None or record.get("cd_start") is None:
             raise InvalidInput(f"--family: the run at Re {record['reynolds']:g} is not verified")
         if len(record.get("cases", [])) > 1:
-            raise InvalidInput("--family: shows the drag at one Re a run; one here is of several")
+            raise InvalidInput("--family: needs runs at one Reynolds number each; one has several")
     return records
 
 
-def _only(records, out, draw):
+def _only(records: list[JsonObject], out: Path) -> JsonObject:
     if len(records) != 1:
         raise InvalidInput(f"{out}: a .gif shows one run; give one --runs folder")
-    return draw(records[0])
+    return records[0]
 
 
-def _evolution(record, out):
+def _evolution(record: JsonObject, out: Path) -> None:
     path = np.array(record["path"])
     captions = [f"Re {record['reynolds']:g}, step {k}" for k in range(len(path))]
     if record["surrogate"] != "none":
         surrogate = load(record["surrogate"])
         if surrogate.scene != run_scene(record):
-            raise InvalidInput(f"{record['surrogate']}: is of another scene than its run")
+            raise InvalidInput(f"{record['surrogate']}: has another scene than its run")
         network = surrogate.network
         reynolds = jnp.asarray(record["reynolds"])
         drags = jax.vmap(network.drag, in_axes=(0, None))(jnp.asarray(path), reynolds)
@@ -103,15 +109,12 @@ def _evolution(record, out):
     render_evolution(run_scene(record).family, path, captions, out)
 
 
-def _parser():
+def _parser() -> Parser:
     parser = Parser(__doc__)
     parser.add_argument("--runs", required=True, nargs="+", help="folders of optimize_shape.py")
     parser.add_argument("--out", required=True, help="picture, .png or .gif")
-    kind = parser.add_mutually_exclusive_group()
-    kind.add_argument(
-        "--surface",
-        action="store_true",
-        help="pressure and friction along the body; in space bodies by friction",
-    )
-    kind.add_argument("--family", action="store_true", help="the optima of several runs over Re")
+    add = parser.add_mutually_exclusive_group().add_argument
+    surface = "pressure and friction along the contour; 3-D: colour by friction"
+    add("--surface", action="store_true", help=surface)
+    add("--family", action="store_true", help="the optima of several runs over Re")
     return parser
