@@ -14,7 +14,7 @@ from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_target, path_of, strict_json, whole_files
 from surrogate.flow.flow import Flow
-from surrogate.flow.loads.surface import SURFACE_POINTS
+from surrogate.flow.surface.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene

@@ -19,7 +19,7 @@ import pytest  # noqa: E402
 
 from surrogate import Fidelity, Scene, Unbounded  # noqa: E402
 from surrogate.cache import use_compilation_cache  # noqa: E402
-from surrogate.flow.grid.domain import make_domain  # noqa: E402
+from surrogate.flow.grid.domain_2d import Domain2D  # noqa: E402
 
 TESTS = Path(__file__).parent
 SCRIPTS = TESTS.parent / "scripts"
@@ -37,7 +37,7 @@ def tiny_scene() -> Scene:
 
 @pytest.fixture(scope="session")
 def cylinder_domain():
-    return make_domain(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
+    return Domain2D.make(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -11,7 +11,7 @@ import pytest
 
 from shapeopt.render.page.page import page
 from surrogate import Family, Scene, Surrogate, Tunnel, load
-from surrogate.flow.grid.domain import traction_modes
+from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import held_out_samples
 

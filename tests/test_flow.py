@@ -26,11 +26,12 @@ from surrogate import (
     naca4,
 )
 from surrogate.body.outline import opening
-from surrogate.flow.grid.domain import make_domain
-from surrogate.flow.loads.forces import coefficients
+from surrogate.flow.continuation import solve_markers
+from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.steps import loads, solve_contour
+from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.surface.coefficients import force_coefficients
 
 CYLINDER = family_shape({"aspect": 1.0})
 PLATE = family_shape({"aspect": 0.5})
@@ -56,14 +57,14 @@ def test_exact_lift_of_the_mirrored_body(stream):
     assert a.drag == pytest.approx(b.drag, rel=1e-9)
 
 
-WIDE = make_domain(Unbounded(), TINY, (2.5, 2.5), symmetric=False)
+WIDE = Domain2D.make(Unbounded(), TINY, (2.5, 2.5), symmetric=False)
 
 
 def forces_in_room(shape, reynolds):
     markers = jnp.asarray(shape.draw(WIDE.nodes))
-    found = solve_contour(WIDE, NewtonSettings(1e-10), markers, jnp.asarray(reynolds))
+    found = solve_markers(WIDE, NewtonSettings(1e-10), markers, jnp.asarray(reynolds))
     assert bool(found.info.converged)
-    return loads(WIDE, markers, found.state, reynolds)
+    return force_coefficients(WIDE, markers, found.state, reynolds)
 
 
 def test_exact_moment_turns_an_ellipse_across_the_stream():
@@ -85,7 +86,7 @@ def test_exact_moment_of_a_known_traction():
     assert np.allclose(modes.T @ amplitude, -couple.ravel(), atol=1e-12)
     stream = jnp.zeros((2, *WIDE.lattice.shape))
     markers = jnp.asarray(CYLINDER.draw(WIDE.nodes))
-    found = coefficients(WIDE, markers, stream, jnp.asarray(amplitude), jnp.asarray(1.0))
+    found = force_coefficients(WIDE, markers, FlowState(stream, jnp.asarray(amplitude)), 1.0)
     assert float(found.moment) == pytest.approx(2 * np.pi * 0.3, rel=1e-12)
     assert float(found.drag) == pytest.approx(0, abs=1e-12)
     assert float(found.lift) == pytest.approx(0, abs=1e-12)
@@ -117,9 +118,9 @@ def test_drag_does_not_jitter_as_the_body_moves_through_the_grid():
 def test_drag_does_not_jitter_as_a_flat_side_moves_through_the_rows():
     """Half a cell sideways; without the offset_correction of the retraction this is 4e-4."""
     ellipse = family_shape({"aspect": 16 / 9})  # 12 cells high
-    domain = make_domain(Unbounded(), FIDELITIES["standard"], (1.75, 1.25), symmetric=False)
+    domain = Domain2D.make(Unbounded(), FIDELITIES["standard"], (1.75, 1.25), symmetric=False)
     here, there = (
-        solve_contour(
+        solve_markers(
             domain, NewtonSettings(), jnp.asarray(shape.draw(domain.nodes)), jnp.asarray(20.0)
         ).drag
         for shape in (ellipse, moved(ellipse, 0.0, 0.5 / 16))
@@ -129,9 +130,9 @@ def test_drag_does_not_jitter_as_a_flat_side_moves_through_the_rows():
 
 def test_exact_uniform_pressure_moves_nothing(cylinder_domain):
     markers = jnp.asarray(CYLINDER.draw(cylinder_domain.nodes))
-    prepare = jax.jit(steady.prepare, static_argnames="domain")
+    prepare = jax.jit(steady.assemble, static_argnames="domain")
     case = prepare(cylinder_domain, markers, jnp.asarray(10.0))
-    pushed = jnp.tensordot(case.body.silent, case.response, axes=1)
+    pushed = jnp.tensordot(case.body.null_mode, case.response, axes=1)
     typical = float(jnp.abs(case.response[0]).max())
     assert float(jnp.abs(pushed).max()) < 0.02 * typical
     assert float(jnp.abs(case.body.slip(pushed)).max()) < 1e-3 * typical
@@ -140,7 +141,7 @@ def test_exact_uniform_pressure_moves_nothing(cylinder_domain):
 def test_status_says_when_newton_stops_early(cylinder_domain):
     markers = jnp.asarray(CYLINDER.draw(cylinder_domain.nodes))
     hasty = NewtonSettings(tolerance=1e-10, max_steps=1)
-    info = solve_contour(cylinder_domain, hasty, markers, jnp.asarray(40.0)).info
+    info = solve_markers(cylinder_domain, hasty, markers, jnp.asarray(40.0)).info
     assert not bool(info.converged)
     assert int(info.steps) == 1
 

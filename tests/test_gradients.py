@@ -7,8 +7,9 @@ import pytest
 from conftest import TINY
 
 from surrogate import Flow, Scene, load
-from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady, tangent
+from surrogate.flow.solver.adjoint import Effort, slip_weights
 from surrogate.flow.solver.newton import NewtonSettings
 
 LENS = jnp.array([2.2, 0.12, -0.05, 0.03])
@@ -86,7 +87,7 @@ def driven(cylinder_domain):
 
     @jax.jit
     def start():
-        operators = steady.prepare(domain, cylinder, jnp.asarray(20.0))
+        operators = steady.assemble(domain, cylinder, jnp.asarray(20.0))
         return operators, steady.body_flow(domain, operators)[0].amplitude
 
     operators, solved = start()
@@ -102,13 +103,13 @@ def driven(cylinder_domain):
     return operators, state, lambda amplitude: drive(amplitude)[1]
 
 
-TIGHT = tangent.Effort(1e-6, 60)
+TIGHT = Effort(1e-6, 60)
 
 
 @pytest.fixture(scope="module")
 def compliance(cylinder_domain, driven):
     operators, state, _ = driven
-    matrix, cost = jax.jit(lambda: tangent.compliance(cylinder_domain, operators, state, TIGHT))()
+    matrix, cost = jax.jit(lambda: tangent.slip_jacobian(cylinder_domain, operators, state, TIGHT))()
     assert bool(cost.converged)
     return matrix
 
@@ -139,7 +140,7 @@ def test_drag_weights_predict_the_newton_step(cylinder_domain, driven):
 
     @jax.jit
     def steps():
-        weights, _ = tangent.drag_weights(cylinder_domain, operators, state, TIGHT)
+        weights, _ = slip_weights(drag, cylinder_domain, operators, state, TIGHT)
         moved, _ = tangent.coupled_step(cylinder_domain, operators, state, TIGHT)
         return weights, moved.amplitude, steady.slip_residual(cylinder_domain, operators, state)
 

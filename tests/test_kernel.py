@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.grid.oseen import oseen_kernel, reflect
+from surrogate.flow.grid.oseen_2d import oseen_kernel, reflect
 
 H = 1 / 8
 LATTICE = Lattice((40, 32), (H, H), 12)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from surrogate import Flow, Scene, family_shape
-from surrogate.flow.check.march import Box, march, prepare, start, strouhal
+from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
 
 CYLINDER = family_shape({"aspect": 1.0})
 
@@ -13,7 +13,7 @@ CYLINDER = family_shape({"aspect": 1.0})
 def test_march_settles_on_the_steady_drag():
     """Re 20 in a narrow, coarse box; the steady flow between the same walls."""
     box = Box(cells=10, upstream=6, downstream=12, height=8, sponge=4)
-    marcher = prepare(box, jnp.asarray(CYLINDER.draw(128)))
+    marcher = make_marcher(box, jnp.asarray(CYLINDER.draw(128)))
     velocity, record = march(box, marcher, start(box), jnp.asarray(20.0), 2000)
     steady = Flow(Scene(stream="tunnel:8")).solve(CYLINDER, 20.0, estimate=False)
     assert float(record.drag[-1]) == pytest.approx(steady.drag, rel=0.02)
@@ -35,7 +35,7 @@ def test_exact_strouhal_number_of_a_known_signal():
 def test_golden_cylinder_sheds_vortices_at_re_100():
     """Strouhal number 0.164-0.166 unbounded, a little more at a blockage of 1/16."""
     box = Box()
-    marcher = prepare(box, jnp.asarray(CYLINDER.draw(200)))
+    marcher = make_marcher(box, jnp.asarray(CYLINDER.draw(200)))
     velocity, _ = march(box, marcher, start(box, 0.5), jnp.asarray(100.0), 4000)
     _, record = march(box, marcher, velocity, jnp.asarray(100.0), 4000)
     assert strouhal(record.lift, box.step) == pytest.approx(0.168, rel=0.03)

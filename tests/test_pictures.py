@@ -23,7 +23,7 @@ from shapeopt.render.pictures import Panel, render_evolution, render_flows
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after
 from surrogate import Family, Fidelity, Flow, Scene, family_shape
-from surrogate.flow.grid.immersed import outward
+from surrogate.flow.grid.wall_2d import outward
 
 FAMILY = Family()
 ROOT = Path(__file__).parents[1]

@@ -166,12 +166,12 @@ def test_gradient_by_taylor_remainders():
 
 
 def test_nothing_recompiles_for_another_body():
-    from surrogate.flow.steps import _drag_and_state
+    from surrogate.flow.derivatives import _solved
 
     FLOW.drag(BODY, 30.0)
-    before = _drag_and_state._cache_size()
+    before = _solved._cache_size()
     FLOW.drag(BODY * 1.01, 31.0)
-    assert _drag_and_state._cache_size() == before
+    assert _solved._cache_size() == before
 
 
 def test_what_is_no_body_or_scene_of_space_is_refused():

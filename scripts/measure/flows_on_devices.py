@@ -11,7 +11,7 @@ import numpy as np
 from surrogate import FIDELITIES, Flow, Scene
 from surrogate.cache import use_compilation_cache
 from surrogate.devices import choose_devices, partition_bodies
-from surrogate.flow.steps import batch_solver, estimated_cost
+from surrogate.flow.batch import batch_solver, estimated_cost
 from surrogate.processes import first, join
 from surrogate.training.samples import training_samples
 

@@ -13,7 +13,6 @@ from study import TINY, Result, Study, run_study, table_of_rows
 from shapeopt import optimise
 from shapeopt.payoff.queries import query_stream
 from surrogate import Family, Flow, Scene
-from surrogate.flow.solver.steady import assembly_cost
 from surrogate.scene.cost import APPLICATIONS, Applications, convolution_seconds
 from surrogate.training.samples import held_out_samples
 
@@ -62,7 +61,7 @@ def _found(scene: Scene, rough: Scene, count: int) -> Applications:
     return Applications(
         flow=float(np.mean(flows)),
         adjoint=float(np.mean(both) - np.mean(flows)),
-        renewal=float(assembly_cost(flow.domain) if scene.dimension == 3 else 0),
+        renewal=float(flow.domain.assembly_cost if scene.dimension == 3 else 0),
         design_flows=float(np.mean([design.flows for design in designs])),
         overhead=seconds / convolution,
     )

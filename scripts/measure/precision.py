@@ -12,8 +12,8 @@ import jax.numpy as jnp
 from study import TINY, Result, Study, medians, run_study, table_of_rows
 
 from surrogate import FIDELITIES, Fidelity, Unbounded, family_shape
-from surrogate.flow.grid.domain import fitted_domain
-from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.flow.grid.discretise import fitted_domain
+from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import single
 
@@ -35,7 +35,7 @@ def _row(fidelity: Fidelity, aspect: float, reynolds: float) -> dict[str, Any]:
     shape = family_shape({"aspect": aspect})
     domain = fitted_domain(Unbounded(), fidelity, shape, reynolds)
     markers, re = jnp.asarray(shape.draw(domain.nodes)), jnp.asarray(reynolds)
-    double = jax.jit(lambda markers, re: steady.prepare(domain, markers, re))(markers, re)
+    double = jax.jit(lambda markers, re: steady.assemble(domain, markers, re))(markers, re)
     solve = jax.jit(lambda case: steady.body_flow(domain, case))
     cases = double, single(double)
     (a, info), (b, rough) = map(solve, cases)

@@ -19,7 +19,7 @@ from maps import Field, map_tables
 from study import TINY, Result, Study, run_study, words
 
 from surrogate import Family, Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
-from surrogate.flow.grid.immersed import THIN
+from surrogate.flow.grid.wall_3d import THIN_LAYER_RE
 
 # sphere, axisymmetric finite elements on finer meshes, uncertainty about 5e-5
 SPHERE = {0.1: 244.176, 1.0: 27.3175, 10.0: 4.3079, 40.0: 1.7891, 100.0: 1.0881}
@@ -125,7 +125,7 @@ def _revolved(extent: Extent) -> Fields:
     for k, (body, re) in enumerate(held_out(extent.revolved)):
         row, exact = form.format(re=re, **body), _by_elements(body, re, extent.elements)
         yield _place(HELD_OUT, row, "finite elements") | exact
-        finest = extent.finest if k % 3 == 0 or re > THIN else ()
+        finest = extent.finest if k % 3 == 0 or re > THIN_LAYER_RE else ()
         for level in (*extent.levels, *finest):
             yield _place(HELD_OUT, row, level.name) | _by_flow(body, re, level, exact["cd"])
 

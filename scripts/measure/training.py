@@ -24,7 +24,7 @@ from shapeopt.render.figures import STYLE, plt, save_figure
 from shapeopt.search.memory import Memory
 from surrogate import Flow, NotConverged, Surrogate
 from surrogate.checks import whole_number
-from surrogate.flow.steps import FlowBatch
+from surrogate.flow.batch import FlowBatch
 from surrogate.model.inputs import scene_inputs
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method

@@ -18,9 +18,9 @@ from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject, check_target, whole_file
-from surrogate.flow.check.march import Box, march, prepare, start, strouhal
+from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
-from surrogate.flow.grid.domain import THINNEST
+from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.progress import progress_bar
 from surrogate.scene.limits import ONSET_OF_SHEDDING
 from surrogate.scene.scene import Scene
@@ -53,10 +53,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
     markers = shape.draw(NODES)
     length, height = np.ptp(markers, axis=0)
-    if max(length, 2 * height) > LONGEST or mean_thickness(markers) * box.cells < THINNEST[2]:
+    cells = float(mean_thickness(markers)) * box.cells
+    if max(length, 2 * height) > LONGEST or cells < Domain2D.MIN_THICKNESS:
         raise InvalidInput(
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D and "
-            f"from {THINNEST[2]:g} cells thick can be marched"
+            f"from {Domain2D.MIN_THICKNESS:g} cells thick can be marched"
         )
     check_target(out, "march.json", ("blockage", "gif"), ("march.gif",), ("march.gif",))
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
@@ -86,7 +87,7 @@ def _march(
     box: Box, markers: AnyArray, re: float, duration: float, kick: float
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Histories of drag and lift at all time steps, and the velocity at every frame."""
-    marcher, velocity = prepare(box, markers), start(box, kick)
+    marcher, velocity = make_marcher(box, markers), start(box, kick)
     steps = max(1, round(duration / box.step / FRAMES))
     drags, lifts, frames = [], [], []
     with progress_bar("marching") as progress:

@@ -25,7 +25,7 @@ from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
-from surrogate.flow.loads.surface import Surface
+from surrogate.flow.surface.surface import Surface
 from surrogate.model.store import load
 from surrogate.progress import Update, progress_bar
 

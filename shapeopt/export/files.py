@@ -9,8 +9,8 @@ from shapeopt.export.solid import outline, skin_mesh, solid
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.files import whole_file
-from surrogate.flow.loads.surface import Surface
 from surrogate.flow.solution import Solution
+from surrogate.flow.surface.surface import Surface
 
 
 def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> Path:

@@ -8,8 +8,8 @@ import numpy as np
 from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
 from surrogate.files import whole_file
-from surrogate.flow.loads.forces_3d import curl
 from surrogate.flow.solution import Solution
+from surrogate.flow.surface.forces_3d import curl
 
 VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # x, y and z range shown, in D
 SIZE = 820, 560  # pixels of a panel

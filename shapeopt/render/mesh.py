@@ -7,7 +7,7 @@ from scipy.ndimage import zoom
 from shapeopt.export.solid import pv
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.loads.forces import vorticity
+from surrogate.flow.surface.forces_2d import vorticity
 
 Velocity = Float[AnyArray, "2 nx ny"]
 

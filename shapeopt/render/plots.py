@@ -17,7 +17,7 @@ from shapeopt.render.figures import (
 from shapeopt.render.sheets import standing
 from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
-from surrogate.flow.loads.surface import Surface
+from surrogate.flow.surface.surface import Surface
 
 
 def plot_surfaces(runs: list[tuple[JsonObject, tuple[Surface, Surface]]], path: str | Path) -> Path:

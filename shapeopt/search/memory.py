@@ -13,8 +13,8 @@ from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, strict_json, whole_file
+from surrogate.flow.derivatives import DragGradient
 from surrogate.flow.flow import Flow
-from surrogate.flow.steps import DragGradient
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Hyper, Kriging, Observation, kriging, likeliest
 from surrogate.model.network import DragNetwork

@@ -35,10 +35,10 @@ def moments(
     return area, jnp.sum((markers + following) * cross[:, None], axis=0) / (6 * area)
 
 
-def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> float:
-    """Area over half the perimeter: the thickness of a slender body."""
-    edges = np.diff(markers, axis=0, append=markers[:1])
-    return float(abs(moments(markers)[0]) * 2 / np.linalg.norm(edges, axis=1).sum())
+def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, ""]:
+    """Return area over half the perimeter of a contour: the thickness of a slender body."""
+    edges = jnp.roll(markers, -1, axis=0) - markers
+    return jnp.abs(moments(markers)[0]) * 2 / jnp.linalg.norm(edges, axis=1).sum()
 
 
 def chord(parameters: Float[AnyArray, " parameters"], form: Form) -> Float[AnyArray, ""]:

@@ -1,4 +1,4 @@
-"""The flow as a drag model: the one way to solve a body."""
+"""The flow solver as a drag model: the one way to solve a body."""
 
 import dataclasses
 import functools
@@ -7,7 +7,7 @@ import time
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.outline import MIN_THICKNESS_RATIO, opening
@@ -15,35 +15,46 @@ from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices, partition_bodies
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.check.error_estimate import ErrorEstimate, Forces, estimate_error
-from surrogate.flow.grid.domain import Domain, fitted_domain, scene_domain
+from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
+from surrogate.flow.check.error_estimate import DragAndLift, ErrorEstimate, estimate_error
+from surrogate.flow.continuation import not_converged_message, solve_by_continuation
+from surrogate.flow.derivatives import (
+    DragGradient,
+    drag_and_gradient,
+    drag_and_status,
+    named_gradient,
+)
+from surrogate.flow.discrete import DiscreteBodies
+from surrogate.flow.grid.discretise import fitted_domain, scene_domain
+from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
-from surrogate.flow.loads.forces import lift_coefficient
+from surrogate.flow.loads import lift
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.steps import (
-    DragGradient,
-    FlowBatch,
-    batch_solver,
-    drag_and_slope,
-    drag_and_status,
-    estimated_cost,
-    gradient_at,
-    loads,
-    not_converged_message,
-    solve_by_continuation,
-)
+from surrogate.flow.surface import forces_2d, forces_3d  # noqa: F401  (register both dimensions)
+from surrogate.flow.surface.coefficients import force_coefficients
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of_shedding
 from surrogate.scene.scene import Scene
 
+ROUNDING = 1e-9  # relative, of a range's end
+
 
 @dataclasses.dataclass(frozen=True)
 class Flow:
-    """The steady flow of a scene: a drag model, compiled once.
+    """The steady laminar flow past the bodies of a scene, solved on one grid and compiled once.
 
-    Bodies are arrays of the parameters of the scene's family, solved on one grid that holds them
-    all. ``solve`` takes any other ``Shape`` too, on a grid and window that fit it.
+    A body is an array of the parameters of the scene's family, in the order of
+    ``scene.family.names``. ``drag`` works under jax.jit, jax.vmap, jax.grad and jax.jvp; ``solve``
+    returns everything that is known of one flow, and also takes any ``Shape`` (a contour, a NACA
+    section, a body at incidence), on a grid that fits it.
+
+    Args:
+      scene: what is modelled.
+      settings: tolerances of the Newton solver.
+
+    Raises:
+      InvalidInput: the scene is not a ``Scene``.
     """
 
     scene: Scene
@@ -56,50 +67,60 @@ class Flow:
 
     @functools.cached_property
     def domain(self) -> Domain:
-        """The scene's discretisation."""
+        """The scene's discretisation, which holds all of its bodies."""
         return scene_domain(self.scene)
 
+    @functools.cached_property
+    def bodies(self) -> DiscreteBodies:
+        """What compiled programs depend on: the domain, the class of bodies, the settings."""
+        return DiscreteBodies(self.domain, self.scene.family.form, self.settings)
+
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
-        """Contour of a family body as the scene's grid takes it; in space its skin."""
-        return self.scene.family.markers(parameters, self.domain.nodes)
+        """Return the surface markers of a family body on the scene's grid, in D."""
+        return self.bodies.markers(parameters)
 
     def drag(
-        self,
-        parameters: Body,
-        reynolds: Number,
-        allow_unsteady: bool = False,
+        self, parameters: Body, reynolds: Number, allow_unsteady: bool = False
     ) -> Float[Array, ""]:
-        """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
+        """Return the drag coefficient Cd of a family body at Re = U D / nu.
 
-        For jit, vmap and jax.grad in both arguments. Under a transformation, what cannot be
-        answered is NaN.
+        Cd is 2 Fx per unit span in 2-D and 8 Fx / pi in 3-D, with U = D = rho = 1. It can be
+        differentiated once in both arguments, in forward and in reverse mode, by one adjoint.
+        Under a transformation of JAX, what has no answer is NaN.
+
+        Args:
+          parameters: of the body, shape (parameters,).
+          reynolds: Reynolds number.
+          allow_unsteady: answer beyond the onset of vortex shedding too.
 
         Raises:
-          InvalidInput: no such body or Reynolds number, or beyond what the scene's grid is for.
-          NotConverged: the flow was not found.
+          InvalidInput: there is no such body or Reynolds number, or the scene's grid does not
+            cover it.
+          NotConverged: the solver did not converge.
         """
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
         else:
             one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
-        cd, info = drag_and_status(self, jnp.asarray(parameters, float), re)
+        cd, info = drag_and_status(self.bodies, jnp.asarray(parameters, float), re)
         if traced(parameters, reynolds):
-            known = info.converged & self._answers(parameters, re, allow_unsteady)
+            known = info.converged & self._covers(parameters, re, allow_unsteady)
             return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
         if not bool(info.converged):
             raise NotConverged(not_converged_message(float(reynolds), info))
         return cd
 
     def slope(self, parameters: Body, reynolds: Number) -> DragGradient:
-        """Drag and shape gradient by one adjoint of few digits, cheaper than ``jax.grad``.
+        """Return Cd and its gradient by one adjoint of three digits, cheaper than ``jax.grad``.
 
         Raises:
-          InvalidInput: as ``drag``, but for Reynolds numbers beyond the onset of shedding.
+          InvalidInput: as ``drag``, except beyond the onset of vortex shedding.
         """
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, True)
-        return drag_and_slope(self, jnp.asarray(parameters, float), jnp.asarray(reynolds, float))
+        at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
+        return drag_and_gradient(self.bodies, *at)
 
     def labels(
         self,
@@ -107,13 +128,13 @@ class Flow:
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
     ) -> FlowBatch:
-        """Flows of many bodies, spread over ``devices``: what trainings are tested by.
+        """Return the flows of many bodies, partitioned over ``devices``.
 
         Raises:
           InvalidInput: one is no body, or no Reynolds number of the scene.
-          NotConverged: a flow was not found.
+          NotConverged: a flow did not converge.
         """
-        found = self._all(parameters, reynolds, devices, slopes=False)
+        found = self._batch(parameters, reynolds, devices, gradients=False)
         if missing := int(np.sum(~found.converged)):
             raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
         return found
@@ -124,26 +145,8 @@ class Flow:
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
     ) -> DragGradient:
-        """``slope`` of many bodies, spread over ``devices``."""
-        return self._all(parameters, reynolds, devices, slopes=True)
-
-    def _all(self, parameters, reynolds, devices, slopes):
-        parameters = self.scene.family.check_all(parameters)
-        reynolds = np.asarray(reynolds, float)
-        if reynolds.shape != parameters.shape[:1]:
-            raise InvalidInput(f"{len(parameters)} bodies, Reynolds numbers {reynolds.shape}")
-        for extreme in (reynolds.min(), reynolds.max()) if reynolds.size else ():
-            self._check_reynolds(extreme, True)
-        if np.any(_reaches(self, parameters) > self.domain.reach):
-            raise InvalidInput(
-                "bodies: one reaches beyond those that the scene's grid was made for"
-            )
-        devices = devices or choose_devices()
-        partition = partition_bodies(devices, estimated_cost(parameters, reynolds))
-        found = batch_solver(self, devices, slopes)(
-            *devices.share((partition, parameters, reynolds))
-        )
-        return jax.tree.map(np.asarray, found)
+        """Return ``slope`` of many bodies, partitioned over ``devices``."""
+        return self._batch(parameters, reynolds, devices, gradients=True)
 
     def solve(
         self,
@@ -154,24 +157,25 @@ class Flow:
         estimate: bool = True,
         allow_unsteady: bool = False,
     ) -> Solution:
-        """Loads, fields, work and trust of one body.
+        """Solve the flow past one body: force coefficients, fields, work and estimated error.
 
         Args:
-          body: parameters of the scene's family, on the scene's grid; or a ``Shape``, on a grid
-            that fits it in the scene's stream at the scene's fidelity.
+          body: parameters of the scene's family, solved on the scene's grid; or a ``Shape``,
+            solved on a grid that fits it, in the scene's stream at the scene's fidelity.
           reynolds: U D / nu.
-          gradient: dCd/d(parameters, Re) as well; of symmetric family bodies.
-          estimate: of the error and the status it means, for two thirds of the cost more.
-          allow_unsteady: the steady flow beyond the onset of shedding is wanted all the same.
+          gradient: compute dCd/d(parameters, Re) as well (symmetric family bodies).
+          estimate: estimate the error, at two thirds of the flow's cost.
+          allow_unsteady: answer beyond the onset of vortex shedding too.
 
         Raises:
-          InvalidInput: no such body or Reynolds number, or they do not fit grid or stream.
-          NotConverged: the flow, or the adjoint that the gradient needs, was not found.
+          InvalidInput: there is no such body or Reynolds number, or they do not fit the grid or
+            the stream.
+          NotConverged: the flow, or the adjoint that the gradient needs, did not converge.
         """
         if isinstance(body, Shape):
-            self._same_dimension(body)
+            self._check_dimension(body)
             reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.reach)
-            shape, domain = body, _fit(self.scene, body, self.scene.fidelity, reynolds)
+            shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
             named = self.scene.family.named(parameters)
@@ -181,15 +185,19 @@ class Flow:
         start = time.perf_counter()
         found, work = solve_by_continuation(domain, self.settings, shape, reynolds)
         seconds = time.perf_counter() - start
-        force = loads(domain, shape.markers(domain.nodes), found.state, reynolds)
+        force = force_coefficients(domain, shape.markers(domain.nodes), found.state, reynolds)
         force = {name: float(value) for name, value in force._asdict().items()}
-        slopes = gradient_at(domain, self.settings, shape, reynolds, found) if gradient else None
-        forces = Forces(force["drag"], force["lift"])
-        trust = self._judged(forces, shape, reynolds) if estimate else ErrorEstimate()
+        slopes = None
+        if gradient:
+            bodies = DiscreteBodies(domain, shape.form, self.settings)
+            slopes = named_gradient(bodies, shape.values, reynolds, found.state)
+        error = ErrorEstimate()
+        if estimate:
+            error = self._estimated(DragAndLift(force["drag"], force["lift"]), shape, reynolds)
         return Solution(
             reynolds=reynolds,
             **force,
-            **trust._asdict(),
+            **error._asdict(),
             green_applications=work,
             newton_steps=int(found.info.steps),
             seconds=seconds,
@@ -199,63 +207,61 @@ class Flow:
             state=found.state,
         )
 
-    def _judged(self, forces: Forces, shape: Shape, reynolds: float) -> ErrorEstimate:
-        def solve(fidelity: Fidelity) -> Forces:
-            domain = _fit(self.scene, shape, fidelity, reynolds)
+    def _batch(self, parameters, reynolds, devices, gradients):
+        parameters = self.scene.family.check_all(parameters)
+        reynolds = np.asarray(reynolds, float)
+        if reynolds.shape != parameters.shape[:1]:
+            raise InvalidInput(f"{len(parameters)} bodies, Reynolds numbers {reynolds.shape}")
+        for extreme in (reynolds.min(), reynolds.max()) if reynolds.size else ():
+            self._check_reynolds(extreme, True)
+        self.bodies.check(parameters)
+        devices = devices or choose_devices()
+        partition = partition_bodies(devices, estimated_cost(parameters, reynolds))
+        solve = batch_solver(self.bodies, devices, gradients)
+        found = solve(*devices.share((partition, parameters, reynolds)))
+        return jax.tree.map(np.asarray, found)
+
+    def _estimated(self, forces, shape, reynolds):
+        def solve(fidelity: Fidelity) -> DragAndLift:
+            domain = self._fitted(shape, fidelity, reynolds)
             found, _ = solve_by_continuation(domain, self.settings, shape, reynolds)
-            return Forces(found.drag, float(lift_coefficient(domain.modes, found.state.amplitude)))
+            cl = lift(domain.modes, found.state.amplitude, shape.markers(domain.nodes))
+            return DragAndLift(found.drag, float(cl))
 
         height = float(shape.reach[1:].max())
         return estimate_error(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
 
-    def _reach(self, parameters):
-        """Largest |x|, |y|, ... of a body."""
-        points = jax.tree.leaves(self.markers(parameters))[0]
-        return jnp.abs(points).max(axis=0)
+    def _fitted(self, shape, fidelity, reynolds):
+        return fitted_domain(self.scene.stream, fidelity, shape, reynolds)
 
-    def _same_dimension(self, shape):
+    def _check_dimension(self, shape):
         if shape.dimension != self.scene.dimension:
             raise InvalidInput(
                 f"body: of dimension {shape.dimension}, in a scene of {self.scene.dimension}"
             )
 
-    def _answers(self, parameters, reynolds, allow_unsteady):
-        """What ``_checked`` asks of numbers, of traced ones."""
-        reach = self._reach(parameters)
-        onset = jnp.inf if allow_unsteady else onset_of_shedding(reach)
-        highest = jnp.minimum(self.scene.reynolds[1], onset)
-        body = opening(parameters, self.scene.family.form) >= MIN_THICKNESS_RATIO
-        body &= jnp.all(reach <= self.domain.reach)
-        return (
-            body
-            & (reynolds >= REYNOLDS[self.scene.dimension][0])
-            & (reynolds <= highest * (1 + 1e-9))
-        )
+    def _covers(self, parameters, reynolds, allow_unsteady) -> Bool[Array, ""]:
+        """Return whether ``_checked`` would accept a body and Re, for traced values."""
+        found = self.bodies.coverage(parameters)
+        onset = jnp.inf if allow_unsteady else onset_of_shedding(found.half_extent)
+        lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
+        closed = opening(parameters, self.scene.family.form) >= MIN_THICKNESS_RATIO
+        steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
+        return closed & found.fits & found.resolved & (reynolds >= lowest) & steady
 
     def _checked(self, parameters, reynolds, allow_unsteady):
-        """Body and Re as numbers that the scene's grid can take."""
+        """Return a body and Re as numbers, refusing what the scene's grid does not cover."""
         body = self.scene.family.check(parameters)
-        reach = self._reach(body)
-        value = self._check_reynolds(reynolds, allow_unsteady, reach)
-        if np.any(reach > self.domain.reach):
-            raise InvalidInput("body: reaches beyond the bodies that the scene's grid was made for")
-        return body, value
+        self._check_reynolds(reynolds, True)
+        found = self.bodies.check(body[None])
+        return body, self._check_reynolds(reynolds, allow_unsteady, found.half_extent[0])
 
-    def _check_reynolds(self, reynolds, allow_unsteady, reach=None):
-        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, reach)
+    def _check_reynolds(self, reynolds, allow_unsteady, half_extent=None):
+        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, half_extent)
         highest = self.scene.reynolds[1]
-        if value > highest * (1 + 1e-9):
+        if value > highest * (1 + ROUNDING):
             raise InvalidInput(
-                f"Reynolds number {value:g}: the scene's window is made for wakes up to Re "
-                f"{highest:g}; a Scene that reaches further would do"
+                f"Reynolds number {value:g}: the scene's grid is made for wakes up to Re "
+                f"{highest:g}; a Scene with a wider range of Reynolds numbers would do"
             )
         return value
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _reaches(flow: Flow, parameters: Float[Array, "bodies parameters"]) -> Float[Array, "bodies _"]:
-    return jax.vmap(flow._reach)(parameters)
-
-
-def _fit(scene: Scene, shape: Shape, fidelity: Fidelity, reynolds: float) -> Domain:
-    return fitted_domain(scene.stream, fidelity, shape, reynolds)

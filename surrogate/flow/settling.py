@@ -1,8 +1,10 @@
-"""How fast a particle falls or rises: the Reynolds number at which drag balances its weight."""
+"""The terminal velocity of a particle: the Reynolds number at which drag balances weight."""
 
 import dataclasses
 import math
 from typing import NamedTuple
+
+from scipy.optimize import brentq
 
 from surrogate.body.shape import Shape
 from surrogate.checks import expect, finite_number
@@ -11,21 +13,25 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, onset_of_shedding
 
-LEAST, MOST = 1e-12, 1e12  # of a particle's numbers
-BALANCED = 1e-4  # relative, of drag and weight
-STEPS = 12
-RANGE = REYNOLDS[3][0], ONSET_OF_SHEDDING[3]
+SMALLEST, LARGEST = 1e-12, 1e12  # of a particle's numbers in SI units
+BALANCED = 1e-4  # relative difference of drag and weight
+MAX_FLOWS = 12
+RANGE = REYNOLDS[3][0], ONSET_OF_SHEDDING[3]  # of Re, for spheres
+LOG_RE = -20.0, 20.0  # between which the sphere's correlation is inverted
 
 
 @dataclasses.dataclass(frozen=True)
 class Particle:
-    """A body in a fluid at rest: density over the fluid's, and sizes in metres and seconds.
+    """A body in a fluid at rest, in SI units.
 
-    ``viscosity`` is the fluid's kinematic one, m^2/s, ``size`` the diameter of the sphere of the
-    body's volume, m, ``gravity`` in m/s^2.
+    Args:
+      density_ratio: density over the fluid's.
+      viscosity: the fluid's kinematic viscosity, m^2/s.
+      size: diameter of the sphere of the body's volume, m.
+      gravity: m/s^2.
 
     Raises:
-      InvalidInput: a number is none, is not positive, or the body neither falls nor rises.
+      InvalidInput: a number is not positive, or the body neither falls nor rises.
     """
 
     density_ratio: float
@@ -36,27 +42,27 @@ class Particle:
     def __post_init__(self):
         for field in dataclasses.fields(self):
             value = finite_number(field.name.replace("_", " "), getattr(self, field.name))
-            if not LEAST <= value <= MOST:
+            if not SMALLEST <= value <= LARGEST:
                 raise InvalidInput(
-                    f"{field.name.replace('_', ' ')} {value:g}: from {LEAST:g} to {MOST:g}"
+                    f"{field.name.replace('_', ' ')} {value:g}: from {SMALLEST:g} to {LARGEST:g}"
                 )
             object.__setattr__(self, field.name, value)
-        if abs(self.density_ratio - 1) < LEAST:
+        if abs(self.density_ratio - 1) < SMALLEST:
             raise InvalidInput("density ratio 1: such a body neither falls nor rises")
 
     @property
     def archimedes(self) -> float:
-        """|density ratio - 1| g D^3 / nu^2."""
+        """Archimedes number |density ratio - 1| g D^3 / nu^2."""
         weight = abs(self.density_ratio - 1) * self.gravity
         return weight * self.size**3 / self.viscosity**2
 
     def velocity(self, reynolds: float) -> float:
-        """In m/s."""
+        """Return the velocity in m/s at a Reynolds number."""
         return reynolds * self.viscosity / self.size
 
 
 class Settled(NamedTuple):
-    """A particle at its terminal velocity, in m/s, and its Re; ``flows`` were solved to find it.
+    """A particle at its terminal velocity in m/s, its Re, and the number of flows that took.
 
     ``solution`` is its flow; below Re 0.001 that at 0.001, where Cd Re is the same.
     """
@@ -68,55 +74,57 @@ class Settled(NamedTuple):
 
 
 def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) -> Settled:
-    """The steady fall or rise of a body along its axis: Cd Re^2 = 4/3 Archimedes number.
+    """Return the steady fall or rise of a body along its axis: Cd Re^2 = 4/3 Archimedes number.
 
-    Left to itself a body turns its shortest side to its fall, by inertia (Khayat and Cox 1989).
-    By secants in logarithms from the sphere's correlation (Schiller and Naumann 1933). Slower
-    particles than any flow is tested for are in Stokes flow: Cd Re is taken as constant.
+    The secant method in logarithms starts from the sphere's correlation (Schiller and Naumann
+    1933). Particles slower than the solver's least Re are in Stokes flow, where Cd Re is constant.
+    A free body turns its broad side to its motion, by inertia (Khayat and Cox 1989), which is not
+    modelled.
+
+    Args:
+      flow: of a 3-D scene.
+      shape: the body, in any size; the particle's size replaces it.
+      particle: density ratio, viscosity, size and gravity.
+      estimate: estimate the error of the last flow.
 
     Raises:
-      InvalidInput: the body is of the plane, or moves too fast for a steady flow.
-      NotConverged: a flow was not found, or no balance.
+      InvalidInput: the body is 2-D, or moves too fast for a steady flow.
+      NotConverged: a flow did not converge, or drag and weight did not balance.
     """
     expect("settling", flow, Flow, "Flow")
     expect("settling", shape, Shape, "Shape; family_shape(..., dimension=3) makes one")
     expect("settling", particle, Particle, "Particle(density_ratio, viscosity, size)")
     if shape.dimension != 3:
-        raise InvalidInput("settling: is of bodies in space, dimension 3")
+        raise InvalidInput("settling: is for 3-D bodies, dimension 3")
     goal = math.log(4 / 3 * particle.archimedes)
-    re, flows = _sphere_reynolds(goal), 0
-    slope = (_sphere_thrust(1.01 * re) - _sphere_thrust(re)) / math.log(1.01)
-    before, fastest = None, float(onset_of_shedding(shape.reach))
-    for _ in range(STEPS):
+    re = math.exp(brentq(lambda log_re: _log_sphere_thrust(log_re) - goal, *LOG_RE))
+    slope = (_log_sphere_thrust(math.log(1.01 * re)) - goal) / math.log(1.01)
+    slowest, fastest = RANGE[0], float(onset_of_shedding(shape.reach))
+    before = None
+    for flows in range(1, MAX_FLOWS + 1):
         re = min(re, fastest)
-        at = max(re, RANGE[0])
+        at = max(re, slowest)
         found = flow.solve(shape, at, estimate=False)
-        miss, flows = math.log(found.drag * at * re) - goal, flows + 1
-        if re == fastest and miss < 0:
+        excess = math.log(found.drag * at * re) - goal
+        if re == fastest and excess < 0:
             raise InvalidInput(
                 f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is steady; "
                 "a smaller size would do"
             )
-        if abs(miss) <= BALANCED:
+        if abs(excess) <= BALANCED:
             if estimate:
                 found = flow.solve(shape, at)
             return Settled(particle.velocity(re), re, found, flows)
         if before is not None:
-            slope = (miss - before[1]) / math.log(re / before[0])
-        before = re, miss
-        re *= math.exp(-miss / slope)
-    raise NotConverged(f"settling: drag and weight differ by {abs(miss):.1e} after {flows} flows")
+            slope = (excess - before[1]) / math.log(re / before[0])
+        before = re, excess
+        re *= math.exp(-excess / slope)
+    raise NotConverged(
+        f"settling: drag and weight differ by {abs(excess):.1e} after {MAX_FLOWS} flows"
+    )
 
 
-def _sphere_thrust(reynolds):
-    """log Cd Re^2 of a sphere."""
-    return math.log(24 * reynolds * (1 + 0.15 * reynolds**0.687))
-
-
-def _sphere_reynolds(thrust):
-    """The sphere's Re at a thrust, by bisection."""
-    low, high = -20.0, 20.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if _sphere_thrust(math.exp(middle)) < thrust else (low, middle)
-    return math.exp(low)
+def _log_sphere_thrust(log_re):
+    """Return log Cd Re^2 of a sphere by Schiller and Naumann's correlation."""
+    re = math.exp(log_re)
+    return math.log(24 * re * (1 + 0.15 * re**0.687))

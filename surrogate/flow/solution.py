@@ -1,4 +1,4 @@
-"""A solved flow: loads on the body, what the solve cost, how far it can be trusted, its fields."""
+"""A solved flow: force coefficients, work, estimated error and fields."""
 
 import dataclasses
 from typing import Literal
@@ -11,22 +11,34 @@ from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
-from surrogate.flow.loads.forces_3d import SkinLoads, skin_loads
-from surrogate.flow.loads.surface import SURFACE_POINTS, Surface, surface_of
 from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.surface.forces_3d import SkinLoads, skin_loads
+from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
 
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
-    """The steady flow around a body at one Reynolds number; one that was not found has none.
+    """The steady flow past one body at one Reynolds number.
 
-    Coefficients are over U = D = rho = 1, per unit span: ``drag`` = 2 Fx and its parts, ``lift``,
-    ``moment`` about the centroid, nose up; in space ``drag`` = 8 Fx / pi, the others are nought.
-    ``gradient`` is of the drag in the family's parameters and in ``reynolds``, where it was asked
-    for. ``status``, the estimated errors, the ``sufficient`` fidelity and ``extrapolated_drag`` are
-    those of ``ErrorEstimate``.
-    ``green_applications`` are those of this flow, ``seconds`` its wall time, both without gradient
-    and estimate.
+    Coefficients are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi in 3-D.
+
+    Attributes:
+      reynolds: U D / nu.
+      drag: Cd; ``drag_pressure`` and ``drag_friction`` are its parts.
+      lift: Cl, positive along y; 0 in 3-D.
+      moment: Cm about the centroid, positive nose up; 0 in 3-D.
+      status: "accurate", "degraded", or "unknown" without an estimate.
+      estimated_error: relative bound of the error of Cd; None where there is no estimate.
+      estimated_lift_error: bound of the error of Cl itself.
+      sufficient: name of a fidelity that should meet the tolerance that this one does not.
+      extrapolated_drag: Cd extrapolated from two grids, where both are fine enough.
+      green_applications: convolutions with G of this flow, without gradient and estimate.
+      newton_steps: Newton steps of the last solve.
+      seconds: wall time of this flow, without gradient and estimate.
+      gradient: dCd by the family's parameters and ``reynolds``, where asked for.
+      shape: the body.
+      domain: the discretisation.
+      state: velocity and traction modes.
     """
 
     reynolds: float
@@ -50,12 +62,12 @@ class Solution:
 
     @property
     def markers(self) -> Markers:
-        """The contour that was solved, in D, clockwise from the nose; in space the skin."""
+        """Surface markers in D: the contour clockwise from the nose, or a quarter of the skin."""
         return self.shape.markers(self.domain.nodes)
 
     @property
     def velocity(self) -> Float[np.ndarray, "axes ..."]:
-        """u, v, ... over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
+        """Velocity over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
         whole = np.array(self.domain.lattice.unfold(self.state.velocity))
         whole[0] += 1.0
         return whole
@@ -63,16 +75,16 @@ class Solution:
     def skin_loads(
         self, points: Float[AnyArray, "points 3"], areas: Float[AnyArray, "points 3"]
     ) -> SkinLoads:
-        """Cp and friction at points of the skin of a body in space, and their area vectors."""
+        """Return Cp and friction at points of a 3-D body's skin, given with their area vectors."""
         return skin_loads(self.domain, self.markers, self.state, self.reynolds, points, areas)
 
     def surface(self, points: int = SURFACE_POINTS) -> Surface:
-        """Cp and Cf along the contour of a body in the plane.
+        """Return Cp and Cf along the contour of a 2-D body.
 
         Raises:
-          InvalidInput: the body is in space, where ``skin_loads`` are to be had.
+          InvalidInput: the body is 3-D, where ``skin_loads`` has them.
         """
         if self.shape.dimension == 3:
-            raise InvalidInput("surface: is of bodies in the plane; skin_loads of those in space")
+            raise InvalidInput("surface: is for 2-D bodies; skin_loads is for 3-D ones")
         contour: AnyArray = self.shape.draw(points)
         return surface_of(self.domain, self.markers, self.state, contour, self.reynolds)

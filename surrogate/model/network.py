@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.grid.domain import traction_modes
+from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.scene.scene import Scene
 

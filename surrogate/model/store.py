@@ -14,7 +14,7 @@ import numpy as np
 from surrogate.checks import expect, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import check_target, json_digest, path_of, strict_json, whole_files
-from surrogate.flow.grid.domain import traction_modes
+from surrogate.flow.grid.discretise import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import DragNetwork, blank_network

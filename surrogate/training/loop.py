@@ -14,9 +14,8 @@ from jaxtyping import Array, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Sharded, choose_devices
 from surrogate.errors import NotConverged
+from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
-from surrogate.flow.solver.steady import assembly_cost
-from surrogate.flow.steps import FlowBatch
 from surrogate.model.network import DragNetwork, make_network
 from surrogate.processes import agreed
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
@@ -135,7 +134,7 @@ def run_training(
     method = method or plan.make_method()
     physics, partition = bench.physics, bench.physics.partition
     batches = _batches(plan, method.batch)
-    prepared = physics.count * assembly_cost(physics.domain)
+    prepared = physics.count * physics.domain.assembly_cost
     fresh = Stage(
         first_state(method, bench.network, physics, bench.oseen),
         *map(np.asarray, (0, 0.0, prepared, 0, 0)),

@@ -8,11 +8,11 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Partition, Sharded, partition_bodies
+from surrogate.flow.batch import estimated_cost
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.steady import Operators, assembly_cost
-from surrogate.flow.steps import estimated_cost
+from surrogate.flow.solver.steady import Operators
 from surrogate.training.samples import Samples
 
 
@@ -49,7 +49,7 @@ class Physics(eqx.Module):
     @property
     def renewal(self) -> int:
         """Applications of G that a visit takes to prepare its operators anew."""
-        return 0 if isinstance(self.operators.rows, Operators) else assembly_cost(self.domain)
+        return 0 if isinstance(self.operators.rows, Operators) else self.domain.assembly_cost
 
 
 def partition_samples(samples: Samples, devices: Devices) -> Partition:
@@ -72,4 +72,4 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple
 
 
 def _prepared(flow, parameters, reynolds):
-    return steady.prepare(flow.domain, flow.markers(parameters), reynolds)
+    return steady.assemble(flow.domain, flow.markers(parameters), reynolds)

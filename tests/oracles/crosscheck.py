@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.loads.pressure import momentum_defect
+from surrogate.flow.surface.pressure import momentum_defect
 
 
 def force_by_momentum(

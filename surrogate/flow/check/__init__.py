@@ -1,1 +1,1 @@
-"""How far a flow can be trusted: its estimated error, and a march in time that shares no solver."""
+"""Checks of a flow: its estimated error, and a march in time that shares no solver with it."""

@@ -1,45 +1,37 @@
-"""How far a drag can be trusted: the same body on a coarser grid, and in a smaller window."""
+"""The estimated error of a flow, from a coarser grid and from a smaller domain.
 
+Notes with the formulas and their evidence are in ``surrogate/flow/README.md``.
+"""
+
+import abc
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.flow.grid.immersed import thinned
+from surrogate.flow.grid.wall_3d import thin_layer
 from surrogate.scene.fidelity import NAMED, Fidelity
 
-SAFETY = 2.5  # estimates over likely errors: Roache (1994) takes 3 of two grids, 1.25 of three
-ORDERLY = 16  # cells per D from which on the error of the grid falls as it should
-FEWER = 1.5  # times the likely error in space, of fewer: what must be within the promise
-TALLEST = {2: 1.5, 3: 1.65}  # D across the stream: beyond, no promise was measured
-
-
-class Cramped(NamedTuple):
-    """A smaller window, as a share of the whole, and by how much its error is the greater."""
-
-    share: float
-    error: float
-
-
-CRAMPED = {2: Cramped(2 / 3, 3.0), 3: Cramped(5 / 6, 5.0)}  # in space bodies allow no less
+SAFETY = 2.5  # bound over likely error; Roache (1994): 3 of two grids, 1.25 of three
+ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
 
 
 class ErrorEstimate(NamedTuple):
-    """How far a flow can be trusted; without an estimate ``status`` is "unknown".
+    """The estimated error of a flow; without an estimate ``status`` is "unknown".
 
-    ``estimated_error`` of the drag is relative, ``estimated_lift_error`` that of the lift
-    coefficient itself; None where the coarser flow does not exist. They are so large that they
-    cover nearly every error: ``SAFETY`` times what is likely. ``accurate`` says that the drag's
-    likely error, in space with a margin, is within what the fidelity promises, ``degraded`` that
-    it is not, that there is no estimate, or that the body is taller than any the promise was
-    measured on. ``sufficient`` names the fidelity that should keep the promise of a degraded one,
-    where there is one.
-    ``extrapolated_drag`` is what the two grids tend to (Richardson 1911), None where the coarser
-    one has too few cells for it: of the named fidelities fine alone has one.
-    The estimated error is that of the drag itself.
+    Attributes:
+      status: "accurate" where the drag's likely error, in 3-D with a margin, is within the
+        fidelity's tolerance; "degraded" where it is not, where there is no estimate, or where the
+        body is taller than any that the tolerance was tested on.
+      estimated_error: relative bound of the drag's error, ``SAFETY`` times the likely one; None
+        where no coarser flow exists.
+      estimated_lift_error: the same of the lift coefficient itself.
+      sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
+      extrapolated_drag: limit of the two grids' drags (Richardson 1911); None where the coarser
+        grid has too few cells. Of the named fidelities only fine has one.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -49,75 +41,109 @@ class ErrorEstimate(NamedTuple):
     extrapolated_drag: float | None = None
 
 
-class Forces(NamedTuple):
-    """Coefficients of one body at one fidelity."""
+class DragAndLift(NamedTuple):
+    """Cd and Cl of one body at one fidelity."""
 
     drag: float
     lift: float
 
 
+@dataclasses.dataclass(frozen=True)
+class ErrorModel(abc.ABC):
+    """How errors depend on the grid and on the domain, in 2-D or in 3-D."""
+
+    SMALLER: ClassVar[float]  # domain of the estimate, as a share of the whole
+    GROWTH: ClassVar[float]  # by which the domain's error is greater there
+    TALLEST: ClassVar[float]  # D across the stream, beyond which the tolerance was not tested
+
+    @abc.abstractmethod
+    def order(self, reynolds: float) -> float:
+        """Return the power of the cell size that the grid's error falls with."""
+
+    @abc.abstractmethod
+    def margin(self, cells: int, reynolds: float) -> float:
+        """Return the multiple of the likely error that must be within the tolerance."""
+
+
+class ErrorModel2D(ErrorModel):
+    """Second order in the cell size."""
+
+    SMALLER, GROWTH, TALLEST = 2 / 3, 3.0, 1.5
+
+    def order(self, reynolds: float) -> float:
+        return 2.0
+
+    def margin(self, cells: int, reynolds: float) -> float:
+        return 1.0
+
+
+class ErrorModel3D(ErrorModel):
+    """Third order where the slip law holds, second where boundary layers thin to few cells."""
+
+    SMALLER, GROWTH, TALLEST = 5 / 6, 5.0, 1.65  # bodies allow no smaller domain
+    FEW_CELLS = 1.5  # margin on grids of few cells, on which errors reach that multiple
+
+    def order(self, reynolds: float) -> float:
+        return 3.0 - thin_layer(reynolds)
+
+    def margin(self, cells: int, reynolds: float) -> float:
+        margin = 1.0 if cells >= ASYMPTOTIC_CELLS else self.FEW_CELLS
+        return margin + (SAFETY - margin) * thin_layer(reynolds)
+
+
+ERROR_MODELS: dict[int, ErrorModel] = {2: ErrorModel2D(), 3: ErrorModel3D()}
+
+
 def estimate_error(
-    forces: Forces,
-    solve: Callable[[Fidelity], Forces],
+    forces: DragAndLift,
+    solve: Callable[[Fidelity], DragAndLift],
     fidelity: Fidelity,
     reynolds: float,
     height: float,
     dimension: int,
 ) -> ErrorEstimate:
-    """Estimate the errors of the forces on a body of this height, at two thirds of their cost.
+    """Estimate the errors of the forces on a body, at two thirds of their own cost.
 
-    ``solve`` gives those of the same body at another fidelity. The scheme is of second order, so
-    with two thirds of the cells the error of the grid is 9/4 of it, or in space up to 27/8; how
-    much greater that of a smaller window is was measured. The two are added up, lest they cancel.
+    Args:
+      forces: of the body at this fidelity.
+      solve: gives those of the same body at another fidelity.
+      fidelity: of the flow whose error is estimated.
+      reynolds: U D / nu.
+      height: of the body across the stream, in D.
+      dimension: 2 or 3.
     """
-    window = CRAMPED[dimension]
+    model = ERROR_MODELS[dimension]
     fitted = fidelity.reaching(reynolds, height)
-    coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
     try:
-        rough, cramped = solve(coarser), solve(coarser.smaller(window.share))
+        coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
+        rough, cramped = solve(coarser), solve(coarser.smaller(model.SMALLER))
     except (InvalidInput, NotConverged):
         return ErrorEstimate("degraded")
-    falls = order(reynolds, dimension)
-    growth = (fitted.cells / coarser.cells) ** falls - 1
+    order = model.order(reynolds)
+    growth = (fitted.cells / coarser.cells) ** order - 1
     of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
-    of_window = [abs(a - b) / (window.error - 1) for a, b in zip(cramped, rough, strict=True)]
-    likely, lift = np.add(of_grid, of_window).tolist()
-    errors = SAFETY * likely / forces.drag, SAFETY * lift
-    tends = forces.drag + (forces.drag - rough.drag) / growth
-    extrapolated = tends if coarser.cells >= ORDERLY else None
-    allowed = fidelity.promise * forces.drag / _margin(coarser.cells, reynolds, dimension)
-    if likely <= allowed and height <= TALLEST[dimension]:
-        return ErrorEstimate("accurate", *errors, extrapolated_drag=extrapolated)
-    finer = (
-        level.name
-        for level in NAMED[dimension].values()
-        if of_grid[0] * (fitted.cells / level.cells) ** falls
-        + of_window[0] * _left(fitted, level.reaching(reynolds, height), window)
-        <= allowed
-    )
-    sufficient = next(finer, None) if height <= TALLEST[dimension] else None
+    of_domain = [abs(a - b) / (model.GROWTH - 1) for a, b in zip(cramped, rough, strict=True)]
+    likely, likely_lift = np.add(of_grid, of_domain).tolist()  # added up, lest they cancel
+    errors = SAFETY * likely / forces.drag, SAFETY * likely_lift
+    limit = forces.drag + (forces.drag - rough.drag) / growth
+    extrapolated = limit if coarser.cells >= ASYMPTOTIC_CELLS else None
+    allowed = fidelity.promise * forces.drag / model.margin(coarser.cells, reynolds)
+    if height > model.TALLEST:
+        return ErrorEstimate("degraded", *errors, None, extrapolated)
+    if likely <= allowed:
+        return ErrorEstimate("accurate", *errors, None, extrapolated)
+
+    def likely_at(level):
+        grid = of_grid[0] * (fitted.cells / level.cells) ** order
+        return grid + of_domain[0] * _domain_error(fitted, level.reaching(reynolds, height), model)
+
+    levels = NAMED[dimension].values()
+    sufficient = next((level.name for level in levels if likely_at(level) <= allowed), None)
     return ErrorEstimate("degraded", *errors, sufficient, extrapolated)
 
 
-def order(reynolds: float, dimension: int) -> float:
-    """Power of the cells' size that the error of the grid goes with; in space it was measured."""
-    return 2.0 if dimension == 2 else 3.0 - thinned(reynolds)
-
-
-def _margin(cells, reynolds, dimension):
-    """Times its likely error that must be within the promise.
-
-    In space the error has been up to 1.5 times the likely one of few cells, and twice that where
-    boundary layers are thin.
-    """
-    if dimension == 2:
-        return 1.0
-    margin = 1.0 if cells >= ORDERLY else FEWER
-    return margin + (SAFETY - margin) * thinned(reynolds)
-
-
-def _left(fitted, level, window):
-    """Share of the window's error that the window of another level leaves."""
-    reaches = ("upstream", "downstream", "height")
-    larger = min(getattr(level, name) / getattr(fitted, name) for name in reaches)
-    return larger ** (math.log(window.error) / math.log(window.share))
+def _domain_error(fitted, level, model):
+    """Return the domain's error at another level over that of the fitted fidelity."""
+    sizes = ("upstream", "downstream", "height")
+    larger = min(getattr(level, name) / getattr(fitted, name) for name in sizes)
+    return larger ** (math.log(model.GROWTH) / math.log(model.SMALLER))

@@ -1,9 +1,9 @@
-"""An independent check: jax-cfd marches the same immersed body in time, in a periodic box.
+"""An independent check: jax-cfd marches the same immersed 2-D body in time, in a periodic box.
 
-Nothing of the steady solver is used but the body's traction modes: no Green's function, no
-window, no Newton. The box is periodic; a sponge before its end brings the flow back to the free
-stream, so rows of bodies H apart stand in the same stream (a slip-walled tunnel of height H, for
-a symmetric flow). Each step projects the slip of the body away, and that impulse is the force.
+Of the steady solver only the body's traction modes are used: no Green's function, no far field, no
+Newton. The box is periodic; a sponge layer before its end brings the flow back to the free stream,
+so rows of bodies H apart stand in the same stream (a tunnel of height H with slip walls, for a
+symmetric flow). Each step projects the slip on the body away, and that impulse is the force.
 """
 
 import dataclasses
@@ -25,15 +25,19 @@ from jax_cfd.base import (
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.grid.immersed import Modes, Spreading, spread_modes
+from surrogate.flow.grid.domain import box_around
+from surrogate.flow.grid.immersed import Spreading, spread_modes
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes_2d import Modes2D
+from surrogate.flow.grid.wall_2d import wall_2d
+from surrogate.flow.solver.steady import NULL_MODE_COMPLIANCE
 
 MIDPOINT = time_stepping.midpoint_rk2
 
 
 @dataclasses.dataclass(frozen=True)
 class Box:
-    """Size and resolution of a march, in D and D / U; the sponge fills the last ``sponge`` D."""
+    """Size and resolution of a march, in D and D / U; the sponge layer is the last ``sponge`` D."""
 
     cells: int = 12
     upstream: float = 8.0
@@ -51,19 +55,19 @@ class Box:
         return Lattice((columns, rows), step, round(self.upstream * self.cells), periodic=True)
 
     @property
-    def modes(self) -> Modes:
-        return Modes(self.harmonics, symmetric=False)
+    def modes(self) -> Modes2D:
+        return Modes2D(self.harmonics, symmetric=False)
 
 
 class Marcher(NamedTuple):
-    """What stays the same from step to step: the body, and how it answers an impulse."""
+    """What stays the same from step to step: the body, and the flow's response to its impulses."""
 
     body: Spreading
     impulse: Float[Array, "modes 2 nx ny"]
     inverse: Float[Array, "modes modes"]
 
 
-class Record(NamedTuple):
+class ForceHistory(NamedTuple):
     """Cd and Cl of every step."""
 
     drag: Float[Array, " steps"]
@@ -71,7 +75,7 @@ class Record(NamedTuple):
 
 
 def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
-    """The free stream, with a vortex of strength ``kick`` behind the body to break the symmetry."""
+    """Return the free stream, with a vortex of strength ``kick`` that breaks the symmetry."""
     velocity = np.zeros((2, *box.lattice.shape))
     velocity[0] = 1.0
     x, y = box.lattice.faces()[1]
@@ -79,15 +83,16 @@ def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
     return _project(box, jnp.asarray(velocity), flux=1.0)
 
 
-def prepare(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
-    """Project every mode's impulse once; their slips make the matrix that removes slip."""
-    extent = np.abs(np.asarray(markers)).max(axis=0)
-    around = tuple(2 * int(np.ceil(side * box.cells + 3)) for side in extent)
-    body = spread_modes(box.lattice, box.modes, around, jnp.asarray(markers))
+def make_marcher(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
+    """Project every mode's impulse once; their slips make the matrix that removes the slip."""
+    extent = 2 * np.abs(np.asarray(markers)).max(axis=0)
+    wall = wall_2d(box.lattice, box.modes, jnp.asarray(markers))
+    body = spread_modes(box.lattice, box_around(tuple(extent.tolist()), box.cells), wall)
     impulse = jax.lax.map(lambda mode: _project(box, body.spread(mode)), jnp.eye(box.modes.count))
     matrix = jax.vmap(body.slip)(impulse).T
-    pin = 0.1 * jnp.trace(matrix) / box.modes.count * jnp.outer(body.silent, body.silent)
-    return Marcher(body, impulse, jnp.linalg.inv(matrix + pin))
+    firm = NULL_MODE_COMPLIANCE * jnp.trace(matrix) / box.modes.count
+    firm = firm * jnp.outer(body.null_mode, body.null_mode)
+    return Marcher(body, impulse, jnp.linalg.inv(matrix + firm))
 
 
 @functools.partial(jax.jit, static_argnames=("box", "steps"))
@@ -97,8 +102,8 @@ def march(
     velocity: Float[AnyArray, "2 nx ny"],
     reynolds: Float[AnyArray, ""],
     steps: int,
-) -> tuple[Float[Array, "2 nx ny"], Record]:
-    """Advance by ``steps`` of midpoint Runge-Kutta; returns the flow and its force history."""
+) -> tuple[Float[Array, "2 nx ny"], ForceHistory]:
+    """Advance by ``steps`` of midpoint Runge-Kutta; return the flow and its force history."""
     advance = _navier_stokes(box, reynolds)
 
     def one(velocity, _):
@@ -109,11 +114,11 @@ def march(
         return velocity, -2 * force
 
     velocity, forces = jax.lax.scan(one, velocity, length=steps)
-    return velocity, Record(forces[:, 0], forces[:, 1])
+    return velocity, ForceHistory(forces[:, 0], forces[:, 1])
 
 
 def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:
-    """Shedding frequency f D / U from the upward zero crossings of the lift, interpolated."""
+    """Return the Strouhal number f D / U from the lift's interpolated upward zero crossings."""
     lift = np.asarray(lift) - np.mean(lift)
     index = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
     if len(index) < 3:
@@ -123,7 +128,7 @@ def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:
 
 
 def _navier_stokes(box, reynolds):
-    """jax-cfd's explicit Navier-Stokes step with the sponge as forcing."""
+    """Return jax-cfd's explicit Navier-Stokes step with the sponge layer as forcing."""
     lattice = box.lattice
     stream = (1.0, 0.0)
     sponges = [jnp.asarray(_sponge(box, x))[:, None] for x, _ in lattice.faces()]
@@ -148,14 +153,14 @@ def _navier_stokes(box, reynolds):
 
 
 def _sponge(box, x):
-    """Relaxation rate: a smooth bump over the last ``sponge`` D before the box repeats."""
+    """Return the relaxation rate: a smooth bump over the last ``sponge`` D of the box."""
     s = (x - (box.downstream - box.sponge)) / box.sponge
     inside = (s > 0) & (s < 1)
     return np.where(inside, 4.0 * np.sin(np.pi * np.clip(s, 0, 1)) ** 2, 0.0)
 
 
 def _project(box, velocity, flux=0.0):
-    """Divergence-free part with a given mean of u: a uniform pressure gradient holds the flux."""
+    """Return the divergence-free part; a uniform pressure gradient holds the mean of u."""
     return _hold_flux(_arrays(pressure.projection(_variables(box, velocity))), flux)
 
 

@@ -1,1 +1,1 @@
-"""The discrete stream: staggered grid, Oseen Green's function, immersed body, far field."""
+"""The discrete problem: staggered grid, Oseen Green's functions, immersed body and far field."""

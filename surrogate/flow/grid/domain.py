@@ -1,162 +1,106 @@
-"""The discrete problem of a scene: lattices, traction modes and the body's box. All static."""
+"""The discrete problem as one static object, which 2-D and 3-D implement."""
 
+import abc
 import dataclasses
 import math
+from collections.abc import Callable
+from typing import ClassVar
 
+import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from surrogate.body.family import Family
-from surrogate.body.measures import mean_thickness
+from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
-from surrogate.errors import InvalidInput
+from surrogate.flow.grid.immersed import Markers, Spreading
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.grid.modes import Modes, SpaceModes
+from surrogate.flow.grid.modes_2d import Modes2D
+from surrogate.flow.grid.modes_3d import Modes3D
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.limits import check_stream
 from surrogate.scene.scene import Scene
-from surrogate.scene.stream import Stream, Tunnel, window_height
+from surrogate.scene.stream import Stream
 
-FAR_CELLS = (2.0, 0.25)  # cells per D of the far field's nested lattices
-FAR_SIZES = (96, 384)  # their extents in D
-SPACE_FAR = ((2.0, 24), (0.5, 96), (0.125, 384))  # the same in space: cells per D, extents
-MOST_IN_SPACE = 4_000_000  # cells of a quarter window
-FLATTENED = (5,)  # degrees of the traction modes that vary around a flattened body
-THINNEST = {2: 2.5, 3: 2.0}  # cells across the mean thickness, in the plane and in space
-NODES_TO_FIT = 400
-ROOM = {2: (1.5, 1.25), 3: (1.0, 0.5)}  # D that a fitted body leaves along and across
+GreenFunction = Callable[[Array], Array]  # velocity on faces caused by a force density on faces
+SPLINE_CELLS = 3  # of the box beyond the body: half a spline's support, and retraction
 
 
 @dataclasses.dataclass(frozen=True)
-class Domain:
-    """Everything about a discrete flow that is not an array; hashable, so a static argument."""
+class Domain(abc.ABC):
+    """A discrete flow without its arrays: hashable, so a static argument of compiled functions.
+
+    Attributes:
+      lattice: the computational domain's grid.
+      far: coarser, larger grids on which the far field's momentum flux is computed.
+      modes: the traction modes of a body.
+      box: cells along each axis of the box around the body in which forces are spread.
+      nodes: number of surface markers of a body.
+      height: distance of the tunnel's walls in D; None for an unbounded stream.
+      slip_compliance: compliance that is added for every traction mode, for conditioning.
+    """
 
     lattice: Lattice
     far: tuple[Lattice, ...]
-    modes: Modes | SpaceModes
+    modes: Modes2D | Modes3D
     box: tuple[int, ...]
     nodes: int | tuple[int, int]
     height: float | None
-    slip_compliance: float = 1e-5
+    slip_compliance: float
+
+    MIN_THICKNESS: ClassVar[float]  # cells across the mean thickness of a body
+    CLEARANCE: ClassVar[tuple[float, float]]  # D from a fitted body to the domain's edges
+    FORCE_UNIT: ClassVar[float]  # force, over rho U^2 D^(d-1), of a unit amplitude of mode 0
+
+    @classmethod
+    @abc.abstractmethod
+    def of_scene(cls, scene: Scene) -> "Domain":
+        """Discretise a scene on one grid that holds all of its bodies."""
+
+    @classmethod
+    @abc.abstractmethod
+    def around(
+        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+    ) -> "Domain":
+        """Discretise a stream around one body in a box of ``extent`` D."""
+
+    @classmethod
+    @abc.abstractmethod
+    def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D | Modes3D:
+        """Return the traction modes of symmetric family bodies with these parameters."""
+
+    @abc.abstractmethod
+    def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> GreenFunction:
+        """Return the Green's function G of the discrete Oseen operator on a lattice."""
+
+    @abc.abstractmethod
+    def spread_body(self, markers: Markers, reynolds: Float[AnyArray, ""] | float) -> Spreading:
+        """Spread all traction modes from a body's surface to the grid."""
+
+    @abc.abstractmethod
+    def each_mode(
+        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "modes modes"]
+    ) -> Float[Array, "modes axes ..."]:
+        """Apply a function to every row of mode amplitudes."""
 
     @property
-    def mirrored(self) -> bool:
-        return self.height is not None and not self.modes.symmetric
+    def half_extent(self) -> Float[np.ndarray, " axes"]:
+        """Largest |x|, |y|, ... in D of a body that the box can hold."""
+        return (np.array(self.box) / 2 - (SPLINE_CELLS - 1)) * self.lattice.step
 
     @property
-    def reach(self) -> Float[np.ndarray, " axes"]:
-        """Largest |x|, |y|, ... in D of a body that its box holds."""
-        return (np.array(self.box) / 2 - 2) * self.lattice.step
+    def assembly_cost(self) -> int:
+        """Convolutions with G that assembling a body's operators takes.
+
+        One a mode, and those of the far field, whose coarse grids are counted as one each: a
+        unit force and a source per grid, for drag alone; two forces and three sources with lift.
+        """
+        return self.modes.count + len(self.far) * (2 if self.modes.symmetric else 5)
+
+    def forces(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " 2"]:
+        """Total force of the body on the fluid along x and y, in units of ``FORCE_UNIT``."""
+        lift = 0.0 if self.modes.lift_index is None else amplitude[self.modes.lift_index]
+        return jax.numpy.stack([amplitude[0], lift])
 
 
-def traction_modes(family: Family, fidelity: Fidelity) -> Modes | SpaceModes:
-    """The modes of the symmetric bodies of a family: only as many as they need."""
-    if family.dimension == 2:
-        return Modes(fidelity.harmonics, symmetric=True)
-    return SpaceModes(fidelity.harmonics, FLATTENED if "flatness" in family.names else ())
-
-
-def space_domain(
-    fidelity: Fidelity, extent: tuple[float, float, float], modes: SpaceModes
-) -> Domain:
-    """Discretise an unbounded stream around bodies that fit a box of ``extent`` in D.
-
-    Raises:
-      InvalidInput: the window has more cells than memory is likely to hold.
-    """
-
-    def window(before, after, across, cells):
-        rows = round(across * cells / 2)
-        shape = (round((before + after) * cells), rows, rows)
-        return Lattice(shape, (1 / cells,) * 3, round(before * cells), symmetric=True)
-
-    n = fidelity.cells
-    lattice = window(fidelity.upstream, fidelity.downstream, fidelity.height, n)
-    if (count := math.prod(lattice.shape)) > MOST_IN_SPACE:
-        raise InvalidInput(
-            f"fidelity {fidelity.name}: a quarter window of {count / 1e6:.1f} million cells; in "
-            f"space up to {MOST_IN_SPACE / 1e6:g} are solved, fewer per D would do"
-        )
-    far = tuple(window(size // 3, size - size // 3, size, cells) for cells, size in SPACE_FAR)
-    box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
-    around, across = max(extent) * math.pi * n / 0.8, max(extent[1:]) * math.pi * n / 0.8
-    nodes = math.ceil(around / 2), math.ceil(across / 4)
-    return Domain(lattice, far, modes, box, nodes, None, slip_compliance=1e-8)
-
-
-def make_domain(
-    stream: Stream, fidelity: Fidelity, extent: tuple[float, float], symmetric: bool
-) -> Domain:
-    """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D."""
-    n, upstream, downstream = fidelity.cells, fidelity.upstream, fidelity.downstream
-    height = stream.height if isinstance(stream, Tunnel) else None
-    width = window_height(stream, fidelity.height)
-    # with slip walls and a body off the centre line the period is 2 H: the walls stay cut off
-    repeats = symmetric and height is not None
-
-    def window(before, after, across, cells):
-        step = 1 / cells
-        if height is not None:  # a whole, even number of rows from wall to wall
-            step = height / (2 * round(height * cells / 2))
-        rows = 2 * round(across / step / 2)
-        return Lattice(
-            (round((before + after) * cells), rows // 2 if symmetric else rows),
-            (1 / cells, step),
-            round(before * cells),
-            periodic=repeats and across == height,
-            symmetric=symmetric,
-        )
-
-    lattice = window(upstream, downstream, width, n)
-    levels = FAR_CELLS if height is None or height > FAR_SIZES[0] else FAR_CELLS[:1]
-    far = tuple(
-        window(size // 3, size - size // 3, size if height is None else min(size, height), cells)
-        for cells, size in zip(levels, FAR_SIZES, strict=False)
-    )
-    box = tuple(2 * math.ceil((side / 2) * n + 3) for side in extent)
-    nodes = 2 * math.ceil(max(extent) * math.pi * n / 0.8)
-    return Domain(lattice, far, Modes(fidelity.harmonics, symmetric), box, nodes, height)
-
-
-def scene_domain(scene: Scene) -> Domain:
-    """The domain that holds every body of a scene, and the cylinder, at every Re of it.
-
-    Raises:
-      InvalidInput: its longest or tallest bodies do not fit window or tunnel.
-    """
-    extent, fidelity = scene.extent, scene.reaching
-    check_stream(scene.stream, fidelity, np.array(extent), room=(1.0, 0.5))
-    if scene.dimension == 3:
-        return space_domain(fidelity, extent, traction_modes(scene.family, fidelity))
-    return make_domain(scene.stream, fidelity, extent, symmetric=True)
-
-
-def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
-    """Domain for one body, its box rounded up so that similar bodies share compiled code.
-
-    The window is as long as the wake at this Re asks for.
-
-    Raises:
-      InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
-    """
-    reach = shape.reach
-    thinner = np.array([1.0, reach[1:].min() / reach[-1]])  # of a body that is higher than wide
-    thickness = mean_thickness(thinner * shape.draw(NODES_TO_FIT)) * fidelity.cells
-    thinnest = THINNEST[shape.dimension]
-    if thickness < thinnest:
-        needed = math.ceil(fidelity.cells * thinnest / thickness)
-        raise InvalidInput(
-            f"body: its mean thickness is {math.floor(100 * thickness) / 100:g} cells and at least "
-            f"{thinnest:g} are "
-            f"needed; {needed} cells per D would resolve it"
-        )
-    fidelity = fidelity.reaching(reynolds, float(reach[1:].max()))
-    reach = np.ceil(reach * 4) / 4
-    room = ROOM[shape.dimension]
-    check_stream(stream, fidelity, reach, room)
-    if shape.dimension == 3:
-        flattened = FLATTENED if shape.parameters.get("flatness", 1.0) != 1 else ()
-        return space_domain(
-            fidelity, tuple(reach.tolist()), SpaceModes(fidelity.harmonics, flattened)
-        )
-    return make_domain(stream, fidelity, tuple(reach.tolist()), shape.symmetric)
+def box_around(extent: tuple[float, ...], cells: int) -> tuple[int, ...]:
+    """Return the cells of a box around a body of ``extent`` D, the splines' support included."""
+    return tuple(2 * math.ceil(side / 2 * cells + SPLINE_CELLS) for side in extent)

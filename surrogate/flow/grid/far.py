@@ -1,9 +1,9 @@
-"""What the window cuts off: the non-linear term of the far field, known up to the force squared.
+"""The far field: the non-linear momentum flux outside the computational domain, to second order.
 
-Far from the body u' is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the momentum
-flux outside the window is quadratic in the force and its response inside the window is
-``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, made on a coarse grid. Forces count in
-the unit of the traction modes. In space there is no lift.
+Far from the body the perturbation is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the
+momentum flux outside the domain is quadratic in the force and its response inside is
+``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, computed on coarse grids. Forces are in
+the units of the traction modes; flows with mirror planes have Phi_xx alone.
 """
 
 import functools
@@ -11,79 +11,77 @@ from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
 from surrogate.arrays import AnyArray
+from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import bspline
-from surrogate.flow.grid.kernel import make_kernel
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.grid.modes import SPACE_UNIT
+
+BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
 
 
 def far_response(
-    lattice: Lattice,
-    nested: tuple[Lattice, ...],
-    reynolds: Float[AnyArray, ""],
-    height: float | None,
-    lift: bool,
+    domain: Domain, reynolds: Float[AnyArray, ""]
 ) -> Float[AnyArray, "terms axes ..."]:
-    """Phi_xx (and Phi_xy, Phi_yy with ``lift``) on the window's faces.
+    """Return Phi_xx (and Phi_xy, Phi_yy where there is lift) on the domain's faces.
 
-    Each of the ``nested`` lattices, ever coarser and larger, adds what lies outside the one before.
+    Each of the nested lattices, ever coarser and larger, adds what lies outside the one before.
     """
-    inside, band, total = lattice, 1.0, 0.0
-    for coarse in nested:
+    inside, band, total = domain.lattice, 1.0, 0.0
+    for coarse in domain.far:
         window = inside.profile(coarse.faces(), band)
-        total += _ring(lattice, coarse, window, reynolds, height, lift)
+        total += _ring(domain, coarse, window, reynolds)
         inside, band = coarse, _band(coarse)
     return total
 
 
-def _ring(lattice, coarse, inner, reynolds, height, lift):
-    """What convects between the window ``inner`` and the cut-off of ``coarse``."""
-    kernel = make_kernel(coarse, reynolds, height, mirrored=lift and height is not None)
+def _ring(domain, coarse, inner, reynolds):
+    """Return the response to the flux between the window ``inner`` and the edge of ``coarse``."""
+    green = domain.green_function(coarse, reynolds)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 
-    def outside(u):
-        """-div((W^2 - w^2) u u): what convects outside the window."""
+    def flux_outside(u):
+        """-div((W^2 - w^2) u u), W and w the blending functions outside and inside."""
         return coarse.convect(outer * u) - coarse.convect(inner * u)
 
-    u_x = kernel(_unit_force(coarse, 0))
-    sources = [outside(u_x)]
-    if lift:
-        u_y = kernel(_unit_force(coarse, 1))
-        sources += [(outside(u_x + u_y) - outside(u_x - u_y)) / 2, outside(u_y)]
-    refine = refinement(lattice, coarse)
-    return jnp.stack([refine(kernel(source)) for source in sources])
+    u_x = green(_unit_force(coarse, 0, domain.FORCE_UNIT))
+    sources = [flux_outside(u_x)]
+    if domain.modes.lift_index is not None:
+        u_y = green(_unit_force(coarse, 1, domain.FORCE_UNIT))
+        sources += [
+            (flux_outside(u_x + u_y) - flux_outside(u_x - u_y)) / 2,
+            flux_outside(u_y),
+        ]
+    refine = refinement(domain.lattice, coarse)
+    return jnp.stack([refine(green(source)) for source in sources])
 
 
 def far_velocity(
     response: Float[AnyArray, "terms axes ..."], force: Float[AnyArray, " 2"]
 ) -> Float[AnyArray, "axes ..."]:
-    """Velocity in the window due to the momentum flux outside it, for a total force."""
+    """Return the velocity in the domain due to the flux outside it, for a total force."""
     products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])
     return jnp.tensordot(products[: response.shape[0]], response, axes=1)
 
 
-def _unit_force(coarse, own):
-    """The unit of force in one direction, at the origin."""
+def _unit_force(coarse, own, unit):
+    """Return the density of a unit force at the origin along axis ``own``."""
     faces = zip(coarse.faces()[own], coarse.step, strict=True)
     density = functools.reduce(jnp.multiply.outer, [bspline(x / step) for x, step in faces])
-    unit = SPACE_UNIT if coarse.dimension == 3 else 1.0
     density = density * (unit / np.prod(coarse.step))
     return jnp.zeros((coarse.dimension, *coarse.shape)).at[own].set(density)
 
 
 def _band(coarse):
-    """Width of a coarse lattice's cut-off."""
-    return 6 * coarse.step[0]
+    return BLENDING_CELLS * coarse.step[0]
 
 
-def refinement(lattice: Lattice, coarse: Lattice) -> Callable:
-    """Interpolation of a field from the faces of ``coarse`` to those of ``lattice``.
+def refinement(lattice: Lattice, coarse: Lattice) -> Callable[[Array], Array]:
+    """Return the interpolation of a field from the faces of ``coarse`` to those of ``lattice``.
 
-    By cubic splines, as small dense matrices; the other way round it samples.
+    Cubic splines, as small dense matrices; with the lattices exchanged it samples the finer field.
     """
 
     def parity(axis, own):
@@ -109,16 +107,15 @@ def refinement(lattice: Lattice, coarse: Lattice) -> Callable:
 
 
 def _spline(fine, rough, parity=0):
-    """Values at ``rough`` to values at ``fine``; with a parity the mirror image is added first."""
+    """Return the matrix from values at ``rough`` to values at ``fine``.
+
+    With a parity (1 even, -1 odd) the mirror image of the values is added first.
+    """
     values, knots = np.eye(len(rough)), rough
     if parity:
-        values, knots = (
-            np.concatenate([parity * values[::-1], values]),
-            np.append(-rough[::-1], rough),
-        )
-    if parity < 0:  # an odd function vanishes on the centre line
-        values, knots = (
-            np.insert(values, len(rough), 0.0, axis=0),
-            np.insert(knots, len(rough), 0.0),
-        )
+        values = np.concatenate([parity * values[::-1], values])
+        knots = np.append(-rough[::-1], rough)
+    if parity < 0:  # an odd function vanishes on the mirror plane
+        values = np.insert(values, len(rough), 0.0, axis=0)
+        knots = np.insert(knots, len(rough), 0.0)
     return CubicSpline(knots, values)(fine)

@@ -21,7 +21,7 @@ from scipy.special import ive
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.grid.oseen import sequences
+from surrogate.flow.grid.oseen_2d import sequences
 
 TIMES = np.append(0.0, np.exp(np.arange(-5.0, 31.0, 0.3)))  # t of the exponentials
 BETAS = np.exp(np.linspace(-32.0, np.log(8.0), 1000))  # where they are fitted
@@ -41,7 +41,7 @@ class SpaceKernel(eqx.Module):
     step: float = eqx.field(static=True)
 
     def __call__(self, force: Float[AnyArray, "3 nx ny nz"]) -> Float[Array, "3 nx ny nz"]:
-        """Velocity on faces caused by a force density on faces (one application of G)."""
+        """Return the velocity on faces due to a force density on faces: one convolution with G."""
         nx, *across = force.shape[1:]
         period = _period(nx)
         waves = [_Waves(cells, self.step, force.dtype) for cells in across]

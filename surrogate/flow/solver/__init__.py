@@ -1,1 +1,1 @@
-"""Solvers: GMRES, Newton, the two steady problems, and the flow linearised at a state."""
+"""Solvers: GMRES, Newton, the two steady problems, adjoints of loads and linearised flows."""

@@ -1,7 +1,7 @@
 """GMRES that stops as soon as its residual is small enough, for any pytree of arrays.
 
 ``jax.scipy.sparse.linalg.gmres`` finishes a whole restart cycle whatever the residual is; here
-each vector costs an application of G, so the loop ends at the first vector that suffices.
+each vector costs a convolution with G, so the loop ends at the first vector that suffices.
 """
 
 import functools
@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 
 class KrylovResult(NamedTuple):
-    """``x`` solves A x = b to the relative residual ``error`` after ``steps`` products with A."""
+    """The solution x of A x = b, its relative residual ``error``, and products with A."""
 
     x: PyTree
     steps: Int[Array, ""]

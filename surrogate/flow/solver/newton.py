@@ -1,4 +1,4 @@
-"""Inexact Newton-Krylov: residuals of double precision, directions of single."""
+"""Inexact Newton-Krylov: residuals in double precision, directions in single precision."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,14 +12,20 @@ from surrogate.flow.solver.krylov import gmres
 
 Operator = Callable[[PyTree], PyTree]
 
-
-SINGLE = 1e-5  # least relative residual asked of a single-precision Krylov solve
+SINGLE = 1e-5  # least relative residual asked of a Krylov solve in single precision (eps 6e-8)
+FULL_FORCING = 0.9  # gamma of Eisenstat and Walker's choice 2
+LEAST_DAMPING = 0.05  # of a Newton step, below which it is taken as it is
 
 
 class NewtonSettings(NamedTuple):
-    """``tolerance`` bounds the preconditioned residual relative to the solution.
+    """Tolerances and limits of the Newton solver.
 
-    ``linear_tolerance`` bounds the same of the adjoint solves that gradients take.
+    Attributes:
+      tolerance: preconditioned residual over the solution at which a flow has converged.
+      max_steps: Newton steps.
+      max_vectors: Krylov vectors of one linear solve.
+      forcing: largest relative residual that is asked of a linear solve.
+      linear_tolerance: relative residual of the adjoint solves of gradients.
     """
 
     tolerance: float = 1e-6
@@ -30,7 +36,7 @@ class NewtonSettings(NamedTuple):
 
 
 class NewtonInfo(NamedTuple):
-    """``products`` counts applications of the operator, ``steps`` Newton steps."""
+    """Outcome of a Newton solve; ``products`` counts convolutions with G."""
 
     converged: Bool[Array, ""]
     steps: Int[Array, ""]
@@ -39,9 +45,9 @@ class NewtonInfo(NamedTuple):
 
 
 class System(NamedTuple):
-    """``residual(data, x)``, and a linear approximate inverse of its Jacobian, used from the left.
+    """A residual F(data, x) and a linear approximate inverse of its Jacobian, used from the left.
 
-    Data and inverse are pytrees of arrays, so that Krylov vectors can be had in single precision.
+    Data and inverse are pytrees of arrays, so that both can be cast to single precision.
     """
 
     residual: Callable[[PyTree, PyTree], PyTree]
@@ -50,7 +56,7 @@ class System(NamedTuple):
 
 
 class Identity(eqx.Module):
-    """No preconditioner."""
+    """The preconditioner that does nothing."""
 
     def __call__(self, x: PyTree) -> PyTree:
         return x
@@ -62,10 +68,10 @@ def root(
     norm: Callable[[PyTree], Float[Array, ""]],
     settings: NewtonSettings,
 ) -> tuple[PyTree, NewtonInfo]:
-    """Root x of ``residual(data, x)``, started at ``guess``; derivatives are the adjoint's matter.
+    """Find a root x of ``residual(data, x)`` from a guess; it is not differentiable (see adjoint).
 
-    Newton steps with Eisenstat-Walker forcing (1996, choice 2) and step halving. Residuals are of
-    double precision, directions of single: they need a few digits only.
+    Newton steps with Eisenstat and Walker's forcing terms (1996, choice 2) and step halving.
+    Directions need a few digits only, so they are computed in single precision.
     """
     rough, precondition = single((system.data, system.precondition))
 
@@ -76,7 +82,7 @@ def root(
     def direction(x, b, size, previous):
         jacobian = _jacobian(system.residual, rough, single(x))
         target = jnp.maximum(0.5 * settings.tolerance / size, SINGLE)
-        forcing = jnp.clip(0.9 * (size / previous) ** 2, target, settings.forcing)
+        forcing = jnp.clip(FULL_FORCING * (size / previous) ** 2, target, settings.forcing)
         forcing = forcing.astype(jnp.float32)
         return gmres(lambda v: precondition(jacobian(v)), single(b), forcing, settings.max_vectors)
 
@@ -91,7 +97,7 @@ def root(
 
         def rejected(trial):
             damping, _, _, new, _ = trial
-            return ~(new < size) & (damping > 0.05)
+            return ~(new < size) & (damping > LEAST_DAMPING)
 
         trial = attempt((jnp.array(1.0), x, b, size, products + change.steps))
         _, x, b, new, products = jax.lax.while_loop(rejected, attempt, trial)
@@ -113,7 +119,7 @@ def _jacobian(residual, data, x):
 
 
 def single(tree: PyTree) -> PyTree:
-    """The same with every array in single precision."""
+    """Return a pytree with every array cast to single precision."""
 
     def cast(leaf):
         return leaf.astype(jnp.complex64 if jnp.iscomplexobj(leaf) else jnp.float32)

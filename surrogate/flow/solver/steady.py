@@ -1,7 +1,9 @@
-"""The two steady problems: forced flow (traction given) and body flow (no slip asked).
+"""The two steady problems: body flow (no slip on the wall) and forced flow (traction given).
 
-Both solve u' = G (B a + convect(w u')) + far(a), equation (1) of the model: G the Oseen Green's
-function, B the spreading of traction modes a, w the window, far the momentum flux outside it.
+Both solve u' = G (B a + convect(w u')) + Phi(a), equation (2) of ``surrogate/flow/README.md``, for
+the perturbation u' of the stream: G is the Oseen Green's function, B spreads the traction modes a,
+w is the blending function of the domain, Phi the response to the momentum flux outside of it. Body
+flow also asks for S (e_x + u') + C a = 0, equation (3).
 """
 
 import math
@@ -13,10 +15,9 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.domain import Domain, GreenFunction
 from surrogate.flow.grid.far import far_response, far_velocity
-from surrogate.flow.grid.immersed import Markers, Spreading, spread_modes
-from surrogate.flow.grid.kernel import AnyKernel, make_kernel
+from surrogate.flow.grid.immersed import Markers, Spreading
 from surrogate.flow.solver.newton import (
     Identity,
     NewtonInfo,
@@ -27,103 +28,111 @@ from surrogate.flow.solver.newton import (
 )
 
 DEFAULT = NewtonSettings()
-PIN = 0.1  # velocity per unit of uniform pressure
+# Velocity per unit of uniform pressure, which no flow determines. Any value does that is neither
+# tiny nor huge beside the eigenvalues of S G B.
+NULL_MODE_COMPLIANCE = 0.1
 
 
 class Operators(eqx.Module):
-    """One body in one stream, ready to be solved.
+    """The discrete operators of one body at one Reynolds number.
 
-    ``response`` holds G B (the Oseen velocity of every mode) in single precision: it only
-    preconditions and starts, and its cost is one application of G per mode.
+    Attributes:
+      green: the Green's function G.
+      far: responses Phi_xx, ... to the momentum flux outside the domain.
+      body: the spreading operator B and its transpose S.
+      response: G B, the Oseen velocity of every mode, in single precision: it preconditions and
+        starts the solvers only. It costs one convolution with G a mode.
+      markers: the body's surface markers, on which loads are evaluated.
     """
 
-    kernel: AnyKernel
+    green: GreenFunction
     far: Float[AnyArray, "terms axes ..."]
     body: Spreading
     response: Float[AnyArray, "modes axes ..."]
+    markers: Markers
 
 
 class FlowState(NamedTuple):
-    """Perturbation velocity on the window's faces and traction modes (force on the fluid)."""
+    """Perturbation velocity u' on the domain's faces and traction modes a (force on the fluid)."""
 
     velocity: Float[AnyArray, "axes ..."]
     amplitude: Float[AnyArray, " modes"]
 
 
-def prepare(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
-    """Build kernel, far field and body; costs one application of G per mode, and some coarse."""
-    kernel, far = stream(domain, reynolds)
-    body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
-    respond, rough = single(jax.lax.stop_gradient((kernel, body)))
+def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
+    """Assemble the operators of a body, at ``domain.assembly_cost`` convolutions with G."""
+    green, far = stream_operators(domain, reynolds)
+    body = domain.spread_body(markers, reynolds)
+    rough_green, rough_body = single(jax.lax.stop_gradient((green, body)))
     amplitudes = jnp.eye(domain.modes.count, dtype=jnp.float32)
-    if domain.lattice.dimension == 3:  # all modes at once would take too much memory
-        response = jax.lax.map(lambda amplitude: respond(rough.spread(amplitude)), amplitudes)
-    else:
-        response = jax.vmap(respond)(jax.vmap(rough.spread)(amplitudes))
-    return Operators(kernel, far, body, response)
+    response = domain.each_mode(lambda a: rough_green(rough_body.spread(a)), amplitudes)
+    return Operators(green, far, body, response, markers)
 
 
-def stream(
+def stream_operators(
     domain: Domain, reynolds: Float[AnyArray, ""]
-) -> tuple[AnyKernel, Float[AnyArray, "terms axes ..."]]:
-    """What of a operators the body does not change: kernel and far field."""
-    lift = not domain.modes.symmetric
-    far = far_response(domain.lattice, domain.far, reynolds, domain.height, lift)
-    return make_kernel(domain.lattice, reynolds, domain.height, domain.mirrored), far
-
-
-def assembly_cost(domain: Domain) -> int:
-    """Applications of G in ``prepare`` (the coarse ones of the far field counted as one each)."""
-    return domain.modes.count + len(domain.far) * (2 if domain.modes.symmetric else 5)
+) -> tuple[GreenFunction, Float[AnyArray, "terms axes ..."]]:
+    """Return the operators that do not depend on the body: G and the far field's responses."""
+    far = far_response(domain, reynolds)
+    return domain.green_function(domain.lattice, reynolds), far
 
 
 def flow_residual(
     domain: Domain, operators: Operators, state: FlowState
 ) -> Float[AnyArray, "axes ..."]:
-    """u' - G (B a + convect(w u')) - far(a)."""
+    """Return u' - G (B a + convect(w u')) - Phi(a), the residual of equation (2)."""
     velocity, amplitude = state
-    window = domain.lattice.cutoff().astype(velocity.dtype)
-    source = operators.body.spread(amplitude) + domain.lattice.convect(window * velocity)
-    far = far_velocity(operators.far, total_force(domain, amplitude))
-    return velocity - operators.kernel(source) - far
+    blending = domain.lattice.cutoff().astype(velocity.dtype)
+    source = operators.body.spread(amplitude) + domain.lattice.convect(blending * velocity)
+    far = far_velocity(operators.far, domain.forces(amplitude))
+    return velocity - operators.green(source) - far
 
 
 def slip_residual(
     domain: Domain, operators: Operators, state: FlowState
 ) -> Float[AnyArray, " modes"]:
-    """Mode-weighted velocity on the contour, plus the compliance that pins the silent mode."""
+    """Return S (e_x + u') + C a, the residual of equation (3)."""
     velocity, amplitude = state
     slip = operators.body.slip(velocity) + operators.body.slip_of_stream()
-    return slip + pinning(domain, operators) @ amplitude
+    return slip + wall_compliance(domain, operators) @ amplitude
 
 
-def pinning(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
-    """Compliance added to S G B: the slip law, slight for every mode, firm for uniform pressure.
+def residual(domain: Domain, operators: Operators, state: FlowState) -> FlowState:
+    """Return the residuals of equations (2) and (3) of body flow."""
+    return FlowState(
+        flow_residual(domain, operators, state), slip_residual(domain, operators, state)
+    )
 
-    Without the last the silent mode, which moves nothing, would take any value.
+
+def wall_compliance(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
+    """Return C, the compliance added to S G B.
+
+    It is the wall's slip law, a slight compliance of every mode for conditioning, and a firm one of
+    the constant-pressure null mode, which moves no fluid and would take any value without it.
     """
-    silent = operators.body.silent
-    slight = domain.slip_compliance * jnp.eye(silent.size, dtype=silent.dtype)
-    return slight + PIN * jnp.outer(silent, silent) + operators.body.slip_law
+    null_mode = operators.body.null_mode
+    slight = domain.slip_compliance * jnp.eye(null_mode.size, dtype=null_mode.dtype)
+    firm = NULL_MODE_COMPLIANCE * jnp.outer(null_mode, null_mode)
+    return slight + firm + operators.body.slip_law
 
 
-def total_force(domain: Domain, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, " 2"]:
-    """Force of the body on the fluid: the zeroth modes."""
-    lift = 0.0 if domain.modes.symmetric else amplitude[domain.modes.lift_index]
-    return jnp.stack([amplitude[0], lift])
+def influence_matrix(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
+    """Return S G B + C, the slip that each traction mode causes in the Oseen flow."""
+    slips = jax.vmap(operators.body.slip)(operators.response).T
+    return slips + wall_compliance(domain, operators)
+
+
+def oseen_velocity(
+    operators: Operators, amplitude: Float[AnyArray, " modes"]
+) -> Float[AnyArray, "axes ..."]:
+    """Return G B a, the velocity that a traction drives without convection of the perturbation."""
+    return jnp.tensordot(amplitude, operators.response, axes=1)
 
 
 def oseen_flow(domain: Domain, operators: Operators) -> FlowState:
-    """Body flow without convection of the perturbation: exact as Re -> 0, a start otherwise."""
+    """Return body flow without convection of the perturbation: exact as Re tends to 0."""
     amplitude = eliminate(domain, operators).inverse @ -operators.body.slip_of_stream()
-    return FlowState(carried(operators, amplitude), amplitude)
-
-
-def carried(
-    operators: Operators, amplitude: Float[AnyArray, " modes"]
-) -> Float[AnyArray, "axes ..."]:
-    """The velocity that a traction drives where the perturbation carries no momentum."""
-    return jnp.tensordot(amplitude, operators.response, axes=1)
+    return FlowState(oseen_velocity(operators, amplitude), amplitude)
 
 
 def body_flow(
@@ -132,17 +141,15 @@ def body_flow(
     guess: FlowState | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[FlowState, NewtonInfo]:
-    """Flow and traction of a body at rest in the stream (P^-1)."""
-
-    def residual(operators, state):
-        return FlowState(
-            flow_residual(domain, operators, state), slip_residual(domain, operators, state)
-        )
-
+    """Solve for flow and traction of a body at rest in the stream, from a guess or Oseen flow."""
     return root(
-        System(residual, operators, eliminate(domain, operators)),
+        System(
+            lambda data, state: residual(domain, data, state),
+            operators,
+            eliminate(domain, operators),
+        ),
         guess or oseen_flow(domain, operators),
-        _norm(domain),
+        lambda state: _size(domain, state.velocity) + jnp.linalg.norm(state.amplitude),
         settings,
     )
 
@@ -154,20 +161,24 @@ def forced_flow(
     guess: Float[AnyArray, "axes ..."] | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[Float[AnyArray, "axes ..."], NewtonInfo]:
-    """Flow driven by a given traction (P)."""
+    """Solve for the flow that a given traction drives, whatever its slip on the wall."""
 
-    def residual(data, velocity):
+    def forced_residual(data, velocity):
         return flow_residual(domain, data[0], FlowState(velocity, data[1]))
 
     if guess is None:
-        guess = carried(operators, amplitude)
-    size = math.sqrt(domain.lattice.cell_volume)
-    system = System(residual, (operators, amplitude), Identity())
-    return root(system, guess, lambda v: size * jnp.linalg.norm(v), settings)
+        guess = oseen_velocity(operators, amplitude)
+    system = System(forced_residual, (operators, amplitude), Identity())
+    return root(system, guess, lambda velocity: _size(domain, velocity), settings)
+
+
+def _size(domain, velocity):
+    """Return the root mean square of a velocity times the root of the domain's volume."""
+    return math.sqrt(domain.lattice.cell_volume) * jnp.linalg.norm(velocity)
 
 
 class Elimination(eqx.Module):
-    """Exact inverse of the linear (Oseen) part of the coupled system, by the response G B."""
+    """Exact inverse of the linear (Oseen) part of equations (2) and (3), by G B."""
 
     inverse: Float[AnyArray, "modes modes"]
     response: Float[AnyArray, "modes axes ..."]
@@ -179,16 +190,7 @@ class Elimination(eqx.Module):
 
 
 def eliminate(domain: Domain, operators: Operators) -> Elimination:
-    """The elimination of a operators, the inverse being that of S G B + pinning."""
+    """Return the elimination of a body's operators; derivatives do not pass through it."""
     operators = jax.lax.stop_gradient(operators)
-    compliance = jax.vmap(operators.body.slip)(operators.response).T + pinning(domain, operators)
-    return Elimination(jnp.linalg.inv(compliance), operators.response, operators.body)
-
-
-def _norm(domain):
-    def norm(state):
-        return jnp.sqrt(domain.lattice.cell_volume * jnp.sum(state.velocity**2)) + jnp.linalg.norm(
-            state.amplitude
-        )
-
-    return norm
+    inverse = jnp.linalg.inv(influence_matrix(domain, operators))
+    return Elimination(inverse, operators.response, operators.body)

@@ -13,10 +13,12 @@ import optax
 from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.flow.loads import drag
 from surrogate.flow.solver import steady
+from surrogate.flow.solver.adjoint import Effort, slip_weights
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.solver.tangent import Effort, drag_weights, slip_adjoint
+from surrogate.flow.solver.tangent import slip_adjoint
 from surrogate.training.methods.method import (
     Batch,
     Method,
@@ -107,7 +109,7 @@ def published_differentiable_physics(
         velocity, info = steady.forced_flow(domain, operators, amplitude, velocity, FLOW)
         state = FlowState(velocity, amplitude)
         slip = steady.slip_residual(domain, operators, state)
-        weights, spent = drag_weights(domain, operators, state, ADJOINT)
+        weights, spent = slip_weights(drag, domain, operators, state, ADJOINT)
         scale = goal / (2 * jnp.abs(oseen[0]))
         miss = scale * (weights @ slip)
         pulled = slip + scale * miss * weights
@@ -115,7 +117,7 @@ def published_differentiable_physics(
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + spent.products + spent_too.products + physics.renewal
         told = Descent(gradient, (slip @ slip + miss**2) / 2, valid, products)
-        return told, jnp.where(valid, velocity, steady.carried(operators, oseen))
+        return told, jnp.where(valid, velocity, steady.oseen_velocity(operators, oseen))
 
     def visit(network, physics, lessons, flows, batch):
         predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]

@@ -18,9 +18,10 @@ from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.solver import steady
+from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.solver.tangent import Effort, compliance
+from surrogate.flow.solver.tangent import slip_jacobian
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
 from surrogate.training.methods.method import Batch, Method, evaluation_cost, predict
 from surrogate.training.methods.targets import (
@@ -116,10 +117,10 @@ def published_half_inverse_gradients(
         velocity, info = steady.forced_flow(domain, operators, predicted, velocity, FLOW)
         state = FlowState(velocity, predicted)
         slip = steady.slip_residual(domain, operators, state)
-        matrix, spent = compliance(domain, operators, state, TANGENT)
+        matrix, spent = slip_jacobian(domain, operators, state, TANGENT)
         valid = info.converged & spent.converged
         told = Driven(slip, matrix, valid, info.products + spent.products + physics.renewal)
-        return told, jnp.where(valid, velocity, steady.carried(operators, oseen))
+        return told, jnp.where(valid, velocity, steady.oseen_velocity(operators, oseen))
 
     def visit(network, physics, lessons, flows, batch):
         predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]

@@ -10,7 +10,7 @@ Holl, Koltun, Thuerey 2022 (Scale-invariant LearnerState by Physics Inversion).
 import jax
 import jax.numpy as jnp
 
-from surrogate.flow.solver.tangent import Effort
+from surrogate.flow.solver.adjoint import Effort
 from surrogate.training.methods.method import Method, adam_that_ends, predict, slowed
 from surrogate.training.methods.targets import (
     Inversion,

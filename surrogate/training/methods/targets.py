@@ -17,11 +17,12 @@ from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import compute_where
-from surrogate.flow.loads.forces import drag_coefficient
+from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady
+from surrogate.flow.solver.adjoint import BodyQuery, Effort, load_gradient
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.solver.tangent import Effort, Query, coupled_step, drag_slopes
+from surrogate.flow.solver.tangent import coupled_step
 from surrogate.model.network import DragNetwork
 from surrogate.training.methods.method import Batch, evaluation_cost, predict
 from surrogate.training.physics import Physics
@@ -70,7 +71,7 @@ def one_step_inversion(
 
     def invert(physics, row, index, predicted, stored, known):
         operators = physics.operators_of(row)
-        flow = jnp.where(known, stored.velocity, steady.carried(operators, predicted))
+        flow = jnp.where(known, stored.velocity, steady.oseen_velocity(operators, predicted))
         state, spent = coupled_step(physics.domain, operators, FlowState(flow, predicted), effort)
         traction = state.amplitude
         valid = spent.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
@@ -107,8 +108,8 @@ def _with_slope(physics, operators, index, answer, wanted):
 
     def adjoint():
         domain, state = physics.domain, answer.state
-        query = Query(physics.flow.markers, parameters, reynolds)
-        in_shape, in_re, spent = drag_slopes(domain, operators, state, query, SLOPE)
+        query = BodyQuery(physics.flow.markers, parameters, reynolds)
+        in_shape, in_re, spent = load_gradient(drag, domain, operators, state, query, SLOPE)
         slope = jnp.append(in_shape, reynolds * in_re) / drag_coefficient(state.amplitude)
         good = spent.converged & jnp.all(jnp.isfinite(slope))
         return jnp.where(good, slope, 0.0), good, spent.products
@@ -186,8 +187,6 @@ def oseen_influence_matrices(physics: Physics) -> Float[Array, "samples modes mo
 
     def one(kept):
         operators = physics.unpacked(kept)
-        return jax.vmap(operators.body.slip)(operators.response).T + steady.pinning(
-            physics.domain, operators
-        )
+        return steady.influence_matrix(physics.domain, operators)
 
     return physics.partition.gather(physics.partition.each(one, physics.operators))

@@ -1,7 +1,7 @@
-"""Pressure of a solved flow, recovered from the momentum equation: on the grid, on the surface.
+"""Pressure of a solved flow, recovered from the momentum equation, on the grid and on the surface.
 
 The traction modes carry the drag but split it badly on slender bodies, so the surface pressure is
-taken from the flow outside the smeared layer.
+extrapolated from the flow outside of the smeared layer.
 """
 
 import numpy as np
@@ -10,32 +10,31 @@ from scipy.ndimage import map_coordinates
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.grid.immersed import Markers, spread_modes
+from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.solver.steady import FlowState
-
-NEAR = (1.5, 2.5, 3.5)  # cells off the wall: pressure is smooth there, so closer than vorticity
+from surrogate.flow.surface.probes import PRESSURE_PROBES, extrapolation_weights
 
 
 def pressure(
     domain: Domain, markers: Markers, state: FlowState, reynolds: float
 ) -> Float[np.ndarray, "..."]:
-    """p / rho U^2 in the cells of the whole window, zero far away.
+    """Return p / rho U^2 in the cells of the whole domain, zero far away.
 
-    grad p is what the momentum equation leaves: body force minus everything that is velocity. It
-    has no curl on the grid, but for the interpolated far field: any path will do. Where the path
-    starts, in the middle of the window's inflow side, the total head is still the stream's: what
-    viscosity took upstream of it falls off as exp(-Re r), 1 % of Cp at Re 1.
+    grad p is the body force minus the momentum equation's terms in the velocity. It has no curl on
+    the grid, except for the interpolated far field, so any path of integration will do. The path
+    starts in the middle of the inflow side, where the total head is still the stream's: viscous
+    losses upstream of it fall off as exp(-Re r), 1 % of Cp at Re 1.
     """
     lattice = domain.lattice.unfolded
-    body = spread_modes(domain.lattice, domain.modes, domain.box, markers, reynolds)
+    body = domain.spread_body(markers, reynolds)
     force = np.asarray(domain.lattice.unfold(body.spread(state.amplitude)))
     velocity = np.asarray(domain.lattice.unfold(state.velocity))
     gradient = force - momentum_defect(lattice, velocity, reynolds)
-    margin = round(1.5 / lattice.step[0])  # of the window, where convection is cut off
+    margin = round(1.5 / lattice.step[0])  # cells at the edge, where convection is blended out
     middle = (margin, *(count // 2 for count in lattice.shape[1:]))
     field = np.zeros(lattice.shape)
-    for axis, step in enumerate(lattice.step):  # of the axes before this one the middles
+    for axis, step in enumerate(lattice.step):  # along the middles of the axes before this one
         along = np.cumsum(gradient[axis][middle[:axis]], axis=0) * step
         along = np.concatenate([np.zeros_like(along[:1]), along[:-1]])
         field += along - along[middle[axis]]
@@ -52,7 +51,7 @@ def surface_pressure(
     normal: Float[AnyArray, "nodes axes"],
     field: Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, " nodes"]:
-    """Cp at points of a surface: the pressure some cells off the wall, extrapolated to it."""
+    """Return Cp at points of a surface, extrapolated from the pressure some cells off the wall."""
     lattice, h = domain.lattice.unfolded, domain.lattice.step[0]
     points, normal = np.asarray(points), np.asarray(normal)
     unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)
@@ -61,18 +60,17 @@ def surface_pressure(
         map_coordinates(
             field, ((points + k * h * unit) / lattice.step + origin).T, order=3, mode="nearest"
         )
-        for k in NEAR
+        for k in PRESSURE_PROBES
     ]
-    weights = np.linalg.solve(np.vander(NEAR, increasing=True).T, np.eye(len(NEAR))[0])
-    return 2 * weights @ np.array(probed)
+    return 2 * extrapolation_weights(PRESSURE_PROBES) @ np.array(probed)
 
 
 def momentum_defect(
     lattice: Lattice, velocity: Float[AnyArray, "axes ..."], reynolds: float
 ) -> Float[np.ndarray, "axes ..."]:
-    """f - grad p of the perturbation u': all of the momentum equation that is velocity.
+    """Return f - grad p of the perturbation u': the momentum equation's terms in the velocity.
 
-    Uses the discrete operators on the whole window: D0x u' - nu Lap u' + div(w^2 u' u').
+    These are D0x u' - nu Lap u' + div(w^2 u' u') by the discrete operators on the whole domain.
     """
     u = np.asarray(velocity)
 

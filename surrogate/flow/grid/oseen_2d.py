@@ -26,7 +26,7 @@ class Kernel(eqx.Module):
     mirror: Complex[Array, "2 2 kx ky"] | None
 
     def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "2 nx ny"]:
-        """Velocity on faces caused by a force density on faces (one application of G)."""
+        """Return the velocity on faces due to a force density on faces: one convolution with G."""
         shape = force.shape[1:]
         padded = (2 * shape[0], 2 * shape[1])
         spectrum = _multiply(self.direct, jnp.fft.rfft2(force, s=padded))
@@ -45,7 +45,7 @@ class SymmetricKernel(eqx.Module):
     spectrum: Complex[Array, "2 2 kx ky"]
 
     def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
-        """Velocity on faces caused by a force density on faces (one application of G)."""
+        """Return the velocity on faces due to a force density on faces: one convolution with G."""
         nx, ny = force.shape[1:]
         forward, backward = (m.astype(force.dtype) for m in _cosines_and_sines(ny))
         lateral = jnp.einsum("cxj,cjk->cxk", force, forward)

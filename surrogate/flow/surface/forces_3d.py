@@ -1,23 +1,24 @@
-"""Forces on a body in space, and the pressure and friction on its skin."""
+"""Forces on a body in 3-D, and the pressure and friction on its skin."""
 
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.solid import QUARTERS, Skin
-from surrogate.flow.grid.domain import Domain
-from surrogate.flow.loads.forces import PROBES, Coefficients, drag_coefficient, keys_weights
-from surrogate.flow.loads.pressure import pressure, surface_pressure
+from surrogate.flow.grid.domain_3d import Domain3D
+from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.surface.coefficients import Coefficients, force_coefficients
+from surrogate.flow.surface.pressure import pressure, surface_pressure
+from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weights, keys_weights
 
 
-def space_coefficients(
-    domain: Domain, skin: Skin, state: FlowState, reynolds: float
-) -> Coefficients:
-    """Drag from mode 0, its part by pressure from that near the skin; no lift, no moment."""
+@force_coefficients.register
+def _(domain: Domain3D, skin: Skin, state: FlowState, reynolds: float) -> Coefficients:
+    """Split the drag by the pressure near the skin; two mirror planes leave no lift or moment."""
     drag = drag_coefficient(state.amplitude)
     cp = surface_pressure(domain, *skin, pressure(domain, skin, state, reynolds))
     along = np.asarray(skin.areas)[:, 0]
@@ -26,45 +27,45 @@ def space_coefficients(
 
 
 class SkinLoads(NamedTuple):
-    """Over (1/2) rho U^2: Cp, zero far upstream, and the friction, a vector along the skin."""
+    """Loads over (1/2) rho U^2: Cp, zero far upstream, and the friction vector along the skin."""
 
     cp: Float[np.ndarray, " points"]
     friction: Float[np.ndarray, "points 3"]
 
 
 def skin_loads(
-    domain: Domain,
+    domain: Domain3D,
     skin: Skin,
     state: FlowState,
     reynolds: float,
     points: Float[AnyArray, "points 3"],
     areas: Float[AnyArray, "points 3"],
 ) -> SkinLoads:
-    """Loads at any points of a solved body's skin, given with their area vectors."""
+    """Return the loads at any points of a solved body's skin, given with their area vectors."""
     field = pressure(domain, skin, state, reynolds)
     stress = friction(domain, points, areas, state.velocity, reynolds)
     return SkinLoads(surface_pressure(domain, points, areas, field), np.asarray(stress))
 
 
 def friction(
-    domain: Domain,
+    domain: Domain3D,
     points: Float[AnyArray, "points 3"],
     areas: Float[AnyArray, "points 3"],
     velocity: Float[AnyArray, "3 nx ny nz"],
     reynolds: float,
-) -> Float[AnyArray, "points 3"]:
-    """Friction on the skin over (1/2) rho U^2: 2 nu omega x n, extrapolated to the wall."""
+) -> Float[Array, "points 3"]:
+    """Return the friction over (1/2) rho U^2: 2 nu omega x n, extrapolated to the wall."""
     unit = areas / jnp.linalg.norm(areas, axis=1, keepdims=True)
     h = domain.lattice.step[0]
-    near = _around(domain, velocity)
-    probed = [near(points + k * h * unit) for k in PROBES]
-    weights = np.linalg.solve(np.vander(PROBES, increasing=True).T, np.eye(len(PROBES))[0])
+    near = _vorticity_near(domain, velocity)
+    probed = [near(points + k * h * unit) for k in VORTICITY_PROBES]
+    weights = extrapolation_weights(VORTICITY_PROBES)
     vorticity = sum(w * values for w, values in zip(weights, probed, strict=True))
     return 2 / reynolds * jnp.cross(vorticity, unit)
 
 
-def curl(velocity: Float[AnyArray, "3 nx ny nz"], step: float) -> Float[AnyArray, "3 nx ny nz"]:
-    """Vorticity on the edges of the cells: component i in the middle along i, upper elsewhere."""
+def curl(velocity: Float[AnyArray, "3 nx ny nz"], step: float) -> Float[Array, "3 nx ny nz"]:
+    """Return the vorticity on the cells' upper edges: component i at the middle along axis i."""
 
     def slope(own, axis):
         return (jnp.roll(velocity[own], -1, axis) - velocity[own]) / step
@@ -73,8 +74,8 @@ def curl(velocity: Float[AnyArray, "3 nx ny nz"], step: float) -> Float[AnyArray
     return jnp.stack([slope(k, j) - slope(j, k) for _, j, k in cyclic])
 
 
-def _around(domain, velocity):
-    """The vorticity of any points near the body: a function from (points, 3) to the same."""
+def _vorticity_near(domain, velocity):
+    """Return the vorticity near the body as a function of points."""
     lattice, margin = domain.lattice, 6
     along = slice(
         max(lattice.inlet - domain.box[0] // 2 - margin, 0),
@@ -97,7 +98,7 @@ def _around(domain, velocity):
 
 
 def _interpolated(field, places):
-    """Cubic convolution (Keys 1981) of a field at places in units of its cells."""
+    """Return a field at places in units of its cells, by cubic convolution."""
     first = jnp.floor(places).astype(int) - 1
     index = first[:, None] + np.arange(4)[:, None]  # (points, 4, axes)
     i, j, k = jnp.moveaxis(index, 2, 0)

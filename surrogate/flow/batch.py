@@ -1,0 +1,57 @@
+"""Flows of many bodies, partitioned over devices."""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from surrogate.arrays import AnyArray
+from surrogate.devices import Devices, Partition
+from surrogate.flow.derivatives import DragGradient, drag_and_gradient
+from surrogate.flow.discrete import DiscreteBodies
+from surrogate.flow.loads import drag_coefficient
+
+
+class FlowBatch(NamedTuple):
+    """Solved flows of many bodies: traction modes, convolutions with G, and convergence."""
+
+    amplitude: Float[AnyArray, "bodies modes"]
+    green_applications: Int[AnyArray, " bodies"]
+    converged: Bool[AnyArray, " bodies"]
+
+    @property
+    def drag(self) -> Float[AnyArray, " bodies"]:
+        """Drag coefficients Cd."""
+        return jax.vmap(drag_coefficient)(jnp.asarray(self.amplitude))
+
+
+def estimated_cost(
+    parameters: Float[AnyArray, "bodies parameters"], reynolds: Float[AnyArray, " bodies"]
+) -> Float[np.ndarray, " bodies"]:
+    """Return what the work of flows increases with, the Reynolds number of the thickness."""
+    return np.asarray(reynolds) / np.sqrt(np.asarray(parameters)[:, 0])
+
+
+@functools.cache
+def batch_solver(
+    bodies: DiscreteBodies, devices: Devices, gradients: bool = False
+) -> Callable[[Partition, AnyArray, AnyArray], FlowBatch | DragGradient]:
+    """Return a compiled function of (partition, parameters, reynolds) that solves many flows."""
+
+    def flow(body):
+        state, info = bodies.solve(bodies.assemble(*body))
+        spent = info.products + bodies.domain.assembly_cost
+        return FlowBatch(state.amplitude, spent, info.converged)
+
+    def gradient(body):
+        return drag_and_gradient(bodies, *body)
+
+    def every(partition, parameters, reynolds):
+        one = gradient if gradients else flow
+        return partition.gather(partition.each(one, partition.scatter((parameters, reynolds))))
+
+    return jax.jit(every, compiler_options=devices.options)

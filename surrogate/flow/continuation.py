@@ -1,0 +1,79 @@
+"""The flow past one body of any kind, by continuation in Reynolds number where Newton needs it."""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.shape import Shape
+from surrogate.errors import NotConverged
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.loads import drag_coefficient
+from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
+from surrogate.flow.solver.steady import FlowState, assemble, body_flow
+
+MAX_HALVINGS = 3  # of the step in Re: continuation in 2, 4 or 8 steps
+
+
+class FlowResult(NamedTuple):
+    """State and convergence of a solved flow."""
+
+    state: FlowState
+    info: NewtonInfo
+
+    @property
+    def drag(self) -> float:
+        """Drag coefficient Cd."""
+        return float(drag_coefficient(self.state.amplitude))
+
+
+@functools.partial(jax.jit, static_argnames=("domain", "settings"))
+def solve_markers(
+    domain: Domain,
+    settings: NewtonSettings,
+    markers: Markers,
+    reynolds: Float[AnyArray, ""],
+    guess: FlowState | None = None,
+) -> FlowResult:
+    """Solve for body flow; ``info.converged`` says whether the numbers mean anything."""
+    operators = assemble(domain, markers, reynolds)
+    return FlowResult(*body_flow(domain, operators, guess, settings))
+
+
+def solve_by_continuation(
+    domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float
+) -> tuple[FlowResult, int]:
+    """Solve for the flow past a shape; where Newton fails, reach Re in 2, 4 or 8 equal steps.
+
+    Returns:
+      The flow, and the convolutions with G of all attempts, their assembly included.
+
+    Raises:
+      NotConverged: the smallest steps failed too.
+    """
+    markers, spent = shape.markers(domain.nodes), 0
+    for halvings in range(MAX_HALVINGS + 1):
+        guess, steps = None, 2**halvings
+        for k in range(1, steps + 1):
+            found = solve_markers(
+                domain, settings, markers, jnp.asarray(reynolds * k / steps), guess
+            )
+            spent += int(found.info.products) + domain.assembly_cost
+            if not bool(found.info.converged):
+                break
+            guess = found.state
+        else:
+            return found, spent
+    raise NotConverged(not_converged_message(reynolds, found.info))
+
+
+def not_converged_message(reynolds: float, info: NewtonInfo) -> str:
+    """Return the message of a flow that did not converge."""
+    return (
+        f"body flow at Re {reynolds:g} did not converge: residual {float(info.residual):.1e} after "
+        f"{int(info.steps)} Newton steps; more cells or a lower Re would help"
+    )

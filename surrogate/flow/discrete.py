@@ -1,0 +1,100 @@
+"""A discretised class of bodies: everything static that a compiled program depends on."""
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.form import Form
+from surrogate.body.measures import mean_thickness
+from surrogate.body.outline import family_markers
+from surrogate.body.solid import skin
+from surrogate.errors import InvalidInput
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.solver.adjoint import BodyQuery
+from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
+from surrogate.flow.solver.steady import FlowState, Operators, assemble, body_flow
+
+OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
+
+
+class Coverage(NamedTuple):
+    """Largest |x|, |y|, ... of bodies in D, and whether the grid holds and resolves them."""
+
+    half_extent: Float[AnyArray, "*bodies axes"]
+    fits: Bool[AnyArray, "*bodies"]
+    resolved: Bool[AnyArray, "*bodies"]
+
+
+@dataclasses.dataclass(frozen=True)
+class DiscreteBodies:
+    """Bodies given by parameters on one grid; hashable, so a static argument of jit."""
+
+    domain: Domain
+    body_class: Form
+    settings: NewtonSettings
+
+    def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
+        """Return a body's surface markers: its contour in 2-D, a quarter of its skin in 3-D."""
+        draw = skin if self.body_class.dimension == 3 else family_markers
+        return draw(parameters, self.body_class, self.domain.nodes)
+
+    def assemble(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Operators:
+        """Assemble the operators of a body at a Reynolds number."""
+        return assemble(self.domain, self.markers(parameters), reynolds)
+
+    def solve(self, operators: Operators) -> tuple[FlowState, NewtonInfo]:
+        """Solve for the steady flow from the Oseen flow."""
+        return body_flow(self.domain, operators, settings=self.settings)
+
+    def query(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> BodyQuery:
+        """Return the body as a function of its parameters, for derivatives there."""
+        return BodyQuery(self.markers, parameters, reynolds)
+
+    def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
+        """Return whether a body fits the box of the grid and is resolved by its cells."""
+        half_extent = jnp.abs(jax.tree.leaves(self.markers(parameters))[0]).max(axis=0)
+        outline = family_markers(parameters, self.body_class, OUTLINE_NODES)
+        thinnest = jnp.stack([1.0, half_extent[1:].min() / half_extent[-1]])
+        cells = mean_thickness(thinnest * outline) / self.domain.lattice.step[0]
+        fits = jnp.all(half_extent <= self.domain.half_extent)
+        return Coverage(half_extent, fits, cells >= self.domain.MIN_THICKNESS)
+
+    def check(self, parameters: Float[np.ndarray, "bodies parameters"]) -> Coverage:
+        """Return the coverage of many bodies, all of which the grid must cover.
+
+        Raises:
+          InvalidInput: one is larger than the grid's box, or thinner than the grid resolves.
+        """
+        found = jax.tree.map(np.asarray, _coverages(self, padded(parameters)))
+        found = jax.tree.map(lambda part: part[: len(parameters)], found)
+        if not np.all(found.fits):
+            raise InvalidInput("body: is larger than those that the scene's grid was made for")
+        if thin := int(np.sum(~found.resolved)):
+            which = "its mean thickness" if len(parameters) == 1 else f"{thin} mean thicknesses"
+            raise InvalidInput(
+                f"body: {which} below {self.domain.MIN_THICKNESS:g} cells of the scene's grid; a "
+                "finer fidelity or a smaller aspect would do"
+            )
+        return found
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _coverages(bodies, parameters):
+    return jax.vmap(bodies.coverage)(parameters)
+
+
+def padded(rows: Float[np.ndarray, "rows _"]) -> Float[np.ndarray, "padded _"]:
+    """Return the rows padded to a power of two by the first, so that few programs are compiled."""
+    size = 2 ** (max(len(rows), 1) - 1).bit_length()
+    return rows[np.arange(size) % len(rows)] if len(rows) else np.ones((size, rows.shape[1]))

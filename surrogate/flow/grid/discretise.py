@@ -1,0 +1,66 @@
+"""Which discrete problem a scene or a single body is solved on."""
+
+import math
+
+import numpy as np
+
+from surrogate.body.family import Family
+from surrogate.body.measures import mean_thickness
+from surrogate.body.shape import Shape
+from surrogate.errors import InvalidInput
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.domain_2d import Domain2D
+from surrogate.flow.grid.domain_3d import Domain3D
+from surrogate.flow.grid.modes_2d import Modes2D
+from surrogate.flow.grid.modes_3d import Modes3D
+from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.limits import check_stream
+from surrogate.scene.scene import Scene
+from surrogate.scene.stream import Stream
+
+DOMAINS: dict[int, type[Domain]] = {2: Domain2D, 3: Domain3D}
+SCENE_CLEARANCE = (1.0, 0.5)  # D from a scene's largest body to the domain's edges
+OUTLINE_NODES = 400  # of the contour whose mean thickness is measured
+ROUNDING = 4  # extents are rounded up to 1 / 4 D, so that similar bodies share compiled code
+
+
+def scene_domain(scene: Scene) -> Domain:
+    """Return the domain that holds every body of a scene, and the round one, at every Re of it.
+
+    Raises:
+      InvalidInput: the longest or tallest bodies do not fit the window or the tunnel.
+    """
+    check_stream(scene.stream, scene.reaching, np.array(scene.extent), SCENE_CLEARANCE)
+    return DOMAINS[scene.dimension].of_scene(scene)
+
+
+def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
+    """Return a domain for one body, its window as long as the wake at this Re needs.
+
+    Raises:
+      InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
+    """
+    kind, extent = DOMAINS[shape.dimension], shape.reach
+    check_resolution(kind, fidelity, shape)
+    fidelity = fidelity.reaching(reynolds, float(extent[1:].max()))
+    rounded = np.ceil(extent * ROUNDING) / ROUNDING
+    check_stream(stream, fidelity, rounded, kind.CLEARANCE)
+    return kind.around(stream, fidelity, rounded, shape)
+
+
+def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:
+    """Return the traction modes of a family's bodies on its scene's grid."""
+    return DOMAINS[family.dimension].modes_of(family.names, fidelity)
+
+
+def check_resolution(kind: type[Domain], fidelity: Fidelity, shape: Shape) -> None:
+    """Raise InvalidInput where a body's mean thickness has too few cells to be resolved."""
+    extent = shape.reach
+    thinnest_view = np.array([1.0, extent[1:].min() / extent[-1]]) * shape.draw(OUTLINE_NODES)
+    cells = fidelity.cells * float(mean_thickness(thinnest_view))
+    if cells < kind.MIN_THICKNESS:
+        needed = math.ceil(fidelity.cells * kind.MIN_THICKNESS / cells)
+        raise InvalidInput(
+            f"body: its mean thickness is {math.floor(100 * cells) / 100:g} cells and at least "
+            f"{kind.MIN_THICKNESS:g} are needed; {needed} cells per D would resolve it"
+        )

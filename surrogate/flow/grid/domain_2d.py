@@ -1,0 +1,116 @@
+"""The discrete problem in 2-D: a window of an unbounded stream or of a tunnel."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.shape import Shape
+from surrogate.errors import InvalidInput
+from surrogate.flow.grid.domain import SPLINE_CELLS, Domain, box_around
+from surrogate.flow.grid.immersed import Spreading, spread_modes
+from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes_2d import Modes2D
+from surrogate.flow.grid.oseen_2d import Kernel, SymmetricKernel, oseen_kernel
+from surrogate.flow.grid.wall_2d import wall_2d
+from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.scene import Scene
+from surrogate.scene.stream import Stream, Tunnel, window_height
+
+FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
+MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
+
+
+@dataclasses.dataclass(frozen=True)
+class Domain2D(Domain):
+    """A 2-D stream; flows symmetric about y = 0 are solved on the upper half."""
+
+    slip_compliance: float = 1e-5
+
+    MIN_THICKNESS = 2.5
+    CLEARANCE = (1.5, 1.25)
+    FORCE_UNIT = 1.0
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> "Domain2D":
+        return cls.make(scene.stream, scene.reaching, scene.extent, symmetric=True)
+
+    @classmethod
+    def around(
+        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+    ) -> "Domain2D":
+        return cls.make(stream, fidelity, tuple(extent.tolist()), shape.symmetric)
+
+    @classmethod
+    def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D:
+        return Modes2D(fidelity.harmonics, symmetric=True)
+
+    @classmethod
+    def make(
+        cls, stream: Stream, fidelity: Fidelity, extent: tuple[float, float], symmetric: bool
+    ) -> "Domain2D":
+        """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D.
+
+        Raises:
+          InvalidInput: the box does not fit between the tunnel's walls.
+        """
+        cells, height = fidelity.cells, stream.height if isinstance(stream, Tunnel) else None
+        width = window_height(stream, fidelity.height)
+        # With slip walls and a body off the centre line the flow's period is 2 H, so a window
+        # from wall to wall is periodic only for symmetric flows.
+        spans = symmetric and height is not None
+
+        def window(before, after, across, per_d):
+            step = 1 / per_d
+            if height is not None:  # a whole, even number of rows from wall to wall
+                step = height / (2 * round(height * per_d / 2))
+            rows = 2 * round(across / step / 2)
+            return Lattice(
+                (round((before + after) * per_d), rows // 2 if symmetric else rows),
+                (1 / per_d, step),
+                round(before * per_d),
+                periodic=spans and across == height,
+                symmetric=symmetric,
+            )
+
+        lattice = window(fidelity.upstream, fidelity.downstream, width, cells)
+        largest = FAR_LEVELS[0][1]
+        levels = FAR_LEVELS if height is None or height > largest else FAR_LEVELS[:1]
+        far = tuple(
+            window(size // 3, size - size // 3, min(size, height or size), per_d)
+            for per_d, size in levels
+        )
+        box = box_around(extent, cells)
+        if box[1] > lattice.unfolded.shape[1]:
+            needed = math.ceil((2 * SPLINE_CELLS + 2) / (width - extent[1]))
+            raise InvalidInput(
+                f"{stream}: {lattice.unfolded.shape[1]} rows of cells from wall to wall, and a "
+                f"body {extent[1]:g} D high needs {box[1]}; {needed} cells per D would do"
+            )
+        nodes = 2 * math.ceil(max(extent) * math.pi * cells / MARKER_SPACING)
+        return cls(lattice, far, Modes2D(fidelity.harmonics, symmetric), box, nodes, height)
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether G must carry the images of the body in the tunnel's walls explicitly."""
+        return self.height is not None and not self.modes.symmetric
+
+    def green_function(
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""]
+    ) -> Kernel | SymmetricKernel:
+        return oseen_kernel(lattice, reynolds, self.height, self.mirrored)
+
+    def spread_body(
+        self, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float
+    ) -> Spreading:
+        wall = wall_2d(self.lattice, self.modes, markers)
+        return spread_modes(self.lattice, self.box, wall)
+
+    def each_mode(
+        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "modes modes"]
+    ) -> Float[Array, "modes axes ..."]:
+        return jax.vmap(function)(amplitudes)

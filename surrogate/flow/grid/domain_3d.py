@@ -1,0 +1,97 @@
+"""The discrete problem in 3-D: a quarter of a window of an unbounded stream."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.shape import Shape
+from surrogate.body.solid import Skin
+from surrogate.errors import InvalidInput
+from surrogate.flow.grid.domain import Domain, box_around
+from surrogate.flow.grid.immersed import Spreading, spread_modes
+from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes_3d import FORCE_UNIT, Modes3D
+from surrogate.flow.grid.oseen_3d import SpaceKernel, space_kernel
+from surrogate.flow.grid.wall_3d import wall_3d
+from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.scene import Scene
+from surrogate.scene.stream import Stream
+
+FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, as in 2-D
+MAX_CELLS = 4_000_000  # of a quarter window: 6 GB
+FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
+MARKER_SPACING = 0.8  # cells between markers, as in 2-D
+
+
+@dataclasses.dataclass(frozen=True)
+class Domain3D(Domain):
+    """A 3-D unbounded stream around bodies with the mirror planes y = 0 and z = 0."""
+
+    slip_compliance: float = 1e-8
+
+    MIN_THICKNESS = 2.0
+    CLEARANCE = (1.0, 0.5)
+    FORCE_UNIT = FORCE_UNIT
+
+    @classmethod
+    def of_scene(cls, scene: Scene) -> "Domain3D":
+        modes = cls.modes_of(scene.family.names, scene.fidelity)
+        return cls.make(scene.reaching, scene.extent, modes)
+
+    @classmethod
+    def around(
+        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+    ) -> "Domain3D":
+        flattened = shape.parameters.get("flatness", 1.0) != 1
+        modes = cls.modes_of(("flatness",) if flattened else (), fidelity)
+        return cls.make(fidelity, tuple(extent.tolist()), modes)
+
+    @classmethod
+    def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes3D:
+        return Modes3D(fidelity.harmonics, FLATTENED if "flatness" in names else ())
+
+    @classmethod
+    def make(
+        cls, fidelity: Fidelity, extent: tuple[float, float, float], modes: Modes3D
+    ) -> "Domain3D":
+        """Discretise an unbounded stream around bodies that fit a box of ``extent`` D.
+
+        Raises:
+          InvalidInput: the window has more cells than memory is likely to hold.
+        """
+        cells = fidelity.cells
+
+        def window(before, after, across, per_d):
+            rows = round(across * per_d / 2)
+            shape = (round((before + after) * per_d), rows, rows)
+            return Lattice(shape, (1 / per_d,) * 3, round(before * per_d), symmetric=True)
+
+        lattice = window(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
+        if (count := math.prod(lattice.shape)) > MAX_CELLS:
+            raise InvalidInput(
+                f"fidelity {fidelity.name}: a quarter window of {count / 1e6:.1f} million cells; "
+                f"up to {MAX_CELLS / 1e6:g} are solved, so fewer cells per D would do"
+            )
+        far = tuple(window(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
+        along, across = (
+            largest * math.pi * cells / MARKER_SPACING for largest in (max(extent), max(extent[1:]))
+        )
+        nodes = math.ceil(along / 2), math.ceil(across / 4)
+        return cls(lattice, far, modes, box_around(extent, cells), nodes, None)
+
+    def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
+        return space_kernel(lattice, reynolds)
+
+    def spread_body(self, markers: Skin, reynolds: Float[AnyArray, ""] | float) -> Spreading:
+        wall = wall_3d(self.lattice, self.modes, markers, reynolds)
+        return spread_modes(self.lattice, self.box, wall)
+
+    def each_mode(
+        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "modes modes"]
+    ) -> Float[Array, "modes axes ..."]:
+        return jax.lax.map(function, amplitudes)  # all at once would take gigabytes

@@ -1,1 +1,0 @@
-"""What the stream does to a body: force coefficients, pressure and friction on its surface."""

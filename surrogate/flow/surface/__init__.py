@@ -1,0 +1,1 @@
+"""What a solved flow does to the body's surface: pressure, friction, and the split of the drag."""

@@ -1,0 +1,110 @@
+"""Drag, lift and moment as functionals: their adjoints pass Taylor tests, unbounded and in a tunnel."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TINY
+
+from surrogate import Tunnel, Unbounded, family_shape
+from surrogate.flow.grid.domain_2d import Domain2D
+from surrogate.flow.loads import drag, drag_amplitude, drag_coefficient, lift, moment
+from surrogate.flow.solver import steady
+from surrogate.flow.solver.adjoint import BodyQuery, Effort, load_gradient
+from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.flow.surface.coefficients import force_coefficients
+
+LOADS = {"drag": drag, "lift": lift, "moment": moment}
+TIGHT = NewtonSettings(tolerance=1e-10)
+EFFORT = Effort(1e-8, 60)
+AT, DIRECTION = jnp.array([2.0, 0.1, 10.0, 8.0]), np.array([0.3, 0.1, 6.0, 0.8])
+
+
+@pytest.fixture(scope="module", params=["unbounded", "tunnel"])
+def domain(request):
+    stream = Unbounded() if request.param == "unbounded" else Tunnel(4.0)
+    return Domain2D.make(stream, TINY, (2.25, 1.5), symmetric=False)
+
+
+@pytest.fixture(scope="module")
+def evaluate(domain):
+    """(aspect, beta2, incidence in degrees, Re) to every load and its gradient."""
+    t = 2 * np.pi * np.arange(domain.nodes) / domain.nodes
+
+    def contour(parameters):
+        aspect, beta2, incidence = parameters
+        y = (jnp.sin(t) + beta2 * jnp.sin(2 * t)) / (2 * jnp.sqrt(aspect))
+        turned = jnp.deg2rad(incidence)
+        c, s = jnp.cos(turned), jnp.sin(turned)
+        points = jnp.stack([-jnp.sqrt(aspect) / 2 * jnp.cos(t), y], axis=1)
+        return points @ jnp.array([[c, -s], [s, c]])
+
+    @jax.jit
+    def loads_and_gradients(values):
+        parameters, reynolds = values[:-1], values[-1]
+        operators = steady.assemble(domain, contour(parameters), reynolds)
+        state, info = steady.body_flow(domain, operators, settings=TIGHT)
+        query, answers = BodyQuery(contour, parameters, reynolds), {}
+        for name, load in LOADS.items():
+            value = load(domain.modes, state.amplitude, operators.markers)
+            found = load_gradient(load, domain, operators, state, query, EFFORT)
+            answers[name] = value, jnp.append(found.by_parameters, found.by_reynolds)
+        return answers, info.converged & found.work.converged
+
+    return loads_and_gradients
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_taylor_of_every_load(evaluate, name):
+    """Halve the step four times; the remainder of the tangent line must fall at second order."""
+
+    def at(step):
+        answers, converged = evaluate(AT + step * DIRECTION)
+        assert bool(converged)
+        return answers[name]
+
+    value, gradient = at(0.0)
+    slope = float(gradient @ DIRECTION)
+    assert abs(slope) > 1e-3  # or the test would prove little
+    remainders = [abs(float(at(h)[0] - value) - h * slope) for h in 0.1 / 2.0 ** np.arange(5)]
+    rates = np.log2(np.divide(remainders[:-1], remainders[1:]))
+    assert rates[-1] > 1.9, f"remainders {remainders}, rates {rates}"
+
+
+def test_exact_functionals_are_the_solvers_coefficients(domain):
+    shape = family_shape({"aspect": 2.0}, 10.0)
+    markers = shape.markers(domain.nodes)
+    operators = steady.assemble(domain, markers, jnp.asarray(5.0))
+    state, _ = jax.jit(steady.body_flow, static_argnums=0)(domain, operators)
+    found = force_coefficients(domain, markers, state, 5.0)
+    for name, load in LOADS.items():
+        value = float(load(domain.modes, state.amplitude, markers))
+        assert value == pytest.approx(float(getattr(found, name)), rel=1e-12)
+
+
+def test_exact_moment_of_a_force_at_an_offset():
+    """A uniform traction along y on a contour shifted by s along x has the moment -s times it."""
+    domain = Domain2D.make(Unbounded(), TINY, (1.5, 1.5), symmetric=False)
+    circle = family_shape({"aspect": 1.0}).markers(domain.nodes)
+    amplitude = jnp.zeros(domain.modes.count).at[domain.modes.lift_index].set(-0.7)
+    shifted = circle + jnp.array([0.25, 0.0])
+    assert float(lift(domain.modes, amplitude, shifted)) == pytest.approx(1.4)
+    assert float(moment(domain.modes, amplitude, circle)) == pytest.approx(0, abs=1e-12)
+    assert float(moment(domain.modes, amplitude, shifted)) == pytest.approx(-0.25 * 1.4)
+
+
+def test_exact_drag_amplitude_is_the_inverse_of_the_drag():
+    amplitude = jnp.array([-0.83, 0.2])
+    assert float(drag_amplitude(drag_coefficient(amplitude))) == pytest.approx(-0.83)
+
+
+def test_forward_and_reverse_mode_of_the_drag_agree(tiny_scene):
+    from surrogate import Flow
+
+    flow, body = Flow(tiny_scene), jnp.array([2.2, 0.12, -0.05, 0.03])
+    direction = jnp.array([0.3, 0.1, -0.2, 0.4])
+    gradient = jax.grad(flow.drag)(body, 20.0)
+    _, change = jax.jvp(lambda p: flow.drag(p, 20.0), (body,), (direction,))
+    assert float(change) == pytest.approx(float(gradient @ direction), rel=1e-12)
+    with pytest.raises(NotImplementedError, match="difference its gradient"):
+        jax.hessian(flow.drag)(body, 20.0)
