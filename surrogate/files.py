@@ -126,7 +126,8 @@ def path_of(value: object) -> Path:
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         pass  # refused, or made, where it is used
     except (OSError, ValueError) as error:  # too long, not Unicode, or with a null character
-        raise InvalidInput(f"path {str(value)[:40]!r}: {error.args[-1]}") from None
+        name = f"{str(value)[:40]!r}"
+        raise InvalidInput(f"path {name}: no valid file name, {error.args[-1]}") from None
     return Path(value)
 
 

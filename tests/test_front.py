@@ -127,7 +127,7 @@ BODIES = {
 
 
 @both
-def test_numbers_of_every_kind_are_numbers(model):
+def test_numbers_of_every_kind_are_numbers(model, unchecked):
     expected = float(model.drag(BODY, 20.0))
     for kind, reynolds in NUMBERS.items():
         assert float(model.drag(BODY, reynolds)) == expected, kind
@@ -170,7 +170,7 @@ BODIES_THAT_ARE_NONE = {
 
 @both
 @pytest.mark.parametrize("bad", REYNOLDS_THAT_ARE_NONE)
-def test_reynolds_numbers_that_are_none_are_refused(model, bad):
+def test_reynolds_numbers_that_are_none_are_refused(model, bad, unchecked):
     value, words = REYNOLDS_THAT_ARE_NONE[bad]
     with pytest.raises(InvalidInput, match=words):
         model.drag(BODY, value)
@@ -178,14 +178,14 @@ def test_reynolds_numbers_that_are_none_are_refused(model, bad):
 
 @both
 @pytest.mark.parametrize("bad", BODIES_THAT_ARE_NONE)
-def test_bodies_that_are_none_are_refused(model, bad):
+def test_bodies_that_are_none_are_refused(model, bad, unchecked):
     value, words = BODIES_THAT_ARE_NONE[bad]
     with pytest.raises(InvalidInput, match=words):
         model.drag(value, 20.0)
 
 
 @pytest.mark.parametrize("bad", [*REYNOLDS_THAT_ARE_NONE, *BODIES_THAT_ARE_NONE])
-def test_solve_refuses_what_drag_refuses(bad):
+def test_solve_refuses_what_drag_refuses(bad, unchecked):
     body, reynolds = BODY, 20.0
     if bad in BODIES_THAT_ARE_NONE:
         body, words = BODIES_THAT_ARE_NONE[bad]

@@ -167,7 +167,7 @@ def _streamlines(field: pv.UnstructuredGrid, markers: np.ndarray) -> list[pv.Pol
     return [lines for lines in found if lines.n_points]
 
 
-def _squashed(vorticity: np.ndarray) -> np.ndarray:
+def _squashed(vorticity: np.ndarray | float) -> np.ndarray | float:
     """The square root of the absolute value, with the sign."""
     return np.sign(vorticity) * np.sqrt(np.abs(vorticity))
 
