@@ -1,7 +1,8 @@
 """Laminar drag surrogates: a flow solver on jax-cfd, and networks trained through it.
 
-The front door. ``Flow`` and ``Surrogate`` are the two drag models, alike in
-``drag(parameters, reynolds)``; the way of the data is scene -> body -> flow -> training -> model.
+This is the public API. ``Flow`` and ``Surrogate`` are the two drag models, with the same
+``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model.
+Importing the package switches JAX to 64-bit numbers.
 """
 
 import jax

@@ -81,8 +81,11 @@ def cases(name):
 
 def crossing(family):
     """The body of the ranges that is thinnest at its tail, where sin kt / sin t is k or -k."""
-    ratios, betas = family.ranges[: family.form.ratios], family.ranges[family.form.ratios :]
-    betas = zip(family.form.modes, betas, strict=True)
+    ratios, betas = (
+        family.ranges[: family.body_class.ratios],
+        family.ranges[family.body_class.ratios :],
+    )
+    betas = zip(family.body_class.modes, betas, strict=True)
     return [*(ends[0] for _, ends in ratios), *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
 
 

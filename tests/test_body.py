@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 
 from surrogate import Family, InvalidInput, contour_shape, family_shape, naca4, read_contour
 from surrogate.body.contour import crosses_itself, smooth_contour
-from surrogate.body.family import describe
-from surrogate.body.form import PARAMETERS, Form
+from surrogate.body.incidence import rotate
 from surrogate.body.measures import AREA, mean_thickness, moments
-from surrogate.body.outline import check_body, family_markers, opening
-from surrogate.body.shape import rotate
+from surrogate.body.parameters import PARAMETERS
 
 FAMILY = Family()
 WIDE = Family(  # all of the modes
@@ -43,7 +41,7 @@ def test_exact_area_and_centroid(parameters):
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(st.tuples(*(st.floats(*ends) for ends in WIDE.bounds.tolist())))
 def test_exact_area_of_any_member_of_the_widest_family(parameters):
-    assume(float(opening(jnp.array(parameters), WIDE.form)) > 0.02)
+    assume(float(WIDE.body_class.min_thickness_ratio(jnp.array(parameters))) > 0.02)
     markers = np.asarray(WIDE.markers(jnp.array(parameters), 256))
     assert area_and_sides(markers) == pytest.approx(AREA, rel=1e-12)
     assert float(moments(jnp.asarray(markers))[1][0]) == pytest.approx(0, abs=1e-12)
@@ -54,7 +52,7 @@ def test_exact_area_of_any_member_of_the_widest_family(parameters):
 def test_exact_markers_of_names_with_gaps():
     few = Family(aspect=(1, 3), beta5=(-0.1, 0.1))
     assert few.names == ("aspect", "beta5")
-    assert few.form.modes == (5,)
+    assert few.body_class.modes == (5,)
     every = Family(
         **{
             name: (0.5, 1) if name == "aspect" else (-1, 1)
@@ -76,7 +74,7 @@ def test_samples_are_valid_and_inside(family):
     samples = family.sample(jax.random.key(3), 200)
     assert samples.shape == (200, len(family.names))
     assert all(family.contains(np.asarray(sample)) for sample in samples)
-    assert float(jax.vmap(lambda p: opening(p, family.form))(samples).min()) > 0
+    assert float(jax.vmap(family.body_class.min_thickness_ratio)(samples).min()) > 0
     again = family.sample(jax.random.key(3), 200)
     assert np.array_equal(samples, again)
 
@@ -92,7 +90,7 @@ def test_extent_holds_every_member(family):
 
 
 def test_every_parameter_is_described():
-    words = [describe(name) for name in PARAMETERS]
+    words = [parameter.label for parameter in PARAMETERS.values()]
     assert len(set(words)) == len(words)
 
 
@@ -130,8 +128,6 @@ def test_a_family_of_bodies_that_all_cross_themselves_cannot_be_sampled():
 def test_bodies_that_are_none_are_refused(bad):
     with pytest.raises(InvalidInput):
         FAMILY.check(np.array(bad, float))
-    with pytest.raises(InvalidInput):
-        check_body(dict(zip(NAMES, bad, strict=True)))
     with pytest.raises(InvalidInput):
         family_shape(dict(zip(NAMES, bad, strict=True)))
 
@@ -216,7 +212,7 @@ def test_a_spike_that_crosses_is_seen_in_contours_of_any_length(points):
 
 
 def test_exact_mean_thickness_of_a_circle():
-    markers = np.asarray(family_markers(jnp.array([1.0]), Form(("aspect",)), 400))
+    markers = np.asarray(Family(aspect=(1, 2)).outline(jnp.array([1.0]), 400))
     assert mean_thickness(markers) == pytest.approx(0.5, rel=1e-3)
 
 

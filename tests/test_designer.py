@@ -14,7 +14,6 @@ from shapeopt.problem.constraints import margins
 from shapeopt.search import sqp
 from shapeopt.search.propose import propose
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load
-from surrogate.body.measures import chord
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Observation, kriging
 
@@ -189,5 +188,5 @@ def test_a_search_that_does_not_settle_gives_its_best_body_where_that_will_do(mo
     monkeypatch.undo()
     jax.clear_caches()
     best = propose(problem, net.network)
-    assert float(chord(jnp.asarray(rough.parameters), net.scene.family.form)) <= 1.7 + 1e-5
+    assert float(net.scene.family.body_class.length(rough.parameters)) <= 1.7 + 1e-5
     assert best.value < rough.value < 1.2 * best.value

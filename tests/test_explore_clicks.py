@@ -9,8 +9,7 @@ from pages import REYNOLDS, every, surrogate_of, visited
 
 from shapeopt import Problem, optimise
 from shapeopt.render.page.page import reference_body
-from surrogate.body.family import CLEAR_THICKNESS_RATIO
-from surrogate.body.outline import opening
+from surrogate.body.body_class import CLEAR_THICKNESS_RATIO
 
 
 def body_of(name, state):
@@ -48,7 +47,7 @@ def test_least_drag_button_finds_the_optimum(name):
     states, family = visited(name)["states"], surrogate_of(name).scene.family
     body = body_of(name, states["least"])
     assert family.contains(body)
-    assert float(opening(body, family.form)) >= CLEAR_THICKNESS_RATIO - 1e-9
+    assert float(family.body_class.min_thickness_ratio(body)) >= CLEAR_THICKNESS_RATIO - 1e-9
     design = optimise(Problem(surrogate_of(name).scene, REYNOLDS), surrogate_of(name))
     assert drag_at(name, states["least"]) == pytest.approx(design.drag, rel=1e-4)
     assert drag_at(name, states["least"]) < drag_at(name, states["faster"])

@@ -25,7 +25,6 @@ from surrogate import (
     family_shape,
     naca4,
 )
-from surrogate.body.outline import opening
 from surrogate.flow.continuation import solve_markers
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.solver import steady
@@ -192,6 +191,6 @@ def test_nothing_recompiles_for_another_body(compiled):
 @given(BODIES, st.floats(0.5, 45.0))
 def test_robust_any_body_of_the_family_has_a_sane_drag(parameters, reynolds):
     body = np.asarray(parameters)
-    assume(float(opening(body, Family().form)) >= 0.05)
+    assume(float(Family().body_class.min_thickness_ratio(body)) >= 0.05)
     cylinder = 2.0 + 10.0 / reynolds
     assert 0.3 * cylinder < float(Flow(SMALL).drag(body, reynolds)) < 2.5 * cylinder

@@ -14,10 +14,9 @@ from shapeopt.problem.feasible import drawn_bodies
 from shapeopt.problem.objective import conditional_value_at_risk, predicted
 from shapeopt.search import sqp
 from surrogate import Family, Flow, InvalidInput, Scene, load
-from surrogate.body.measures import chord, radii, thickness, thickness_at
 
 FAMILY = Family()
-FORM = FAMILY.form
+BODIES = FAMILY.body_class
 BODY = np.array([2.4, 0.12, -0.05, 0.04])
 
 
@@ -47,14 +46,14 @@ def test_measures_of_an_ellipse():
     """Semi-axes a along and b across: radii b^2/a at the ends, a^2/b at the top."""
     a, b = np.sqrt(3.0) / 2, 1 / (2 * np.sqrt(3.0))
     body = jnp.asarray(FAMILY.ellipse(3.0))
-    nose, tail, side = radii(body, FORM)
+    nose, tail, side = BODIES.radii(body)
     assert [float(nose), float(tail)] == pytest.approx([b**2 / a] * 2)
     assert b**2 / a <= float(side) < 1.01 * b**2 / a
-    flat = radii(jnp.asarray(FAMILY.ellipse(1 / 3)), FORM)  # a and b change places
+    flat = BODIES.radii(jnp.asarray(FAMILY.ellipse(1 / 3)))  # a and b change places
     assert [float(flat.nose), float(flat.side)] == pytest.approx([a**2 / b, b**2 / a])
-    assert float(thickness_at(body, FORM, jnp.asarray(0.2))) == pytest.approx(2 * b * 0.8)
-    assert float(chord(body, FORM)) == pytest.approx(2 * a)
-    assert float(thickness(body, FORM)) == pytest.approx(2 * b)
+    assert float(BODIES.thickness_at(body, jnp.asarray(0.2))) == pytest.approx(2 * b * 0.8)
+    assert float(BODIES.length(body)) == pytest.approx(2 * a)
+    assert float(BODIES.thickness(body)) == pytest.approx(2 * b)
 
 
 def test_measures_of_a_body_agree_with_its_contour():
@@ -63,11 +62,11 @@ def test_measures_of_a_body_agree_with_its_contour():
     upper = y > 0
     order = np.argsort(station[upper])
     there = 2 * np.interp(0.3, station[upper][order], y[upper][order])
-    found = thickness_at(jnp.asarray(BODY), FORM, jnp.asarray(0.3))
+    found = BODIES.thickness_at(jnp.asarray(BODY), jnp.asarray(0.3))
     assert float(found) == pytest.approx(there, 1e-4)
     d = np.gradient
     bend = np.abs(d(x) * d(d(y)) - d(y) * d(d(x))) / (d(x) ** 2 + d(y) ** 2) ** 1.5
-    least = min(map(float, radii(jnp.asarray(BODY), FORM)))
+    least = min(map(float, BODIES.radii(jnp.asarray(BODY))))
     assert least == pytest.approx(1 / bend[3:-3].max(), rel=2e-2)
 
 

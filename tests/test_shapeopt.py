@@ -18,7 +18,6 @@ from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import margins
 from surrogate import Family, Flow, InvalidInput, Scene, Tunnel, load
-from surrogate.body.measures import chord, thickness
 
 
 @pytest.fixture(scope="module")
@@ -57,8 +56,8 @@ def test_constraints_hold_at_the_optimum(pretrained, length, thick):
 def test_measures_of_a_body():
     body = jnp.array([4.0, 0, 0, 0])
     markers = np.asarray(Family().markers(body, 400))
-    assert float(chord(body, Family().form)) == pytest.approx(np.ptp(markers[:, 0]))
-    assert float(thickness(body, Family().form)) == pytest.approx(np.ptp(markers[:, 1]))
+    assert float(Family().body_class.length(body)) == pytest.approx(np.ptp(markers[:, 0]))
+    assert float(Family().body_class.thickness(body)) == pytest.approx(np.ptp(markers[:, 1]))
 
 
 def test_impossible_problems_name_the_constraint(pretrained):
@@ -203,7 +202,7 @@ def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
     assert len(design.parameters) == 8
     assert design.kkt_residual <= 1e-3
     assert design.drag < design.start
-    assert float(chord(design.parameters, Family().form)) <= 1.5 + 1e-6
+    assert float(Family().body_class.length(design.parameters)) <= 1.5 + 1e-6
 
 
 def test_payoff_plot_is_not_blank(tmp_path, capfd):

@@ -17,8 +17,9 @@ from surrogate import (
     Unbounded,
     family_shape,
 )
-from surrogate.flow.check.error_estimate import Forces, estimate_error
-from surrogate.flow.grid.immersed import bspline, offset_correction, retraction
+from surrogate.flow.check.error_estimate import DragAndLift, estimate_error
+from surrogate.flow.grid.immersed import bspline
+from surrogate.flow.grid.retraction import offset_correction, retraction
 
 DRAFT = FIDELITIES["draft"]
 
@@ -63,7 +64,7 @@ def test_exact_extrapolation_of_second_order(cells, extrapolated):
     """None where the coarser grid has few cells."""
 
     def solve(fidelity):
-        return Forces(2 - 20 / fidelity.cells**2, 0.0)
+        return DragAndLift(2 - 20 / fidelity.cells**2, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=cells)
     found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2)
@@ -73,7 +74,7 @@ def test_exact_extrapolation_of_second_order(cells, extrapolated):
 @pytest.mark.parametrize(("reynolds", "order"), [(0.01, 3.0), (40.0, 2.5), (300.0, 2.0)])
 def test_exact_orders_in_space_fall_as_boundary_layers_thin(reynolds, order):
     def solve(fidelity):
-        return Forces(2 - 20 / fidelity.cells**order, 0.0)
+        return DragAndLift(2 - 20 / fidelity.cells**order, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
     found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3)
@@ -94,7 +95,7 @@ def test_thin_boundary_layers_in_space_ask_for_more(reynolds, error, status):
     order = 3 if reynolds == 1 else 2
 
     def solve(fidelity):
-        return Forces(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0)
+        return DragAndLift(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
     assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3).status == status

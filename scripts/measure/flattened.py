@@ -59,7 +59,7 @@ def _mesh(body: Shape, mesh: Elements) -> Any:
     skin = _skin(occ, body)
     for face in skin.faces:
         face.name, face.maxh = "body", mesh.wall
-    length, width, height = body.reach / 2
+    length, width, height = body.extent / 2
     near = box(-length - 1, length + 2, (width + 1, height + 1), mesh.near)
     wake = box(length + 2, mesh.box, (width + 2, height + 2), mesh.wake)
     far = box(-mesh.box, mesh.box, (mesh.box, mesh.box), mesh.box / 6)
@@ -79,7 +79,7 @@ def _mesh(body: Shape, mesh: Elements) -> Any:
 
 def _skin(occ: Any, body: Shape) -> Any:
     """The solid body: its outline turned round the axis, then stretched to its width."""
-    outline, (length, width, height) = np.asarray(body.draw(NODES)), body.reach
+    outline, (length, width, height) = np.asarray(body.draw(NODES)), body.extent
     outline = occ.SplineInterpolation([occ.Pnt(x, r, 0) for x, r in outline], periodic=True)
     upper = occ.MoveTo(-length, 0).Rectangle(2 * length, height).Face()
     half = upper * occ.Face(occ.Wire([outline]))

@@ -30,7 +30,7 @@ def main() -> None:
     scene = Scene(fidelity=FIDELITIES[asked["fidelity"]])
     flow, samples = Flow(scene), training_samples(scene, 0, asked["bodies"])
     devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])
-    partition = partition_bodies(devices, estimated_cost(*samples))
+    partition = partition_bodies(devices, estimated_cost(scene.family, *samples))
     given = devices.share((partition, *map(np.asarray, samples)))
     solve = batch_solver(flow, devices).lower(*given).compile()
     seconds = []

@@ -28,7 +28,9 @@ def measure(tiny: bool, progress: Callable) -> Result:
     """Build the real chain dy/da da/dw on networks of growing width, time both inverses."""
     flow = Flow(Scene(fidelity=TINY if tiny else FIDELITIES["draft"]))
     samples, rows = training_samples(flow.scene, 0, 4 if tiny else 16), []
-    physics, _ = prepare_physics(flow, samples, partition_samples(samples, choose_devices()))
+    physics, _ = prepare_physics(
+        flow, samples, partition_samples(flow.scene.family, samples, choose_devices())
+    )
     sizes, counts = ((1e3,), (8,)) if tiny else ((1e3, 1e4, 1e5, 1e6), (16, 64, 256))
     for k, weights in enumerate(sizes):
         progress(k / len(sizes), f"{weights:g} weights")

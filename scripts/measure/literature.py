@@ -86,7 +86,7 @@ def _lens(where: str, case: Case, why: str) -> Iterator[Line]:
     """Aspect to a quarter, the gain to half a percent of the drag, drags to 5 %."""
     start, found = case.start, case.found
     gain = 100 * (1 - sum(LENS) / sum(CYLINDER))
-    yield line(f"{where}: aspect", float(case.parameters[0]), ASPECT, 0.25, FLAT)
+    yield line(f"{where}: aspect", case.found.shape.parameters["aspect"], ASPECT, 0.25, FLAT)
     yield line(f"{where}: gain, %", case.gain, gain, 0.5, SMALL)
     for name, ours, published, reason in (
         ("cylinder, pressure drag", start.drag_pressure, CYLINDER[0], PRESSURE),

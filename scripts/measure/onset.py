@@ -46,14 +46,14 @@ def measure(tiny: bool, progress: Callable) -> Result:
     for k, body in enumerate(BODIES[-1:] if tiny else BODIES):
         name = ", ".join(f"{key} {value:g}" for key, value in body.items())
         progress(k / len(BODIES), name)
-        reach = family_shape(body, dimension=3).reach
-        limit, onset = float(onset_of_shedding(reach)), None
+        extent = family_shape(body, dimension=3).extent
+        limit, onset = float(onset_of_shedding(extent)), None
         try:
             growth = growth_of(body, COARSE if tiny else MESH)
             onset = critical(growth, limit)
         except (InvalidInput, NotConverged) as reason:
             missing = str(reason)
-        row = {"body": name, "slenderness": reach[0] / max(reach[1:]), "limit": limit}
+        row = {"body": name, "slenderness": extent[0] / max(extent[1:]), "limit": limit}
         rows.append(row | {"onset": onset})
     return {"rows": rows, "missing": missing}
 

@@ -134,7 +134,8 @@ def held_out(count: int) -> list[tuple[dict[str, float], float]]:
     """Bodies of revolution, their aspects and Re spread evenly in the log, betas at random."""
     keys = jax.random.split(jax.random.key(SEED))
     bodies = np.array(REVOLVED.sample(keys[0], count))
-    bodies[:, 0] = np.geomspace(*REVOLVED.bounds[0], count)
+    aspect = REVOLVED.names.index("aspect")
+    bodies[:, aspect] = np.geomspace(*REVOLVED.bounds[aspect], count)
     numbers = jax.random.permutation(keys[1], np.geomspace(*NUMBERS, count))
     return [(REVOLVED.named(body), float(re)) for body, re in zip(bodies, numbers, strict=True)]
 

@@ -89,7 +89,7 @@ def measure(tiny: bool, progress: Callable, count: int, seed: int) -> Result:
     draft, standard, fine = FIDELITIES.values()
     levels = (draft, draft) if tiny else (standard, fine)
     chosen, rows = list(cases(4 if tiny else count, seed)), []
-    chosen = sorted(chosen, key=lambda case: (case.stream, case.shape.reach.round(1).tolist()))
+    chosen = sorted(chosen, key=lambda case: (case.stream, case.shape.extent.round(1).tolist()))
     for k, case in enumerate(chosen):
         progress(k / len(chosen), f"{case.kind}, Re {case.reynolds:.3g}")
         rows.append(compared(case, *levels))
@@ -109,7 +109,7 @@ def compared(
 ) -> dict[str, Any]:
     """What the flow says of itself, and how far it is from the finer one, or what that tends to."""
     row = {"kind": case.kind, "reynolds": case.reynolds, "stream": case.stream}
-    row |= {"parameters": case.shape.parameters, "reach": case.shape.reach}
+    row |= {"parameters": case.shape.parameters, "reach": case.shape.extent}
     at = case.shape, case.reynolds
     try:
         coarse, fine = (

@@ -9,9 +9,8 @@ from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
-from surrogate.body.family import DEFAULT
-from surrogate.body.form import PARAMETERS
-from surrogate.body.outline import ASPECTS, FLATNESSES
+from surrogate.body.parameters import PARAMETERS
+from surrogate.body.plane_body import PlaneBody
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -30,18 +29,16 @@ def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2
 
 def add_family_arguments(parser: Parser) -> None:
     """Add --aspect, --flatness and --beta2 to --beta12, the parameters of a family body."""
-    aspect, flatness = (f"{low:g} to {high:g}" for low, high in (ASPECTS, FLATNESSES))
-    add = parser.add_argument
-    add("--aspect", type=float, help=f"length over thickness of the ellipse, {aspect}")
-    add("--flatness", type=float, help=f"3-D: width over height of the ellipsoid, {flatness} (1)")
-    for name in PARAMETERS[2:]:
-        add(f"--{name}", type=float, help="shape coefficient, -1 to 1 (0)")
+    for name, low, high, neutral, meaning, *_ in PARAMETERS.values():
+        usual = f" ({neutral:g})" if name != "aspect" else ""
+        parser.add_argument(f"--{name}", type=float, help=f"{meaning}, {low:g} to {high:g}{usual}")
 
 
 def family_named(arguments: argparse.Namespace) -> dict[str, float]:
     """The family's parameters by name: those of the default family, and all others given."""
     given = {name: getattr(arguments, name) for name in PARAMETERS}
-    return {n: value or 0.0 for n, value in given.items() if n in DEFAULT[2] or value is not None}
+    usual = PlaneBody.default_ranges
+    return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 
 def add_body_arguments(parser: Parser) -> None:
@@ -69,7 +66,7 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
         return family_shape(family_named(arguments), arguments.incidence, dimension)
     if dimension == 3:
         raise InvalidInput("--dimension 3: goes with --aspect; a contour is 2-D")
-    if any(getattr(arguments, name) for name in PARAMETERS[1:]):
+    if any(getattr(arguments, name) for name in PARAMETERS if name != "aspect"):
         raise InvalidInput("body: --flatness and --beta2 to --beta12 go with --aspect")
     if arguments.contour is None:
         return contour_shape(naca4(arguments.naca), arguments.incidence, arguments.keep_size)

@@ -47,6 +47,9 @@ class Parser(argparse.ArgumentParser):
         raise InvalidInput(message)
 
 
+FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: LOST}
+
+
 def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | None = None) -> int:
     """Run the main function of a command and return the exit status.
 
@@ -57,12 +60,8 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
         use_compilation_cache()
         main(argv)
         return DONE
-    except InvalidInput as error:
-        status, message = BAD_INPUT, str(error)
-    except NotConverged as error:
-        status, message = NOT_CONVERGED, str(error)
-    except ProcessLost as error:
-        status, message = LOST, str(error)
+    except (InvalidInput, NotConverged, ProcessLost) as error:
+        status, message = FAILURES[type(error)], str(error)
     except OSError as error:
         reason = error.strerror or str(error) or "cannot be written"
         status, message = NOT_WRITTEN, f"{error.filename or 'output'}: {reason}"

@@ -66,13 +66,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
         verified = design.verified
         progress(1.0, f"{verified.objective:.4f} verified")
-    try:
-        record = save_run(arguments.out, design, surrogate, arguments.surrogate)
-    except (OSError, InvalidInput):  # the disk is full: print the result, so that it is not lost
-        found = problem.scene.family.named(design.parameters)
-        partial = {"parameters": found, "cd_verified": verified.objective}
-        emit(partial, arguments.json, f"not written: {found}, Cd {verified.objective:.4f} verified")
-        raise
+    record = save_run(arguments.out, design, surrogate, arguments.surrogate)
     hidden = ("scene", "path", "command", "surrogate")
     result = {key: value for key, value in record.items() if key not in hidden}
     return emit(result, arguments.json, _text(record, problem, arguments.out))

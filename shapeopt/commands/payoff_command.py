@@ -159,12 +159,8 @@ def _pictures(
 
 
 def _query(problem: Problem) -> dict[str, float | None]:
-    return {
-        "reynolds": problem.objective.nominal,
-        "max_length": problem.max_length,
-        "min_thickness": problem.min_thickness,
-        "max_thickness": problem.max_thickness,
-    }
+    bounds = ("max_length", "min_thickness", "max_thickness")
+    return {"reynolds": problem.objective.nominal} | {n: getattr(problem, n) for n in bounds}
 
 
 def _parser() -> Parser:

@@ -17,7 +17,6 @@ from shapeopt.commands.arguments import (
     reynolds_numbers,
 )
 from shapeopt.commands.cli import Parser, emit
-from surrogate.body.outline import check_body
 from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
@@ -34,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     surrogate, named = load(arguments.surrogate), family_named(arguments)
     dimension = surrogate.scene.dimension
     reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True, dimension=dimension)
-    check_body(named, dimension)
+    family_shape(named, dimension=dimension)  # refuses what is no body
     parameters = surrogate.scene.family.parameters(named)
     results = [_predict(surrogate, parameters, value) for value in reynolds]
     if arguments.verify:

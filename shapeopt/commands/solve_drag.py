@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady, dimension)
     scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
     for value in reynolds:  # all, before the first is solved
-        check_reynolds(value, arguments.allow_unsteady, dimension, shape.reach)
+        check_reynolds(value, arguments.allow_unsteady, dimension, shape.extent)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
         raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
     flow, results = Flow(scene), []
@@ -72,7 +72,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     row = _row(settled.solution)
     row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
-    turns = bool(shape.reach[0] > 1.01 * min(shape.reach[1:]))
+    turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:]))
     row |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
     result = {"results": [row], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"

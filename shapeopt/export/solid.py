@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.shape import Shape
-from surrogate.body.solid import skin_at
+from surrogate.body.shape import FamilyShape
 
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no display needed
 
@@ -28,7 +27,9 @@ def outline(markers: Markers, height: float = 0.0) -> pv.PolyData:
     return pv.lines_from_points(points, close=True)
 
 
-def skin_mesh(shape: Shape, rings: int = 96, azimuths: int = 96) -> tuple[pv.PolyData, np.ndarray]:
+def skin_mesh(
+    shape: FamilyShape, rings: int = 96, azimuths: int = 96
+) -> tuple[pv.PolyData, np.ndarray]:
     """The surface of a 3-D body as a closed mesh of triangles with outward normals.
 
     Returns:
@@ -38,7 +39,7 @@ def skin_mesh(shape: Shape, rings: int = 96, azimuths: int = 96) -> tuple[pv.Pol
     around = 2 * np.pi * np.arange(azimuths) / azimuths
     mu, phi = (grid.ravel() for grid in np.meshgrid(np.cos(t), around, indexing="ij"))
     mu, phi = np.concatenate([[1.0], mu, [-1.0]]), np.concatenate([[0.0], phi, [0.0]])
-    points, areas = map(np.asarray, skin_at(shape.values, shape.form, mu, phi))
+    points, areas = map(np.asarray, shape.body_class.skin_at(shape.values, mu, phi))
     ring = 1 + np.arange((rings - 1) * azimuths).reshape(rings - 1, azimuths)
     here, there = ring, np.roll(ring, -1, axis=1)
     nose, tail = np.zeros(azimuths, int), np.full(azimuths, len(points) - 1)

@@ -14,7 +14,6 @@ from shapeopt.problem.constraints import margins, satisfied
 from shapeopt.problem.feasible import drawn_bodies, feasible_bodies, repaired_bodies
 from shapeopt.problem.problem import Problem
 from surrogate.arrays import AnyArray
-from surrogate.body.measures import chord, radii, thickness, thickness_at
 from surrogate.errors import InvalidInput
 
 
@@ -62,17 +61,17 @@ class _Asked(NamedTuple):
 
 
 def _asked(problem):
-    form = problem.scene.family.form
+    body = problem.scene.family.body_class
     every = "every body of the family is"
     thin, long, thick = f"{every} thinner", f"{every} longer than", f"{every} thicker than"
     bounds = (
-        ("max_length", "max length", lambda p: chord(p, form), long),
-        ("min_thickness", "min thickness", lambda p: thickness(p, form), f"{thin} than"),
-        ("max_thickness", "max thickness", lambda p: thickness(p, form), thick),
+        ("max_length", "max length", body.length, long),
+        ("min_thickness", "min thickness", body.thickness, f"{thin} than"),
+        ("max_thickness", "max thickness", body.thickness, thick),
         (
             "min_radius",
             "min radius",
-            lambda p: jnp.min(jnp.stack(radii(p, form))),
+            lambda p: jnp.min(jnp.stack(body.radii(p))),
             "every body of the family has somewhere a radius below",
         ),
     )
@@ -85,7 +84,7 @@ def _asked(problem):
         _Asked(
             f"thickness {station.thickness:g} at {station.x:g} c",
             functools.partial(_drop_station, station),
-            lambda body, x=station.x: thickness_at(body, form, jnp.asarray(x)),
+            lambda p, x=station.x: body.thickness_at(p, jnp.asarray(x)),
             f"{thin} there than",
         )
         for station in problem.stations

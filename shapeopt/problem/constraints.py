@@ -8,10 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Number
-from surrogate.body.family import CLEAR_THICKNESS_RATIO
-from surrogate.body.form import Form
-from surrogate.body.measures import chord, least, radii, thickness, thickness_at, thicknesses
-from surrogate.body.outline import opening
+from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass
+from surrogate.body.measures import least
 
 
 class Station(NamedTuple):
@@ -36,7 +34,7 @@ class Limits(eqx.Module):
     max_thickness: Float[AnyArray, " bounds"]
     stations: Float[AnyArray, "stations 2"]
     min_radius: Float[AnyArray, ""]
-    form: Form = eqx.field(static=True)
+    body_class: BodyClass = eqx.field(static=True)
 
     @property
     def width(self) -> Float[AnyArray, " parameters"]:
@@ -49,17 +47,19 @@ def margins(
     parameters: Float[AnyArray, " parameters"], limits: Limits
 ) -> Float[AnyArray, " constraints"]:
     """Every constraint as a number that must not be negative; the ranges are not among them."""
-    form = limits.form
-    min_thickness_ratios = jax.vmap(lambda shift: opening(parameters + shift, form))(limits.shift)
-    stations = jax.vmap(lambda s: thickness_at(parameters, form, s[0]) - s[1])(limits.stations)
+    body = limits.body_class
+    min_thickness_ratios = jax.vmap(lambda shift: body.min_thickness_ratio(parameters + shift))(
+        limits.shift
+    )
+    stations = jax.vmap(lambda s: body.thickness_at(parameters, s[0]) - s[1])(limits.stations)
     return jnp.concatenate(
         [
             least(min_thickness_ratios)[None] - CLEAR_THICKNESS_RATIO,
-            jnp.stack([limits.max_length - chord(parameters, form)]),
-            jnp.stack([thickness(parameters, form) - limits.min_thickness]),
+            jnp.stack([limits.max_length - body.length(parameters)]),
+            jnp.stack([body.thickness(parameters) - limits.min_thickness]),
             stations,
-            (limits.max_thickness[:, None] - thicknesses(parameters, form)).ravel(),
-            jnp.stack(radii(parameters, form)) - limits.min_radius,
+            (limits.max_thickness[:, None] - body.thicknesses(parameters)).ravel(),
+            jnp.stack(body.radii(parameters)) - limits.min_radius,
         ]
     )
 

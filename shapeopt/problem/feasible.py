@@ -33,9 +33,8 @@ def feasible_bodies(limits: Limits) -> Float[AnyArray, "bodies parameters"]:
 
 def drawn_bodies(limits: Limits) -> Float[AnyArray, "bodies parameters"]:
     """The same draws for every problem, in its own ranges: ellipses, then uniform."""
-    ellipses = np.repeat(limits.low[None], ELLIPSES, axis=0)
-    ellipses[:, 0] = np.linspace(limits.low[0], limits.high[0], ELLIPSES)
-    ellipses[:, 1:] = np.clip(0.0, limits.low[1:], limits.high[1:])
+    aspects = np.linspace(*map(limits.body_class.aspect, (limits.low, limits.high)), ELLIPSES)
+    ellipses = [np.clip(limits.body_class.ellipse(a), limits.low, limits.high) for a in aspects]
     draws = _draws(len(limits.low))
     return np.concatenate([ellipses, limits.low + (limits.high - limits.low) * draws])
 

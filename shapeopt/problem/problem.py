@@ -88,7 +88,7 @@ class Problem:
             np.asarray(bounds, float),
             np.array(self.stations, float).reshape(-1, 2),
             np.asarray(self.min_radius or 0.0),
-            self.scene.family.form,
+            self.scene.family.body_class,
         )
 
     def _ranges(self):

@@ -153,7 +153,7 @@ def _solved_mesh(panel: Panel) -> pv.ImageData:
     return flow_mesh(solution.domain.lattice.unfolded, solution.velocity, refined=3)
 
 
-def _streamlines(field: pv.UnstructuredGrid, markers: np.ndarray) -> list[pv.PolyData]:
+def _streamlines(field: pv.UnstructuredGrid, markers: AnyArray) -> list[pv.PolyData]:
     """Streamlines every 0.09 U D, and four in the recirculating eddies of the wake."""
     outer = 0.09 * (np.arange(-60, 60) + 0.5)
     x, y, _ = field.points.T

@@ -1,6 +1,7 @@
-"""One body to be solved, whatever it came from: a function that draws its contour."""
+"""One body to be solved, whatever it came from."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 
 import jax
@@ -9,95 +10,112 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.body_class import BodyClass
 from surrogate.body.contour import smooth_contour
-from surrogate.body.form import PARAMETERS, Form, check_dimension
-from surrogate.body.outline import check_body, family_markers
-from surrogate.body.solid import Skin, half_axes, skin
+from surrogate.body.incidence import check_incidence, rotate
+from surrogate.body.registry import body_class
+from surrogate.body.skin import Skin
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 
-NODES = 400  # of the contour that a reach is measured on
+NODES = 400  # of the contour that an extent is measured on
 
 
 @dataclasses.dataclass(frozen=True)
 class Shape:
-    """A body as a function from a number of nodes to its contour, at incidence and in place.
+    """A 2-D body given by a function from a number of nodes to its contour, at incidence.
 
-    In space the contour is the body's outline seen from the side. ``symmetric`` about the x axis.
-    ``parameters`` are those of a family body, by name; its gradient can be had where it is
-    symmetric.
+    ``symmetric`` says whether the body is symmetric about the x axis. ``parameters`` are those of a
+    family body by name, None for other bodies.
     """
 
     draw: Callable[[int], np.ndarray]
     symmetric: bool
     parameters: Mapping[str, float] | None = None
-    dimension: int = 2
 
     @property
-    def form(self) -> Form:
-        """What the numbers of a family body mean."""
-        return Form(tuple(self.parameters), self.dimension)
+    def dimension(self) -> int:
+        return 2
+
+    def markers(self, nodes: int) -> Float[AnyArray, "nodes 2"] | Skin:
+        """Surface as the flow solver takes it: the contour."""
+        return jnp.asarray(self.draw(nodes))
+
+    @functools.cached_property
+    def extent(self) -> Float[np.ndarray, " axes"]:
+        """Sides in D of a box, centred at the origin, that holds the body."""
+        return 2 * np.abs(self.draw(NODES)).max(axis=0)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FamilyShape(Shape):
+    """A body of a family, in 2-D or 3-D; ``draw`` gives its contour in the side view.
+
+    The drag's gradient in the parameters can be had if the body is symmetric.
+    """
+
+    parameters: Mapping[str, float]
+    body_class: BodyClass
+    incidence: float = 0.0
 
     @property
-    def values(self) -> Float[AnyArray, " parameters"]:
-        """The parameters of a family body as an array."""
+    def values(self) -> Float[np.ndarray, " parameters"]:
+        """The parameters as an array."""
         return np.array(list(self.parameters.values()))
 
-    def markers(self, nodes: int | tuple[int, int]) -> Float[AnyArray, "nodes 2"] | Skin:
-        """What a flow takes: the contour, in space the skin."""
-        if self.dimension == 2:
-            return jnp.asarray(self.draw(nodes))
-        return _skinned(self.values, self.form, nodes)
-
     @property
-    def reach(self) -> Float[np.ndarray, " axes"]:
-        """Sides in D of a box, centred on the origin, that holds the body."""
-        sides = 2 * np.abs(self.draw(NODES)).max(axis=0)
-        if self.dimension == 2:
-            return sides
-        _, width, height = half_axes(jnp.asarray(self.values), self.form)
-        return np.array([sides[0], sides[1] * float(width / height), sides[1]])
+    def dimension(self) -> int:
+        return self.body_class.dimension
+
+    def markers(self, nodes: int | tuple[int, int]) -> Float[AnyArray, "nodes 2"] | Skin:
+        """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
+        return self.body_class.rotated(
+            _markers(self.body_class, self.values, nodes), self.incidence
+        )
+
+    @functools.cached_property
+    def extent(self) -> Float[np.ndarray, " axes"]:
+        return self.body_class.extent(self.values, self.draw(NODES))
 
 
 def family_shape(
     parameters: Mapping[str, float], incidence: float = 0.0, dimension: int = 2
-) -> Shape:
-    """A body of the family by the names of its parameters, ``aspect`` first, nose up in degrees.
+) -> FamilyShape:
+    """Return the body with these parameters by name, ``aspect`` among them.
 
-    In space without incidence.
+    Args:
+      parameters: those that are not named are neutral: sine modes 0, flatness 1.
+      incidence: in degrees, nose up; in 3-D 0.
+      dimension: 2 or 3.
 
     Raises:
-      InvalidInput: the parameters describe no body, or the incidence is none.
+      InvalidInput: the parameters describe no body, or it cannot have this incidence.
     """
     expect("body", parameters, Mapping, "table of parameters, as {'aspect': 2}")
-    if "aspect" not in parameters or (foreign := set(parameters) - set(PARAMETERS)):
-        told = f"no parameter {foreign.pop()!r}" if "aspect" in parameters else "has no aspect"
-        raise InvalidInput(f"body: {told}; {', '.join(PARAMETERS)}")
-    named = {name: finite_number(name, value) for name, value in parameters.items()}
-    named = {name: named[name] for name in PARAMETERS if name in named}
-    dimension = check_dimension(dimension)
-    check_body(named, dimension)
-    turn = _incidence(incidence)
-    if turn and dimension == 3:
-        raise InvalidInput("incidence: bodies in space have none; their mirror planes lie along x")
-    values, form = jnp.array(list(named.values())), Form(tuple(named), dimension)
+    kind = body_class(parameters, dimension)
+    if "aspect" not in parameters:
+        raise InvalidInput(f"body: has no aspect; {', '.join(kind.available)}")
+    named = {name: finite_number(name, parameters[name]) for name in kind.names}
+    values = np.array(list(named.values()))
+    kind.check(values)
+    turn = kind.check_incidence(incidence)
 
     def draw(nodes):
-        return np.asarray(rotate(_drawn(values, form, nodes), turn))
+        return np.asarray(rotate(_outline(kind, values, nodes), turn))
 
-    return Shape(draw, turn == 0, named, dimension)
+    return FamilyShape(draw, turn == 0, parameters=named, body_class=kind, incidence=turn)
 
 
 def contour_shape(
     points: Float[AnyArray, "points 2"], incidence: float = 0.0, keep_size: bool = False
 ) -> Shape:
-    """A body by its contour, smoothed, scaled to area pi/4 unless its size is kept.
+    """Return the 2-D body with this contour, smoothed, scaled to area pi/4 unless its size is kept.
 
     Raises:
-      InvalidInput: as ``smooth_contour``, or the incidence is none.
+      InvalidInput: as ``smooth_contour``, or the incidence is not from -180 to 180 degrees.
     """
     smooth_contour(points, 200, keep_size)
-    turn = _incidence(incidence)
+    turn = check_incidence(incidence)
 
     def draw(nodes):
         return np.asarray(rotate(smooth_contour(points, nodes, keep_size), turn))
@@ -105,19 +123,11 @@ def contour_shape(
     return Shape(draw, symmetric=False)
 
 
-def rotate(markers: Float[AnyArray, "nodes 2"], degrees: float) -> Float[AnyArray, "nodes 2"]:
-    """Nose-up rotation about the origin: the angle of incidence in a stream along +x."""
-    angle = np.deg2rad(degrees)
-    c, s = np.cos(angle), np.sin(angle)
-    return markers @ np.array([[c, -s], [s, c]])
+@functools.partial(jax.jit, static_argnums=(0, 2))
+def _outline(kind, values, nodes):
+    return kind.outline(values, nodes)
 
 
-_drawn = jax.jit(family_markers, static_argnames=("form", "nodes"))
-_skinned = jax.jit(skin, static_argnames=("form", "nodes"))
-
-
-def _incidence(degrees):
-    degrees = finite_number("incidence", degrees)
-    if not abs(degrees) <= 180:
-        raise InvalidInput(f"incidence {degrees:g}: from -180 to 180 degrees")
-    return degrees
+@functools.partial(jax.jit, static_argnums=(0, 2))
+def _markers(kind, values, nodes):
+    return kind.markers(values, nodes)

@@ -1,5 +1,6 @@
-"""The steady flow around a body, solved by ``Flow`` (flow.py); the rooms are its parts.
+"""The steady flow past a body, solved by ``Flow`` (flow.py); the notes are in README.md.
 
-grid: where the unknowns live and what they answer; solver: Krylov, Newton, tangents;
-loads: forces and pressures on the body; check: estimated error, and a march in time.
+grid: the discrete problem in 2-D and 3-D; solver: GMRES, Newton, adjoints; loads.py: drag, lift and
+moment as functionals; surface: pressure and friction on the wall; check: the estimated error, and
+a march in time.
 """

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.body.family import Family
 from surrogate.devices import Devices, Partition
 from surrogate.flow.derivatives import DragGradient, drag_and_gradient
 from surrogate.flow.discrete import DiscreteBodies
@@ -30,10 +31,12 @@ class FlowBatch(NamedTuple):
 
 
 def estimated_cost(
-    parameters: Float[AnyArray, "bodies parameters"], reynolds: Float[AnyArray, " bodies"]
+    family: Family,
+    parameters: Float[AnyArray, "bodies parameters"],
+    reynolds: Float[AnyArray, " bodies"],
 ) -> Float[np.ndarray, " bodies"]:
     """Return what the work of flows increases with, the Reynolds number of the thickness."""
-    return np.asarray(reynolds) / np.sqrt(np.asarray(parameters)[:, 0])
+    return np.asarray(reynolds) / np.sqrt(family.body_class.aspect(np.asarray(parameters)))
 
 
 @functools.cache

@@ -10,12 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.form import Form
+from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import mean_thickness
-from surrogate.body.outline import family_markers
-from surrogate.body.solid import skin
 from surrogate.errors import InvalidInput
-from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.adjoint import BodyQuery
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
@@ -25,10 +23,18 @@ OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
 
 
 class Coverage(NamedTuple):
-    """Largest |x|, |y|, ... of bodies in D, and whether the grid holds and resolves them."""
+    """How a grid covers bodies.
+
+    Attributes:
+      half_extent: largest |x|, |y|, ... in D.
+      fits: whether the grid's box holds the body.
+      cells: cells across the mean thickness.
+      resolved: whether these are enough.
+    """
 
     half_extent: Float[AnyArray, "*bodies axes"]
     fits: Bool[AnyArray, "*bodies"]
+    cells: Float[AnyArray, "*bodies"]
     resolved: Bool[AnyArray, "*bodies"]
 
 
@@ -37,13 +43,12 @@ class DiscreteBodies:
     """Bodies given by parameters on one grid; hashable, so a static argument of jit."""
 
     domain: Domain
-    body_class: Form
+    body_class: BodyClass
     settings: NewtonSettings
 
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
         """Return a body's surface markers: its contour in 2-D, a quarter of its skin in 3-D."""
-        draw = skin if self.body_class.dimension == 3 else family_markers
-        return draw(parameters, self.body_class, self.domain.nodes)
+        return self.body_class.markers(parameters, self.domain.nodes)
 
     def assemble(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
@@ -64,11 +69,11 @@ class DiscreteBodies:
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
         """Return whether a body fits the box of the grid and is resolved by its cells."""
         half_extent = jnp.abs(jax.tree.leaves(self.markers(parameters))[0]).max(axis=0)
-        outline = family_markers(parameters, self.body_class, OUTLINE_NODES)
+        outline = self.body_class.outline(parameters, OUTLINE_NODES)
         thinnest = jnp.stack([1.0, half_extent[1:].min() / half_extent[-1]])
         cells = mean_thickness(thinnest * outline) / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
-        return Coverage(half_extent, fits, cells >= self.domain.MIN_THICKNESS)
+        return Coverage(half_extent, fits, cells, cells >= self.domain.MIN_THICKNESS)
 
     def check(self, parameters: Float[np.ndarray, "bodies parameters"]) -> Coverage:
         """Return the coverage of many bodies, all of which the grid must cover.
@@ -80,11 +85,9 @@ class DiscreteBodies:
         found = jax.tree.map(lambda part: part[: len(parameters)], found)
         if not np.all(found.fits):
             raise InvalidInput("body: is larger than those that the scene's grid was made for")
-        if thin := int(np.sum(~found.resolved)):
-            which = "its mean thickness" if len(parameters) == 1 else f"{thin} mean thicknesses"
+        if not np.all(found.resolved):
             raise InvalidInput(
-                f"body: {which} below {self.domain.MIN_THICKNESS:g} cells of the scene's grid; a "
-                "finer fidelity or a smaller aspect would do"
+                too_thin(found.cells.min(), self.domain.MIN_THICKNESS, self.domain.lattice.step[0])
             )
         return found
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Body, Number
-from surrogate.body.outline import MIN_THICKNESS_RATIO, opening
+from surrogate.body.body_class import MIN_THICKNESS_RATIO
 from surrogate.body.shape import Shape, family_shape
 from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices, partition_bodies
@@ -73,7 +73,7 @@ class Flow:
     @functools.cached_property
     def bodies(self) -> DiscreteBodies:
         """What compiled programs depend on: the domain, the class of bodies, the settings."""
-        return DiscreteBodies(self.domain, self.scene.family.form, self.settings)
+        return DiscreteBodies(self.domain, self.scene.family.body_class, self.settings)
 
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
         """Return the surface markers of a family body on the scene's grid, in D."""
@@ -174,7 +174,7 @@ class Flow:
         """
         if isinstance(body, Shape):
             self._check_dimension(body)
-            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.reach)
+            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
             shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
@@ -189,7 +189,7 @@ class Flow:
         force = {name: float(value) for name, value in force._asdict().items()}
         slopes = None
         if gradient:
-            bodies = DiscreteBodies(domain, shape.form, self.settings)
+            bodies = DiscreteBodies(domain, shape.body_class, self.settings)
             slopes = named_gradient(bodies, shape.values, reynolds, found.state)
         error = ErrorEstimate()
         if estimate:
@@ -216,7 +216,9 @@ class Flow:
             self._check_reynolds(extreme, True)
         self.bodies.check(parameters)
         devices = devices or choose_devices()
-        partition = partition_bodies(devices, estimated_cost(parameters, reynolds))
+        partition = partition_bodies(
+            devices, estimated_cost(self.scene.family, parameters, reynolds)
+        )
         solve = batch_solver(self.bodies, devices, gradients)
         found = solve(*devices.share((partition, parameters, reynolds)))
         return jax.tree.map(np.asarray, found)
@@ -228,7 +230,7 @@ class Flow:
             cl = lift(domain.modes, found.state.amplitude, shape.markers(domain.nodes))
             return DragAndLift(found.drag, float(cl))
 
-        height = float(shape.reach[1:].max())
+        height = float(shape.extent[1:].max())
         return estimate_error(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
 
     def _fitted(self, shape, fidelity, reynolds):
@@ -245,7 +247,7 @@ class Flow:
         found = self.bodies.coverage(parameters)
         onset = jnp.inf if allow_unsteady else onset_of_shedding(found.half_extent)
         lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
-        closed = opening(parameters, self.scene.family.form) >= MIN_THICKNESS_RATIO
+        closed = self.scene.family.body_class.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO
         steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
         return closed & found.fits & found.resolved & (reynolds >= lowest) & steady
 

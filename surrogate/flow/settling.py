@@ -99,7 +99,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     goal = math.log(4 / 3 * particle.archimedes)
     re = math.exp(brentq(lambda log_re: _log_sphere_thrust(log_re) - goal, *LOG_RE))
     slope = (_log_sphere_thrust(math.log(1.01 * re)) - goal) / math.log(1.01)
-    slowest, fastest = RANGE[0], float(onset_of_shedding(shape.reach))
+    slowest, fastest = RANGE[0], float(onset_of_shedding(shape.extent))
     before = None
     for flows in range(1, MAX_FLOWS + 1):
         re = min(re, fastest)

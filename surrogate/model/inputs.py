@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.form import Form
+from surrogate.body.body_class import BodyClass
 from surrogate.scene.scene import Scene
 
 
@@ -16,19 +16,19 @@ class Inputs(eqx.Module):
 
     low: Float[AnyArray, " inputs"]
     high: Float[AnyArray, " inputs"]
-    form: Form = eqx.field(static=True)
+    body_class: BodyClass = eqx.field(static=True)
 
     def __call__(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, " inputs"]:
         """The coordinates of a body at a Reynolds number."""
         low, width = jax.lax.stop_gradient((self.low, self._width))
-        values = jnp.append(self.form.smooth(parameters), jnp.log(reynolds))
+        values = jnp.append(self.body_class.smooth(parameters), jnp.log(reynolds))
         return 2 * (values - low) / width - 1
 
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
         """d(parameters, log Re) / d(coordinates), by which slopes change units."""
-        bent = jax.jvp(self.form.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
+        bent = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
         return jax.lax.stop_gradient(self._width) / 2 / jnp.append(bent, 1.0)
 
     @property
@@ -40,8 +40,8 @@ def scene_inputs(scene: Scene) -> Inputs:
     """The coordinates of a scene's bodies and Reynolds numbers."""
     low, high = scene.family.bounds.T
     ends = zip((low, high), scene.reynolds, strict=True)
-    form = scene.family.form
-    return Inputs(*(jnp.append(form.smooth(p), np.log(re)) for p, re in ends), form)
+    body_class = scene.family.body_class
+    return Inputs(*(jnp.append(body_class.smooth(p), np.log(re)) for p, re in ends), body_class)
 
 
 def quadratic(z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:

@@ -109,12 +109,15 @@ def make_network(
 
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> DragNetwork:
     """Random layers from a scene's inputs to its traction modes, scales of nought."""
-    form, outputs = scene.family.form, traction_modes(scene.family, scene.fidelity).count
-    sizes = (len(form.names) + 1, *hidden, outputs)
+    body_class, outputs = (
+        scene.family.body_class,
+        traction_modes(scene.family, scene.fidelity).count,
+    )
+    sizes = (len(body_class.names) + 1, *hidden, outputs)
     layers = tuple(
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
     count, modes = sizes[0], jnp.zeros(sizes[-1])
-    inputs = Inputs(jnp.zeros(count), jnp.zeros(count), form)
+    inputs = Inputs(jnp.zeros(count), jnp.zeros(count), body_class)
     return DragNetwork(layers, jnp.zeros((count + 1) * (count + 2) // 2), inputs, modes, modes)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import Body, Number
-from surrogate.body.outline import MIN_THICKNESS_RATIO, opening
+from surrogate.body.body_class import MIN_THICKNESS_RATIO
 from surrogate.checks import finite_number, one_body, traced
 from surrogate.errors import InvalidInput
 from surrogate.model.network import DragNetwork
@@ -57,7 +57,8 @@ class Surrogate:
         values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
         inside = jnp.maximum(low - values, values - high) <= SLACK * (high - low + 1)
         known = jnp.all(inside) | bool(extrapolate)
-        known &= opening(values[:-1], self.scene.family.form) >= MIN_THICKNESS_RATIO
+        thickness_ratio = self.scene.family.body_class.min_thickness_ratio(values[:-1])
+        known &= thickness_ratio >= MIN_THICKNESS_RATIO
         return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
 
     def knows(self, parameters: Body, reynolds: Number) -> bool:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from surrogate.body.family import Family
-from surrogate.body.form import check_dimension
+from surrogate.body.registry import check_dimension
 from surrogate.checks import interval, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file

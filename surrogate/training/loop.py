@@ -100,7 +100,9 @@ def make_setup(plan: Plan, devices: Devices | None = None) -> TrainingSetup:
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
     devices = devices or choose_devices()
     labels = flow.labels(*held_out, devices)
-    samples, partition = devices.share((samples, partition_samples(samples, devices)))
+    samples, partition = devices.share(
+        (samples, partition_samples(plan.scene.family, samples, devices))
+    )
     start = time.perf_counter()
     prepare = prepare_physics.lower(flow, samples, partition).compile(devices.options)
     compiled = time.perf_counter()

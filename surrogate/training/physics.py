@@ -7,6 +7,7 @@ import jax
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.family import Family
 from surrogate.devices import Devices, Partition, Sharded, partition_bodies
 from surrogate.flow.batch import estimated_cost
 from surrogate.flow.flow import Flow
@@ -52,9 +53,9 @@ class Physics(eqx.Module):
         return 0 if isinstance(self.operators.rows, Operators) else self.domain.assembly_cost
 
 
-def partition_samples(samples: Samples, devices: Devices) -> Partition:
+def partition_samples(family: Family, samples: Samples, devices: Devices) -> Partition:
     """Which device owns which sample."""
-    return partition_bodies(devices, estimated_cost(*samples))
+    return partition_bodies(devices, estimated_cost(family, *samples))
 
 
 @functools.partial(jax.jit, static_argnames="flow")

@@ -36,7 +36,7 @@ def training_samples(scene: Scene, seed: int, count: int) -> Samples:
     rows = np.empty((0, low.size))
     while len(rows) < count:
         drawn = low + (high - low) * sequence.random(max(2 ** count.bit_length(), LEAST_DRAWN))
-        rows = np.concatenate([rows, drawn[scene.family.opened(drawn[:, :-1])]])
+        rows = np.concatenate([rows, drawn[scene.family.clear(drawn[:, :-1])]])
     return Samples(jnp.asarray(rows[:count, :-1]), jnp.exp(jnp.asarray(rows[:count, -1])))
 
 

@@ -16,8 +16,9 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.family import CLEAR_THICKNESS_RATIO, Family, describe
-from surrogate.body.outline import MIN_THICKNESS_RATIO
+from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
+from surrogate.body.family import Family
+from surrogate.body.parameters import PARAMETERS
 from surrogate.files import JsonObject, whole_file
 from surrogate.model.network import REACH
 from surrogate.model.surrogate import Surrogate
@@ -69,8 +70,8 @@ def page_data(surrogate: Surrogate) -> JsonObject:
         "low": np.asarray(network.inputs.low).tolist(),
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
-        "modes": list(family.form.modes),
-        "ratios": family.form.ratios,
+        "modes": list(family.body_class.modes),
+        "ratios": family.body_class.ratios,
         "dimension": family.dimension,
         "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),
@@ -88,16 +89,17 @@ def reference_body(family: Family) -> Float[AnyArray, " parameters"]:
 def reference_name(family: Family) -> str:
     """The name of the reference body in the page's text."""
     body = reference_body(family)
-    ellipse = family.ellipse(float(body[0]))
-    if np.any(body != ellipse):
+    aspect = float(family.body_class.aspect(body))
+    if np.any(body != family.ellipse(aspect)):
         return "roundest body"
-    return family.round_body if body[0] == 1 else f"{body[0]:g}:1 ellipse"
+    return family.round_body if aspect == 1 else f"{aspect:g}:1 ellipse"
 
 
 def _frame(family: Family) -> dict[str, str]:
     """SVG attributes: the view box, and the path of three arrows of the stream at its left."""
     length, height = family.extent[0], max(family.extent[1:])
-    height = min(height, TALLEST / math.sqrt(family.bounds[0, 0]))  # taller ones mostly cross
+    least = float(family.body_class.aspect(family.bounds.T)[0])
+    height = min(height, TALLEST / math.sqrt(least))  # taller ones mostly cross
     left, top = -length / 2 - 0.55, -height / 2 - 0.12
     dart = "h.3m-.08 -.05l.08 .05l-.08 .05"
     return {
@@ -145,9 +147,10 @@ def _sliders(surrogate: Surrogate) -> Iterator[str]:
     family = surrogate.scene.family
     low, high = (math.log(value) for value in surrogate.scene.reynolds)
     yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, math.exp)
-    start = np.clip(family.ellipse(START * reference_body(family)[0]), *family.bounds.T)
+    aspect = START * float(family.body_class.aspect(reference_body(family)))
+    start = np.clip(family.ellipse(aspect), *family.bounds.T)
     for (name, (low, high)), value in zip(family.ranges, start, strict=True):
-        yield _slider(name, describe(name), low, high, value)
+        yield _slider(name, PARAMETERS[name].label, low, high, value)
 
 
 def _slider(

@@ -1,14 +1,12 @@
 """Which discrete problem a scene or a single body is solved on."""
 
-import math
-
 import numpy as np
 
 from surrogate.body.family import Family
 from surrogate.body.measures import mean_thickness
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
-from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.grid.domain_3d import Domain3D
 from surrogate.flow.grid.modes_2d import Modes2D
@@ -28,19 +26,19 @@ def scene_domain(scene: Scene) -> Domain:
     """Return the domain that holds every body of a scene, and the round one, at every Re of it.
 
     Raises:
-      InvalidInput: the longest or tallest bodies do not fit the window or the tunnel.
+      InvalidInput: the longest or tallest bodies do not fit the domain or the tunnel.
     """
     check_stream(scene.stream, scene.reaching, np.array(scene.extent), SCENE_CLEARANCE)
     return DOMAINS[scene.dimension].of_scene(scene)
 
 
 def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
-    """Return a domain for one body, its window as long as the wake at this Re needs.
+    """Return a domain for one body, as long as the wake at this Re needs.
 
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
-    kind, extent = DOMAINS[shape.dimension], shape.reach
+    kind, extent = DOMAINS[shape.dimension], shape.extent
     check_resolution(kind, fidelity, shape)
     fidelity = fidelity.reaching(reynolds, float(extent[1:].max()))
     rounded = np.ceil(extent * ROUNDING) / ROUNDING
@@ -55,12 +53,8 @@ def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:
 
 def check_resolution(kind: type[Domain], fidelity: Fidelity, shape: Shape) -> None:
     """Raise InvalidInput where a body's mean thickness has too few cells to be resolved."""
-    extent = shape.reach
+    extent = shape.extent
     thinnest_view = np.array([1.0, extent[1:].min() / extent[-1]]) * shape.draw(OUTLINE_NODES)
     cells = fidelity.cells * float(mean_thickness(thinnest_view))
     if cells < kind.MIN_THICKNESS:
-        needed = math.ceil(fidelity.cells * kind.MIN_THICKNESS / cells)
-        raise InvalidInput(
-            f"body: its mean thickness is {math.floor(100 * cells) / 100:g} cells and at least "
-            f"{kind.MIN_THICKNESS:g} are needed; {needed} cells per D would resolve it"
-        )
+        raise InvalidInput(too_thin(cells, kind.MIN_THICKNESS, 1 / fidelity.cells))

@@ -101,6 +101,14 @@ class Domain(abc.ABC):
         return jax.numpy.stack([amplitude[0], lift])
 
 
+def too_thin(cells: float, needed: float, step: float) -> str:
+    """Return the message for a body whose mean thickness has too few cells of size ``step``."""
+    return (
+        f"body: its mean thickness is {math.floor(100 * cells) / 100:g} cells and at least "
+        f"{needed:g} are needed; {math.ceil(needed / cells / step)} cells per D would resolve it"
+    )
+
+
 def box_around(extent: tuple[float, ...], cells: int) -> tuple[int, ...]:
     """Return the cells of a box around a body of ``extent`` D, the splines' support included."""
     return tuple(2 * math.ceil(side / 2 * cells + SPLINE_CELLS) for side in extent)

@@ -1,4 +1,4 @@
-"""The discrete problem in 2-D: a window of an unbounded stream or of a tunnel."""
+"""The discrete problem in 2-D: an unbounded stream, or a tunnel with slip walls."""
 
 import dataclasses
 import math
@@ -60,11 +60,11 @@ class Domain2D(Domain):
         """
         cells, height = fidelity.cells, stream.height if isinstance(stream, Tunnel) else None
         width = window_height(stream, fidelity.height)
-        # With slip walls and a body off the centre line the flow's period is 2 H, so a window
+        # With slip walls and a body off the centre line the flow's period is 2 H, so a grid
         # from wall to wall is periodic only for symmetric flows.
         spans = symmetric and height is not None
 
-        def window(before, after, across, per_d):
+        def grid(before, after, across, per_d):
             step = 1 / per_d
             if height is not None:  # a whole, even number of rows from wall to wall
                 step = height / (2 * round(height * per_d / 2))
@@ -77,11 +77,11 @@ class Domain2D(Domain):
                 symmetric=symmetric,
             )
 
-        lattice = window(fidelity.upstream, fidelity.downstream, width, cells)
+        lattice = grid(fidelity.upstream, fidelity.downstream, width, cells)
         largest = FAR_LEVELS[0][1]
         levels = FAR_LEVELS if height is None or height > largest else FAR_LEVELS[:1]
         far = tuple(
-            window(size // 3, size - size // 3, min(size, height or size), per_d)
+            grid(size // 3, size - size // 3, min(size, height or size), per_d)
             for per_d, size in levels
         )
         box = box_around(extent, cells)

@@ -1,4 +1,4 @@
-"""The discrete problem in 3-D: a quarter of a window of an unbounded stream."""
+"""The discrete problem in 3-D: a quarter of an unbounded stream."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
-from surrogate.body.solid import Skin
+from surrogate.body.skin import Skin
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, box_around
 from surrogate.flow.grid.immersed import Spreading, spread_modes
@@ -23,7 +23,7 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
 FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, as in 2-D
-MAX_CELLS = 4_000_000  # of a quarter window: 6 GB
+MAX_CELLS = 4_000_000  # of a quarter, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
 
@@ -62,22 +62,22 @@ class Domain3D(Domain):
         """Discretise an unbounded stream around bodies that fit a box of ``extent`` D.
 
         Raises:
-          InvalidInput: the window has more cells than memory is likely to hold.
+          InvalidInput: the quarter has more cells than memory is likely to hold.
         """
         cells = fidelity.cells
 
-        def window(before, after, across, per_d):
+        def grid(before, after, across, per_d):
             rows = round(across * per_d / 2)
             shape = (round((before + after) * per_d), rows, rows)
             return Lattice(shape, (1 / per_d,) * 3, round(before * per_d), symmetric=True)
 
-        lattice = window(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
+        lattice = grid(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
         if (count := math.prod(lattice.shape)) > MAX_CELLS:
             raise InvalidInput(
-                f"fidelity {fidelity.name}: a quarter window of {count / 1e6:.1f} million cells; "
+                f"fidelity {fidelity.name}: a quarter of {count / 1e6:.1f} million cells; "
                 f"up to {MAX_CELLS / 1e6:g} are solved, so fewer cells per D would do"
             )
-        far = tuple(window(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
+        far = tuple(grid(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
         along, across = (
             largest * math.pi * cells / MARKER_SPACING for largest in (max(extent), max(extent[1:]))
         )

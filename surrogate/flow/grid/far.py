@@ -31,14 +31,14 @@ def far_response(
     """
     inside, band, total = domain.lattice, 1.0, 0.0
     for coarse in domain.far:
-        window = inside.profile(coarse.faces(), band)
-        total += _ring(domain, coarse, window, reynolds)
+        inner = inside.profile(coarse.faces(), band)
+        total += _ring(domain, coarse, inner, reynolds)
         inside, band = coarse, _band(coarse)
     return total
 
 
 def _ring(domain, coarse, inner, reynolds):
-    """Return the response to the flux between the window ``inner`` and the edge of ``coarse``."""
+    """Return the response to the flux between the domain ``inner`` and the edge of ``coarse``."""
     green = domain.green_function(coarse, reynolds)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.solid import Skin
+from surrogate.body.skin import Skin
 from surrogate.flow.grid.lattice import Lattice
 
 RING = 6  # cells along the stream that hold the splines of a ring of markers: four, and retraction

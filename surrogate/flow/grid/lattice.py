@@ -1,4 +1,4 @@
-"""The window's staggered grid, its smooth cut-off, and convection on it (jax-cfd lives here)."""
+"""The staggered grid, its blending function, and convection on it by jax-cfd."""
 
 import dataclasses
 import functools
@@ -13,14 +13,18 @@ from surrogate.arrays import AnyArray
 
 @dataclasses.dataclass(frozen=True)
 class Lattice:
-    """A window of ``shape`` cells of size ``step`` (in D); the body's centre is the origin.
+    """A grid of ``shape`` cells of size ``step`` in D, the body's centre at the origin.
 
-    The first axis lies along the stream, one (in the plane) or two (in space) across it.
-    ``inlet`` is the number of cells between the window's left edge and the body's centre.
-    ``periodic``: the window spans a tunnel's whole period, so nothing is cut off across it.
-    ``symmetric``: of a flow with mirror planes only the part where all coordinates across are
-    positive is kept; a component is odd in its own coordinate across, even in the others, and
-    where it is odd its zeros on the mirror plane are not stored. In space it always is.
+    The first axis lies along the stream, one (2-D) or two (3-D) across it.
+
+    Attributes:
+      shape: number of cells along each axis.
+      step: cell size along each axis, in D.
+      inlet: number of cells between the upstream edge and the body's centre.
+      periodic: the grid spans a tunnel's whole period, so nothing is blended out across it.
+      symmetric: only the part of a flow with mirror planes where all coordinates across are
+        positive is stored. A component is odd in its own coordinate across and even in the
+        others; where it is odd its zeros on the mirror plane are not stored. Always so in 3-D.
     """
 
     shape: tuple[int, ...]
@@ -31,10 +35,12 @@ class Lattice:
 
     @property
     def dimension(self) -> int:
+        """Number of axes."""
         return len(self.shape)
 
     @property
     def grid(self) -> grids.Grid:
+        """The grid as jax-cfd describes it."""
         left = -self.inlet * self.step[0]
         ends = [(left, left + self.shape[0] * self.step[0])]
         for cells, step in zip(self.shape[1:], self.step[1:], strict=True):
@@ -44,20 +50,20 @@ class Lattice:
 
     @property
     def cell_volume(self) -> float:
-        """What a stored cell stands for: with its mirror images in a symmetric window."""
+        """Volume of a cell, its mirror images included on a symmetric grid."""
         copies = 2 ** (self.dimension - 1) if self.symmetric else 1
         return float(np.prod(self.step)) * copies
 
     @property
     def unfolded(self) -> "Lattice":
-        """The whole window."""
+        """The whole grid, of which a symmetric one is a part."""
         if not self.symmetric:
             return self
         shape = (self.shape[0], *(2 * cells for cells in self.shape[1:]))
         return dataclasses.replace(self, shape=shape, symmetric=False)
 
     def unfold(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
-        """Velocity on the whole window."""
+        """Return a velocity on the whole grid."""
         if not self.symmetric:
             return jnp.asarray(velocity)
         return jnp.stack([self._mirrored(part, own) for own, part in enumerate(velocity)])
@@ -72,11 +78,11 @@ class Lattice:
         return component
 
     def rows(self, height: float) -> int:
-        """Rows of cells in a tunnel of this height."""
+        """Return the rows of cells in a tunnel of this height."""
         return round(height / self.step[1])
 
     def faces(self) -> tuple[tuple[np.ndarray, ...], ...]:
-        """Coordinates (x, y, ...) of the faces that carry u, of those that carry v, ..."""
+        """Return coordinates (x, y, ...) of the faces that carry u, of those that carry v, ..."""
         origin = [low for low, _ in self.grid.domain]
         return tuple(
             tuple(
@@ -89,11 +95,11 @@ class Lattice:
         )
 
     def cutoff(self, band: float = 1.0) -> np.ndarray:
-        """Window w on the faces: 1 inside, 0 at the edges, ``band`` D between."""
+        """Return the blending function w on the faces: 1 inside, 0 at the edge, over ``band`` D."""
         return self.profile(self.faces(), band)
 
     def profile(self, faces: tuple[tuple[np.ndarray, ...], ...], band: float) -> np.ndarray:
-        """The same function of position on other faces, a product over the axes."""
+        """Return the blending function on other faces, a product over the axes."""
         return np.stack(
             [
                 functools.reduce(
@@ -104,7 +110,7 @@ class Lattice:
         )
 
     def _edge(self, coordinate, axis, band):
-        """The window's profile along one axis."""
+        """Return the blending function along one axis."""
         if axis > 0 and self.periodic:
             return np.ones_like(coordinate)
         low, high = self.grid.domain[axis]
@@ -115,9 +121,9 @@ class Lattice:
         return s**3 * (10 - 15 * s + 6 * s**2)
 
     def convect(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
-        """-div(u u) of a face velocity that vanishes at the window's edges (jax-cfd).
+        """Return -div(u u) of a face velocity that vanishes at the edges, by jax-cfd.
 
-        A symmetric window may be treated as periodic as well: v = 0 at its top row stands for
+        A symmetric grid may be treated as periodic as well: v = 0 at its top row stands for
         v = 0 on the centre line, and no flux of u crosses either.
         """
         bc = boundaries.periodic_boundary_conditions(self.dimension)

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.special import lpmv
 
 from surrogate.arrays import AnyArray
-from surrogate.body.solid import skin_grid
+from surrogate.body.skin import skin_grid
 
 FORCE_UNIT = np.pi / 4  # frontal area of the sphere of D = 1, so that Cd = -2 a_0 as in 2-D
 

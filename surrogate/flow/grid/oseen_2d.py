@@ -36,7 +36,7 @@ class Kernel(eqx.Module):
 
 
 class SymmetricKernel(eqx.Module):
-    """The same for a window's upper half: cosines of u and sines of v across, by small matrices.
+    """The kernel of an upper half plane: cosines of u and sines of v across, by small matrices.
 
     In the wave numbers psi across, an even u and an odd v have real spectra, so half the rows and
     half the complex numbers suffice.
@@ -55,7 +55,7 @@ class SymmetricKernel(eqx.Module):
 
 
 def _cosines_and_sines(ny):
-    """Transforms of ny upper rows, padded so that convolutions do not wrap, and back."""
+    """Return the transforms of ny upper rows, padded so that nothing wraps around, and back."""
     psi = _padded_waves(ny)
     row = np.arange(ny)[:, None]
     forward = np.stack([np.cos(psi * (row + 0.5)), np.sin(psi * (row + 1))])
@@ -68,10 +68,10 @@ def _padded_waves(ny):
 
 
 def reflect(field: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
-    """Mirror image of a face field in the window's centre line; u is even, v is odd.
+    """Return the mirror image of a face field in the centre line; u is even, v is odd.
 
     v sits on the upper faces, so the mirror of its row j is row ny - 2 - j; the outermost row
-    has no partner inside the window and is zero, as every windowed source is there.
+    has no partner inside the domain and is zero, as every blended source is there.
     """
     v = jnp.roll(field[1, :, ::-1], -1, axis=1).at[:, -1].set(0.0)
     return jnp.stack([field[0, :, ::-1], -v])
@@ -89,10 +89,10 @@ def _multiply(kernel, spectrum):
 def oseen_kernel(
     lattice: Lattice, reynolds: Float[AnyArray, ""], height: float | None, mirrored: bool = False
 ) -> Kernel | SymmetricKernel:
-    """Kernel of the Oseen operator on ``lattice``.
+    """Return the Green's function of the Oseen operator on a lattice.
 
     Args:
-      lattice: the window's grid; of a symmetric one, a kernel for its upper half.
+      lattice: the grid; a symmetric one gets a kernel for its upper half.
       reynolds: U D / nu.
       height: tunnel height in D, a whole number of cells; None for an unbounded stream.
       mirrored: the tunnel has slip walls and the source need not be symmetric about its centre
@@ -115,14 +115,18 @@ def oseen_kernel(
 
 
 def _tunnel_waves(period):
-    """Wave numbers of a period in rows, the negative ones folded onto the positive, and weights."""
+    """Return the wave numbers of a period, negative ones folded, and their weights."""
     index = np.arange(1, period // 2 + 1)
     return 2 * np.pi * index / period, np.where(2 * index == period, 1.0, 2.0) / period
 
 
 @functools.cache
 def _unbounded_waves(rows, nodes=12, panels=13, ratio=4.0):
-    """Nodes and weights for (1/pi) int_0^pi: panels shrink towards the kernel's kink at 0."""
+    """Return nodes and weights for (1/pi) int_0^pi, on panels that shrink towards 0.
+
+    Panels end at pi / ratio^k, and a panel has a node for every eighth of a wavelength of the
+    fastest cosine more than ``nodes``.
+    """
     edges = np.concatenate([[0.0], np.pi * ratio ** -np.arange(panels, -1.0, -1.0)])
     theta, weight = [], []
     for left, right in itertools.pairwise(edges):
@@ -133,7 +137,7 @@ def _unbounded_waves(rows, nodes=12, panels=13, ratio=4.0):
 
 
 def _spectrum(lattice, reynolds, theta, weight, rows, mean_weight):
-    """FFT of the kernel on displacements n in [-nx, nx) and the given ``rows``.
+    """Return the FFT of the kernel on displacements n in [-nx, nx) and the given ``rows``.
 
     ``mean_weight`` is the weight of theta = 0 (a tunnel's mean flow), None where it has none.
     """
@@ -149,7 +153,7 @@ def _spectrum(lattice, reynolds, theta, weight, rows, mean_weight):
 
 
 def _half_spectrum(lattice, reynolds, theta, weight):
-    """The kernel between cosines and sines of the padded wave numbers psi across."""
+    """Return the kernel between cosines and sines of the padded wave numbers psi across."""
     ny = lattice.shape[1]
     psi = _padded_waves(ny)
     whole, half = np.arange(-2 * ny, 2 * ny), np.arange(-2 * ny, 2 * ny) + 0.5
@@ -161,7 +165,7 @@ def _half_spectrum(lattice, reynolds, theta, weight):
 
 
 def _columns(lattice, reynolds, theta):
-    """Kernel at wave numbers theta across, on displacements n in [-nx, nx) along the stream."""
+    """Return the kernel at wave numbers theta across, on displacements n in [-nx, nx) along x."""
     hx, hy = lattice.step
     beta = (2 * hx / hy * np.sin(theta / 2)) ** 2
     viscous, potential = sequences(lattice, reynolds, beta)
@@ -173,7 +177,7 @@ def _columns(lattice, reynolds, theta):
 def sequences(
     lattice: Lattice, reynolds: Float[AnyArray, ""], beta: Float[AnyArray, " waves"]
 ) -> tuple[Float[Array, "displacements waves"], Float[Array, "displacements waves"]]:
-    """sigma^-1 and Q = Lap^-1 sigma^-1 on displacements n in [-nx - 1, nx + 1) along the stream.
+    """Return sigma^-1 and Q = Lap^-1 sigma^-1 on displacements n in [-nx - 1, nx + 1) along x.
 
     beta is the eigenvalue across, times h^2. With P = h U / nu, sigma has the decaying roots r
     (downstream) and s (upstream), Lap the root rho; Q is the convolution of the two sequences,
@@ -198,7 +202,7 @@ def sequences(
 
 
 def _powers(base, exponent):
-    """base^m by exponentials, several times faster than powers; base may be negative."""
+    """Return base^m by exponentials, several times faster than powers; base may be negative."""
     size = jnp.abs(base)
     small = size < 1e-30
     magnitude = jnp.exp(exponent * jnp.log(jnp.where(small, 1.0, size)))
@@ -207,12 +211,12 @@ def _powers(base, exponent):
 
 
 def _both_ways(upstream, downstream):
-    """Values at distances 0, 1, ... upstream and downstream as one sequence from -M to M - 1."""
+    """Join values at distances 0, 1, ... upstream and downstream to one sequence, -M to M - 1."""
     return jnp.concatenate([upstream[:0:-1], downstream[:-1]])
 
 
 def _mean_column(lattice, reynolds):
-    """g_s at theta = 0: the mean lateral velocity of a tunnel (mass forbids a mean of u')."""
+    """Return g at theta = 0, the mean lateral velocity of a tunnel; mass forbids a mean of u'."""
     n = np.arange(-lattice.shape[0], lattice.shape[0])
     P = lattice.step[0] * reynolds
     return lattice.step[0] * jnp.where(n >= 0, 1.0, jnp.power((2 - P) / (2 + P), np.abs(n)))

@@ -1,13 +1,13 @@
-"""Green's function of the discrete Oseen operator in space: infinite along and across the stream.
+"""Green's function of the discrete Oseen operator in 3-D, unbounded along and across the stream.
 
-The lattice operator is the plane's, with equal steps. Its kernel follows from two scalars, g =
+The lattice operator is that of 2-D, with equal steps. Its kernel follows from two scalars, g =
 sigma^-1 and Q = Lap^-1 sigma^-1: with beta = beta_y + beta_z
 
     xx = -(beta / h^2) Q,  yy = g + (beta_y / h^2) Q,  zz = g + (beta_z / h^2) Q,  ij = -D+i D-j Q.
 
 Across the stream g and Q depend on beta alone. As sums of exp(-t beta), fitted column by column,
-they need no integrals over wave numbers: the exponentials part into the two directions, and each
-is the heat kernel of a one-dimensional lattice, exp(-2t) I_n(2t) at distance n.
+they need no integrals over wave numbers: the exponentials factor into the two directions, and
+each is the heat kernel of a one-dimensional lattice, exp(-2t) I_n(2t) at distance n.
 """
 
 import functools
@@ -23,17 +23,19 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen_2d import sequences
 
-TIMES = np.append(0.0, np.exp(np.arange(-5.0, 31.0, 0.3)))  # t of the exponentials
-BETAS = np.exp(np.linspace(-32.0, np.log(8.0), 1000))  # where they are fitted
-CUT = 1e-13  # of singular values
-LARGE = 1e8  # argument of a Bessel function
+# Times t of the exponentials and points beta of their fit, from the far field of the largest
+# lattice to the shortest waves.
+TIMES = np.append(0.0, np.exp(np.arange(-5.0, 31.0, 0.3)))
+BETAS = np.exp(np.linspace(-32.0, np.log(8.0), 1000))
+SINGULAR_CUT = 1e-13  # relative, below which singular values of the fit are dropped
+LARGEST_X = 1e8  # argument of a Bessel function, beyond which its expansion is exact
 
 
 class SpaceKernel(eqx.Module):
-    """Spectra of g and Q of a quarter window (y > 0, z > 0), in wave numbers x, y, z.
+    """Spectra of g and Q on a quarter of the domain (y > 0, z > 0), in wave numbers x, y, z.
 
-    Component i is even across but odd in its own direction: cosines and sines on the window,
-    padded along the stream so that nothing wraps around.
+    Component i is even across the stream but odd in its own direction: cosines and sines, padded
+    along the stream so that nothing wraps around.
     """
 
     viscous: Complex[Array, "kx ky kz"]
@@ -72,7 +74,7 @@ class SpaceKernel(eqx.Module):
 
 
 class _Waves:
-    """Transforms across the stream: cosines of even components, sines of odd ones, and back."""
+    """Transforms across the stream and back: cosines of even components, sines of odd ones."""
 
     def __init__(self, cells, step, dtype):
         psi = _padded_waves(cells)
@@ -91,14 +93,14 @@ class _Waves:
 
 
 def _contract(field, matrix, axis):
-    """A real matrix along an axis of a complex field, real and imaginary parts in one product."""
+    """Apply a real matrix along an axis of a complex field, both parts in one product."""
     parts = jnp.stack([field.real, field.imag])
     product = jnp.moveaxis(jnp.tensordot(parts, matrix, axes=[[axis + 1], [0]]), -1, axis + 1)
     return product[0] + 1j * product[1]
 
 
 def _padded_waves(cells):
-    """psi across such that sources and images in the window reach all of it without wrapping."""
+    """Return the psi across with which sources and images do not wrap around in the domain."""
     return np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
 
 
@@ -107,7 +109,7 @@ def _period(nx):
 
 
 def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
-    """Kernel of the Oseen operator on a quarter window in an unbounded stream."""
+    """Return the Green's function of the Oseen operator on a quarter of an unbounded stream."""
     nx, *across = lattice.shape
     heat = [_heat(cells) for cells in across]
     period = _period(nx)
@@ -125,28 +127,35 @@ def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel
 
 @functools.cache
 def _exponentials(power):
-    """Row weights, and two factors of the pseudo-inverse that fits exponentials to columns."""
+    """Return row weights, and two factors of the pseudo-inverse that fits exponentials to columns.
+
+    The explicit pseudo-inverse would lose accuracy to 1e-3; its two factors do not.
+    """
     weights = np.minimum(BETAS, 1.0) ** power
     design = weights[:, None] * np.exp(-np.outer(BETAS, TIMES))
     scale = np.linalg.norm(design, axis=0)
     left, size, right = np.linalg.svd(design / scale, full_matrices=False)
-    kept = size > CUT * size[0]
+    kept = size > SINGULAR_CUT * size[0]
     return weights, left[:, kept], (right[kept] / size[kept, None]) / scale
 
 
 @functools.cache
 def _heat(cells):
-    """Heat kernels at all times in the window's wave numbers across."""
+    """Return the heat kernels at all times in the wave numbers across."""
     n = np.arange(2 * cells + 1)
     kernels = _decaying_bessel(n, 2 * TIMES[:, None]) * np.where(n == 0, 1.0, 2.0)
     return kernels @ np.cos(np.outer(n, _padded_waves(cells)))
 
 
 def _decaying_bessel(n, x):
-    """exp(-x) I_n(x); SciPy's own ends at 1e9, where three terms of its expansion are exact."""
-    large = np.maximum(x, LARGE)
+    """Return exp(-x) I_n(x); SciPy's ends at 1e9, where three terms of its expansion are exact."""
+    large = np.maximum(x, LARGEST_X)
     total = term = np.ones(np.broadcast_shapes(n.shape, x.shape))
     for k in (1, 2, 3):
         term = -term * (4 * n**2 - (2 * k - 1) ** 2) / (k * 8 * large)
         total = total + term
-    return np.where(x < LARGE, ive(n, np.minimum(x, LARGE)), total / np.sqrt(2 * np.pi * large))
+    return np.where(
+        x < LARGEST_X,
+        ive(n, np.minimum(x, LARGEST_X)),
+        total / np.sqrt(2 * np.pi * large),
+    )

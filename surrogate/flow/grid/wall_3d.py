@@ -5,7 +5,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.solid import QUARTERS, Skin
+from surrogate.body.skin import QUARTERS, Skin
 from surrogate.flow.grid.immersed import Wall
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D

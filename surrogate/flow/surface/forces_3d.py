@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.solid import QUARTERS, Skin
+from surrogate.body.skin import QUARTERS, Skin
 from surrogate.flow.grid.domain_3d import Domain3D
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver.steady import FlowState

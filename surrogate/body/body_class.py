@@ -1,0 +1,222 @@
+"""The interface of a class of bodies: everything that is drawn, measured or checked on a body.
+
+Bodies of one class have the same named parameters. In 2-D and 3-D alike their side view is
+
+    x = -(c/2) cos t,   y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... + beta12 sin 12t),
+
+t = 0 at the nose and pi at the tail. The half axes c/2 and b follow from the ratios (aspect, ...)
+such that the area (2-D) or the volume (3-D) is that of the cylinder or sphere of diameter D = 1.
+"""
+
+import abc
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.special import eval_chebyu
+
+from surrogate.arrays import AnyArray
+from surrogate.body.incidence import check_incidence
+from surrogate.body.measures import ANGLES, SIDES, Radii, least
+from surrogate.body.parameters import PARAMETERS, Parameter
+from surrogate.body.skin import Skin
+from surrogate.errors import InvalidInput
+
+MIN_THICKNESS_RATIO = 0.02  # least local thickness ratio of a valid body
+CLEAR_THICKNESS_RATIO = 2 * MIN_THICKNESS_RATIO  # that of samples and of optimised bodies
+NODES = 128  # of the contours that a family's extent is measured on
+Range = tuple[float, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class BodyClass(abc.ABC):
+    """Bodies with parameters of these names, as arrays in this order: ratios, then sine modes.
+
+    Instances are hashable, so that they can be static arguments of ``jax.jit``. All lengths are in
+    D. Everything that takes one body's parameters can be traced.
+    """
+
+    names: tuple[str, ...]
+
+    dimension: ClassVar[int]
+    available: ClassVar[tuple[str, ...]]
+    default_ranges: ClassVar[Mapping[str, Range]]
+    round_body: ClassVar[str]
+
+    @abc.abstractmethod
+    def half_axes(
+        self, parameters: Float[AnyArray, " parameters"]
+    ) -> tuple[Float[AnyArray, ""], ...]:
+        """Half the length, (in 3-D the width,) and height of the ellipse before the sine modes."""
+
+    @abc.abstractmethod
+    def outline(
+        self, parameters: Float[AnyArray, " parameters"], nodes: int
+    ) -> Float[AnyArray, "nodes 2"]:
+        """Contour in the side view, clockwise from the nose, the body's centroid at the origin."""
+
+    @abc.abstractmethod
+    def markers(
+        self, parameters: Float[AnyArray, " parameters"], nodes: Any
+    ) -> Float[AnyArray, "nodes 2"] | Skin:
+        """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
+
+    @abc.abstractmethod
+    def rotated(
+        self, markers: Float[AnyArray, "nodes 2"] | Skin, degrees: float
+    ) -> Float[AnyArray, "nodes 2"] | Skin:
+        """Markers at incidence, nose up."""
+
+    @abc.abstractmethod
+    def extent(
+        self, parameters: Float[AnyArray, " parameters"], outline: Float[AnyArray, "nodes 2"]
+    ) -> Float[np.ndarray, " axes"]:
+        """Sides of the box around a body with this outline, centred at the origin."""
+
+    @abc.abstractmethod
+    def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, ...]:
+        """Sides of a box, centred at the origin, around every body within the bounds."""
+
+    def check_incidence(self, degrees: Any) -> float:
+        """Return the incidence as a float, or raise InvalidInput if such bodies cannot have it."""
+        return check_incidence(degrees)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Meaning and limits of the parameters."""
+        return tuple(PARAMETERS[name] for name in self.names)
+
+    @property
+    def ratios(self) -> int:
+        """How many parameters are ratios of lengths; they stand before the sine modes."""
+        return sum(parameter.mode is None for parameter in self.parameters)
+
+    @property
+    def modes(self) -> tuple[int, ...]:
+        """Wave numbers k of the sine modes."""
+        return tuple(p.mode for p in self.parameters if p.mode is not None)
+
+    def aspect(self, parameters: Float[AnyArray, "*bodies parameters"]) -> Float[Array, "*bodies"]:
+        """Length over thickness of the ellipse before the sine modes."""
+        return jnp.asarray(parameters)[..., self.names.index("aspect")]
+
+    def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " betas"]:
+        """Coefficients of the sine modes."""
+        return jnp.asarray(parameters)[self.ratios :]
+
+    def smooth(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " parameters"]:
+        """Coordinates in which the drag varies smoothly: logarithms of the ratios."""
+        values = jnp.asarray(parameters)
+        ratios = values[: self.ratios]
+        return values.at[: self.ratios].set(jnp.log(ratios))
+
+    def ellipse(self, aspect: float) -> Float[np.ndarray, " parameters"]:
+        """Parameters of a plain ellipse, in 3-D of revolution."""
+        return np.array([aspect if p.name == "aspect" else p.neutral for p in self.parameters])
+
+    def length(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
+        """Length along the stream."""
+        return 2 * self.half_axes(parameters)[0]
+
+    def thickness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
+        """Greatest thickness across the stream, in 3-D the height."""
+        return 2 * -least(-self._height(parameters, ANGLES))
+
+    def thicknesses(
+        self, parameters: Float[AnyArray, " parameters"]
+    ) -> Float[AnyArray, " stations"]:
+        """Thickness every two degrees of t; between them a body is at most 0.02 % thicker."""
+        return 2 * self._height(parameters, SIDES)
+
+    def thickness_at(
+        self, parameters: Float[AnyArray, " parameters"], station: Float[AnyArray, ""]
+    ) -> Float[AnyArray, ""]:
+        """Thickness at x/c = ``station``: 0 is the nose, 1 the tail."""
+        return 2 * self._height(parameters, jnp.arccos(1 - 2 * station))
+
+    def radii(self, parameters: Float[AnyArray, " parameters"]) -> Radii:
+        """Radii of curvature |r'|^3 / |x' y'' - y' x''| of the outline, convex or concave."""
+        half = self.length(parameters) / 2
+        x1, x2 = half * np.sin(ANGLES), half * np.cos(ANGLES)
+        y1, y2 = (self._height(parameters, ANGLES, derivative) for derivative in (1, 2))
+        speed = jnp.sqrt(x1**2 + y1**2 + 1e-12)
+        curvature = jnp.abs(x1 * y2 - y1 * x2) / speed**3
+        return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, -1 / least(-curvature[1:-1]))
+
+    def min_thickness_ratio(
+        self, parameters: Float[AnyArray, " parameters"]
+    ) -> Float[AnyArray, ""]:
+        """Least local thickness over that of the plain ellipse; a body crosses itself below 0."""
+        c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
+        waves = np.array([eval_chebyu(k - 1, c) for k in self.modes]).reshape(-1, c.size)
+        return least(1 + self.betas(parameters) @ waves)
+
+    def min_thickness_ratios(
+        self, bodies: Float[np.ndarray, "bodies parameters"]
+    ) -> Float[np.ndarray, " bodies"]:
+        """``min_thickness_ratio`` of many bodies, padded to a power of two to compile rarely."""
+        size = 2 ** (max(len(bodies), 1) - 1).bit_length()
+        filled = np.zeros((size, bodies.shape[1]))
+        filled[: len(bodies)] = bodies
+        return np.asarray(_min_thickness_ratios(self, filled))[: len(bodies)]
+
+    def valid(self, bodies: Float[np.ndarray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
+        """Which of many bodies ``check`` accepts."""
+        low, high = np.array([(p.low, p.high) for p in self.parameters[: self.ratios]]).T
+        ratios = bodies[:, : self.ratios]
+        sound = np.isfinite(bodies).all(axis=1) & ((ratios >= low) & (ratios <= high)).all(axis=1)
+        return sound & (self.min_thickness_ratios(bodies) >= MIN_THICKNESS_RATIO)
+
+    def check(self, parameters: Float[AnyArray, " parameters"]) -> None:
+        """Raise InvalidInput unless the parameters describe a body."""
+        if not np.all(np.isfinite(parameters)):
+            raise InvalidInput("body: every shape parameter must be a finite number")
+        given = list(zip(self.parameters, np.asarray(parameters).tolist(), strict=True))
+        for (name, low, high, _, meaning, *_), value in given[: self.ratios]:
+            if not low <= value <= high:
+                raise InvalidInput(
+                    f"{name} {value:g}: must lie between {low:g} and {high:g} ({meaning})"
+                )
+        if float(self.min_thickness_ratio(parameters)) < MIN_THICKNESS_RATIO:
+            modes = (f"{p.name} {value:g}" for p, value in given[self.ratios :] if value)
+            raise InvalidInput(
+                f"body: {', '.join(modes)} make the contour cross or close on itself; "
+                "smaller betas would not"
+            )
+
+    def _profile(self, parameters, nodes):
+        """t and y / b at the nodes of a contour."""
+        t = contour_angles(nodes)
+        waves = zip(self.modes, self.betas(parameters), strict=True)
+        return t, np.sin(t) + sum(beta * np.sin(k * t) for k, beta in waves)
+
+    def _height(self, parameters, t, derivative=0):
+        """y(t), or a derivative of it."""
+        turn = derivative * np.pi / 2
+        waves = zip((1, *self.modes), (1.0, *self.betas(parameters)), strict=True)
+        half_height = self.half_axes(parameters)[-1]
+        return half_height * sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves)
+
+    def _highest(self, bounds):
+        """Greatest |y| / b of the bodies within the bounds."""
+        low, high = bounds[self.ratios :].T
+        t = contour_angles(NODES)
+        waves = np.sin(np.outer(self.modes, t))
+        upper = np.sin(t) + low @ np.minimum(waves, 0) + high @ np.maximum(waves, 0)
+        lower = np.sin(t) + high @ np.minimum(waves, 0) + low @ np.maximum(waves, 0)
+        return float(np.abs([upper, lower]).max())
+
+
+def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
+    """Equidistant t, once around a contour."""
+    return 2 * np.pi * np.arange(nodes) / nodes
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _min_thickness_ratios(body_class, bodies):
+    return jax.vmap(body_class.min_thickness_ratio)(bodies)

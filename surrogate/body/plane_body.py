@@ -1,0 +1,71 @@
+"""Bodies in 2-D: contours of area pi/4, with c = sqrt(aspect) and b = 1 / (2 sqrt(aspect))."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.body_class import NODES, BodyClass, Range
+from surrogate.body.incidence import rotate
+from surrogate.body.measures import moments
+from surrogate.body.parameters import PARAMETERS
+
+
+@dataclasses.dataclass(frozen=True)
+class PlaneBody(BodyClass):
+    """A 2-D body, per unit span."""
+
+    dimension = 2
+    available = tuple(name for name in PARAMETERS if name != "flatness")
+    default_ranges: ClassVar[Mapping[str, Range]] = {
+        "aspect": (1.0, 5.0),
+        "beta2": (-0.3, 0.3),
+        "beta3": (-0.15, 0.2),
+        "beta4": (-0.1, 0.1),
+    }
+    round_body = "cylinder"
+
+    def half_axes(
+        self, parameters: Float[AnyArray, " parameters"]
+    ) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """c / 2 and b."""
+        root = jnp.sqrt(self.aspect(parameters))
+        return root / 2, 1 / (2 * root)
+
+    def outline(
+        self, parameters: Float[AnyArray, " parameters"], nodes: int
+    ) -> Float[Array, "nodes 2"]:
+        half_length, half_height = self.half_axes(parameters)
+        t, y = self._profile(parameters, nodes)
+        markers = jnp.stack([-half_length * np.cos(t), half_height * y], axis=1)
+        return markers - jnp.array([moments(markers)[1][0], 0.0])
+
+    def markers(
+        self, parameters: Float[AnyArray, " parameters"], nodes: int
+    ) -> Float[Array, "nodes 2"]:
+        return self.outline(parameters, nodes)
+
+    def rotated(
+        self, markers: Float[AnyArray, "nodes 2"], degrees: float
+    ) -> Float[AnyArray, "nodes 2"]:
+        return rotate(markers, degrees)
+
+    def extent(
+        self, parameters: Float[AnyArray, " parameters"], outline: Float[AnyArray, "nodes 2"]
+    ) -> Float[np.ndarray, "2"]:
+        return 2 * np.abs(outline).max(axis=0)
+
+    def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, float]:
+        """The centroid moves with beta2 alone, so that its ends give the greatest length."""
+        ends = dict(zip(self.names, bounds, strict=True))
+        simple, (shortest, longest) = PlaneBody(("aspect", "beta2")), ends["aspect"]
+        outlines = [
+            simple.outline(jnp.array([longest, beta]), NODES)
+            for beta in ends.get("beta2", (0.0, 0.0))
+        ]
+        half_length = max(float(jnp.abs(outline[:, 0]).max()) for outline in outlines)
+        return 2 * half_length, self._highest(bounds) / np.sqrt(shortest)

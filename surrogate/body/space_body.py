@@ -1,0 +1,148 @@
+"""Bodies in 3-D: the meridian of 2-D on elliptic cross-sections, of volume pi/6.
+
+    x = -(c/2) mu,   y = w s q cos phi,   z = h s q sin phi,   mu = cos t,  s = sin t,
+
+with s q = sin t + beta2 sin 2t + ..., so that q is a sum of Chebyshev polynomials of mu. Flatness
+is w / h (1: a body of revolution), aspect c / (2 sqrt(w h)).
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpy.polynomial import legendre
+from scipy.optimize import lsq_linear
+from scipy.special import chebyu, eval_chebyu
+
+from surrogate.arrays import AnyArray
+from surrogate.body.body_class import BodyClass, Range
+from surrogate.body.parameters import PARAMETERS
+from surrogate.body.plane_body import PlaneBody
+from surrogate.body.skin import Skin, skin_grid
+from surrogate.errors import InvalidInput
+
+GAUSS = legendre.leggauss(32)  # exact for the squares of twelve modes
+
+
+@dataclasses.dataclass(frozen=True)
+class SpaceBody(BodyClass):
+    """A 3-D body with two mirror planes along the stream."""
+
+    dimension = 3
+    available = tuple(PARAMETERS)
+    default_ranges: ClassVar[Mapping[str, Range]] = {
+        **PlaneBody.default_ranges,
+        "aspect": (0.7, 4.0),
+        "flatness": (1.0, 2.0),
+    }
+    round_body = "sphere"
+
+    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
+        """Width over height; 1 if it is no parameter."""
+        if "flatness" not in self.names:
+            return jnp.ones(())
+        return jnp.asarray(parameters)[self.names.index("flatness")]
+
+    def half_axes(
+        self, parameters: Float[AnyArray, " parameters"]
+    ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """c / 2, w and h."""
+        mu, weight = GAUSS
+        bulk = 3 / 4 * weight @ ((1 - mu**2) * self._fullness(parameters, mu)[0] ** 2)
+        aspect, flatness = self.aspect(parameters), self.flatness(parameters)
+        thickness = (aspect * bulk) ** (-1 / 3)
+        return (
+            aspect * thickness / 2,
+            thickness * jnp.sqrt(flatness) / 2,
+            thickness / jnp.sqrt(flatness) / 2,
+        )
+
+    def outline(
+        self, parameters: Float[AnyArray, " parameters"], nodes: int
+    ) -> Float[Array, "nodes 2"]:
+        half_length, _, half_height = self.half_axes(parameters)
+        t, y = self._profile(parameters, nodes)
+        x = -half_length * (np.cos(t) - self._centroid(parameters))
+        return jnp.stack([x, half_height * y], axis=1)
+
+    def markers(self, parameters: Float[AnyArray, " parameters"], nodes: tuple[int, int]) -> Skin:
+        return Skin(*self.skin_at(parameters, *skin_grid(nodes)), nodes)
+
+    def skin_at(
+        self,
+        parameters: Float[AnyArray, " parameters"],
+        mu: Float[np.ndarray, " points"],
+        phi: Float[np.ndarray, " points"],
+    ) -> tuple[Float[Array, "points 3"], Float[Array, "points 3"]]:
+        """Points on the surface, and their area vectors per unit mu and phi."""
+        length, width, height = self.half_axes(parameters)
+        q, slope = self._fullness(parameters, mu)
+        s, y, z = np.sqrt(1 - mu**2), np.cos(phi), np.sin(phi)
+        x = -length * (mu - self._centroid(parameters))
+        points = jnp.stack([x, width * s * q * y, height * s * q * z], axis=1)
+        along = width * height * ((1 - mu**2) * q * slope - mu * q**2)
+        areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
+        return points, areas
+
+    def check_incidence(self, degrees: Any) -> float:
+        if super().check_incidence(degrees):
+            raise InvalidInput("incidence: 3-D bodies have none; their mirror planes lie along x")
+        return 0.0
+
+    def rotated(self, markers: Skin, degrees: float) -> Skin:
+        """The markers as they are: a 3-D body has no incidence."""
+        return markers
+
+    def extent(
+        self, parameters: Float[AnyArray, " parameters"], outline: Float[AnyArray, "nodes 2"]
+    ) -> Float[np.ndarray, "3"]:
+        length, height = 2 * np.abs(outline).max(axis=0)
+        _, half_width, half_height = self.half_axes(jnp.asarray(parameters))
+        return np.array([length, height * float(half_width / half_height), height])
+
+    def family_extent(
+        self, bounds: Float[np.ndarray, "parameters 2"]
+    ) -> tuple[float, float, float]:
+        """By the least volume over that of the ellipsoid, and the centroids of extreme modes."""
+        ends = dict(zip(self.names, bounds, strict=True))
+        (low, high), mu, weight = bounds[self.ratios :].T, *GAUSS
+        root = np.sqrt(weight * (1 - mu**2))
+        waves = np.array([root * eval_chebyu(k - 1, mu) for k in self.modes])
+        slimmest = np.zeros(0)
+        if self.modes:
+            slimmest = lsq_linear(waves.T, -root, (low, high), tol=1e-12).x
+        full = SpaceBody(("aspect", "flatness", *self.names[self.ratios :]))
+
+        def centroid(betas):
+            return full._centroid(jnp.concatenate([jnp.ones(2), betas]))
+
+        corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+        off = float(jnp.abs(jax.vmap(centroid)(jnp.asarray(corners))).max())
+        longest, tallest = (
+            full.half_axes(jnp.array([aspect, 1.0, *slimmest])) for aspect in ends["aspect"][::-1]
+        )
+        across = 2 * self._highest(bounds) * float(tallest[1])
+        flat, flattest = ends.get("flatness", (1.0, 1.0))
+        return (
+            2 * float(longest[0]) * (1 + off),
+            across * float(np.sqrt(flattest)),
+            across / float(np.sqrt(flat)),
+        )
+
+    def _centroid(self, parameters):
+        """mu of the volume's centroid."""
+        mu, weight = GAUSS
+        section = weight * (1 - mu**2) * self._fullness(parameters, mu)[0] ** 2
+        return section @ mu / jnp.sum(section)
+
+    def _fullness(self, parameters, mu):
+        """q and dq/dmu: 1 + sum beta_k U_(k-1)(mu)."""
+        betas = self.betas(parameters)
+        waves = np.array([chebyu(k - 1)(mu) for k in self.modes]).reshape(-1, mu.size)
+        slopes = np.array([chebyu(k - 1).deriv()(mu) for k in self.modes]).reshape(waves.shape)
+        return 1 + betas @ waves, betas @ slopes

@@ -1,0 +1,63 @@
+"""Grids too coarse for a body or a tunnel are refused, with the number of cells that would do."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from surrogate import Fidelity, Flow, InvalidInput, Scene, family_shape, train
+
+COARSE = Flow(Scene(fidelity=Fidelity("coarse", 6, 4, 8, 8)))
+THIN, THICK = [5.0, 0.3, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0]
+TURNED = family_shape({"aspect": 2.0}, 1.0)
+
+
+def narrow(cells: int) -> Flow:
+    return Flow(Scene(stream="tunnel:1.75", fidelity=Fidelity("c", cells, 6, 12, 8)))
+
+
+def test_the_scenes_own_grid_refuses_what_a_fitted_grid_refuses():
+    named = COARSE.scene.family.named(np.array(THIN))
+    for body in (THIN, family_shape(named)):
+        with pytest.raises(InvalidInput, match=r"mean thickness is 1\.9\d cells.*8 cells per D"):
+            COARSE.solve(body, 10.0)
+    with pytest.raises(InvalidInput, match="mean thickness"):
+        COARSE.drag(THIN, 10.0)
+    with pytest.raises(InvalidInput, match="mean thickness"):
+        COARSE.slopes(np.array([THICK, THIN]), np.array([10.0, 10.0]))
+
+
+def test_under_vmap_what_is_too_thin_is_nan():
+    thin, thick = jax.vmap(COARSE.drag, (0, None))(jnp.array([THIN, THICK]), 10.0)
+    assert np.isnan(thin)
+    assert float(thick) == pytest.approx(2.57, abs=0.03)
+
+
+def test_trainings_do_not_learn_from_bodies_that_are_not_resolved():
+    with pytest.raises(InvalidInput, match="mean thickness"):
+        train(COARSE.scene, "supervised", samples=16, progress=False)
+
+
+def test_a_grid_of_three_cells_is_refused_by_the_bodys_thickness():
+    flow = Flow(Scene(fidelity=Fidelity("c", 3, 4, 8, 8)))
+    with pytest.raises(InvalidInput, match=r"thickness is 1\.3\d cells.* 6 cells per D would"):
+        flow.solve([2.0, 0.0, 0.0, 0.0], 10.0)
+
+
+def test_a_body_without_a_coarser_grid_has_no_estimate():
+    found = COARSE.solve([1.0, 0.0, 0.0, 0.0], 10.0)
+    assert found.status == "degraded"
+    assert found.estimated_error is None
+    assert found.drag == pytest.approx(2.754, rel=0.02)
+
+
+def test_a_tunnel_of_too_few_rows_is_refused():
+    with pytest.raises(InvalidInput, match=r"tunnel:1.75: 10 rows.* needs 12; 8 cells per D would"):
+        narrow(6).solve(TURNED, 10.0)
+
+
+def test_a_tunnel_too_coarse_for_the_estimate_alone_is_answered():
+    found = narrow(8).solve(TURNED, 10.0)
+    assert found.status == "degraded"
+    assert found.estimated_error is None
+    assert found.drag > 9.0  # blocked by a third, 5.5 times the unbounded drag
