@@ -53,7 +53,6 @@ def check_target(
     folder: str | Path,
     record: str,
     keys: Collection[str],
-    files: Collection[str] = (),
     others: Collection[str] = (),
 ) -> None:
     """Check that results may be written to ``folder``, and make it.
@@ -62,8 +61,7 @@ def check_target(
     or hold only files named in ``others``, which an interrupted command leaves.
 
     Raises:
-      InvalidInput: the folder holds something else or is not writable, or one of ``files``, which
-        will be written, is a folder.
+      InvalidInput: the folder holds something else, or is not writable.
     """
     folder = path_of(folder).resolve()
     if folder.exists() and not folder.is_dir():
@@ -80,9 +78,6 @@ def check_target(
                 f"{folder}: is not empty and has no {record} but {foreign[0]}; "
                 "choose another folder"
             )
-    for name in (record, *files):
-        if (folder / name).is_dir():
-            raise InvalidInput(f"{folder / name}: is a folder, where a file is to be written")
     make_folder(folder)
 
 

@@ -26,12 +26,6 @@ def test_a_folder_without_a_run_in_it_is_refused(designed, tmp_path, name):
     assert (tmp_path / name).read_text() == '{"scripts": "other"}'
 
 
-def test_a_folder_in_place_of_an_output_file_is_refused_before_the_computation(designed, tmp_path):
-    (tmp_path / "run" / "body.stl").mkdir(parents=True)
-    with pytest.raises(InvalidInput, match=r"body\.stl"):
-        save_run(tmp_path / "run", designed)
-
-
 def test_march_and_payoff_refuse_folders_with_other_files(tmp_path):
     (tmp_path / "thesis.txt").write_text("other")
     words = ["--aspect", "1", "--reynolds", "20", "--out", str(tmp_path)]

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 import re
 import signal
 import sys
@@ -77,11 +76,6 @@ def emit(result: JsonObject, as_json: bool, text: str) -> JsonObject:
     """Print the result as one line of JSON or as text, and return it."""
     print(json.dumps(result, allow_nan=False) if as_json else text, flush=True)
     return result
-
-
-def finite(value: float) -> float | None:
-    """The number, or None where it is infinite or NaN, which JSON cannot express."""
-    return value if math.isfinite(value) else None
 
 
 def numbers(text: str, name: str = "--reynolds", example: str = "1,10,40") -> list[float]:

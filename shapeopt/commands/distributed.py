@@ -17,16 +17,7 @@ from typing import TextIO
 
 import jax
 
-from shapeopt.commands.cli import (
-    BAD_INPUT,
-    DONE,
-    INTERRUPTED,
-    LOST,
-    NOT_CONVERGED,
-    NOT_WRITTEN,
-    Parser,
-    ProcessLost,
-)
+from shapeopt.commands.cli import LOST, Parser, ProcessLost
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 from surrogate.processes import join, scheduled
@@ -109,7 +100,7 @@ def supervise(command: str, argv: Sequence[str]) -> None:
     finally:
         for relay in relays:
             relay.join()
-    if status not in (DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, INTERRUPTED):
+    if status < 0 or status in (1, LOST):  # JAX ends processes by a signal or by status 1
         raise ProcessLost(
             "a process was lost; the same command on all machines resumes from the last checkpoint"
         )

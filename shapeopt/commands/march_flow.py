@@ -5,6 +5,7 @@ python scripts/march_flow.py --aspect 1 --reynolds 100 --time 160 --out out/marc
 """
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
-from shapeopt.commands.cli import Parser, emit, finite
+from shapeopt.commands.cli import Parser, emit
 from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
@@ -40,9 +41,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
     sheds = re > ONSET_OF_SHEDDING[2]
-    duration = arguments.time
-    if duration is None:
-        duration = 160.0 if sheds else 60.0
+    duration = (160.0 if sheds else 60.0) if arguments.time is None else arguments.time
     if re < LEAST_REYNOLDS:
         raise InvalidInput(f"--reynolds {re:g}: from 1, below which time steps are too small")
     if not 5 <= duration <= 2000:
@@ -59,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D and "
             f"from {Domain2D.MIN_THICKNESS:g} cells thick can be marched"
         )
-    check_target(out, "march.json", ("blockage", "gif"), ("march.gif",), ("march.gif",))
+    check_target(out, "march.json", ("blockage", "gif"), others=("march.gif",))
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
@@ -69,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "cd": float(drag[-1]),
         "cd_mean": float(drag[late:].mean()),
         "cl_amplitude": float(np.ptp(lift[late:]) / 2),
-        "strouhal": finite(strouhal(lift[late:], box.step)) if sheds else None,
+        "strouhal": _strouhal(lift[late:], box.step) if sheds else None,
         "cd_steady": None,
         "gif": str(out / "march.gif"),
     }
@@ -101,6 +100,11 @@ def _march(
             time = (k + 1) * steps * box.step
             progress((k + 1) / FRAMES, f"t {time:.0f}: Cd {drags[-1][-1]:.4f}")
     return np.concatenate(drags), np.concatenate(lifts), frames
+
+
+def _strouhal(lift: np.ndarray, step: float) -> float | None:
+    value = strouhal(lift, step)
+    return value if math.isfinite(value) else None  # JSON has no NaN
 
 
 def _text(r: JsonObject) -> str:

@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     devices = choose_devices(use_devices(arguments.devices))
     seeds = whole_number("--seeds", arguments.seeds, 1, 20)
     out, preset = Path(arguments.out), arguments.preset
-    check_target(out, RECORD, ("payoff", "queries"), PICTURES, _own_names(arguments))
+    check_target(out, RECORD, ("payoff", "queries"), _own_names(arguments))
     for k in (0, PLAIN[preset] - 1):
         check_run_folder(out / f"run-{k}")
     scene = Scene.read(arguments.scene) if arguments.scene else Scene()

@@ -9,27 +9,23 @@ python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/load
 python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.render.bodies_3d import FRICTION, PRESSURE, render_bodies, render_turntable
+from shapeopt.render.bodies_3d import FRICTION, PRESSURE, render_turntable
 from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
-from surrogate.flow.surface.surface import Surface
 from surrogate.model.store import load
 from surrogate.progress import Update, progress_bar
-
-Drawn = TypeVar("Drawn")
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -41,41 +37,34 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if len(dimensions) > 1:
         raise InvalidInput("--runs: some are 2-D, some 3-D; render them separately")
     dimension = dimensions.pop()
-    if out.suffix == ".gif" and (arguments.family or (arguments.surface and dimension == 2)):
+    gif = out.suffix == ".gif"
+    if gif and (arguments.family or (arguments.surface and dimension == 2)):
         raise InvalidInput(f"{out}: --family, and in 2-D --surface, need a .png")
+    if gif and len(records) > 1:
+        raise InvalidInput(f"{out}: a .gif shows one run; give one --runs folder")
     load_shown = FRICTION if arguments.surface else PRESSURE
     with progress_bar("rendering") as progress:
-        if out.suffix == ".gif" and dimension == 3:
-            render_turntable(before_and_after(_only(records, out))[1], out, load_shown)
-        elif out.suffix == ".gif":
-            _evolution(_only(records, out), out)
+        if gif and dimension == 3:
+            render_turntable(before_and_after(records[0])[1], out, load_shown)
+        elif gif:
+            _evolution(records[0], out)
         elif arguments.family:
             plot_family(_verified(records), out)
-        elif arguments.surface and dimension == 3:
-            render_bodies(_each(before_and_after, records, progress), out, load_shown)
-        elif arguments.surface:
-            loads = _each(_surfaces, records, progress)
-            plot_surfaces(list(zip(records, loads, strict=True)), out)
+        elif arguments.surface and dimension == 2:
+            surfaces = [[s.surface() for s in solve_run(r)] for r in _tracked(records, progress)]
+            plot_surfaces(list(zip(records, surfaces, strict=True)), out)
         else:
-            render_panels(_each(before_and_after, records, progress), out)
+            rows = [before_and_after(record) for record in _tracked(records, progress)]
+            render_panels(rows, out, load_shown)
         progress(1.0, str(out))
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
 
 
-def _each(
-    solve: Callable[[JsonObject], Drawn], records: list[JsonObject], progress: Update
-) -> list[Drawn]:
-    """The value of ``solve`` for every run, with progress."""
-    found = []
+def _tracked(records: list[JsonObject], progress: Update) -> Iterator[JsonObject]:
+    """The records, with progress reported after each."""
     for k, record in enumerate(records):
-        found.append(solve(record))
+        yield record
         progress((k + 1) / (len(records) + 1), f"Re {record['reynolds']:g}")
-    return found
-
-
-def _surfaces(record: JsonObject) -> tuple[Surface, Surface]:
-    start, optimum = solve_run(record)
-    return start.surface(), optimum.surface()
 
 
 def _verified(records: list[JsonObject]) -> list[JsonObject]:
@@ -87,12 +76,6 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         if len(record.get("cases", [])) > 1:
             raise InvalidInput("--family: needs runs at one Reynolds number each; one has several")
     return records
-
-
-def _only(records: list[JsonObject], out: Path) -> JsonObject:
-    if len(records) != 1:
-        raise InvalidInput(f"{out}: a .gif shows one run; give one --runs folder")
-    return records[0]
 
 
 def _evolution(record: JsonObject, out: Path) -> None:

@@ -1,5 +1,6 @@
 """Plots of runs: surface stresses, and optimal bodies over the Reynolds number."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +20,10 @@ from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
 from surrogate.flow.surface.surface import Surface
 
+LOOKS = {"cylinder": {"color": START, "ls": (0, (5, 2))}, "optimum": {"color": OPTIMUM}}
 
-def plot_surfaces(runs: list[tuple[JsonObject, tuple[Surface, Surface]]], path: str | Path) -> Path:
+
+def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | Path) -> Path:
     """Plot Cp and Cf against x / c of cylinder and optimum, one row for each run.
 
     Only the upper side is drawn, as bodies are symmetric. Returns the path of the PNG.
@@ -30,12 +33,7 @@ def plot_surfaces(runs: list[tuple[JsonObject, tuple[Surface, Surface]]], path: 
             len(runs), 2, figsize=(11, 3.9 * len(runs)), layout="constrained", squeeze=False
         )
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
-            for surface, name, look in zip(
-                surfaces,
-                ("cylinder", "optimum"),
-                ({"color": START, "ls": (0, (5, 2))}, {"color": OPTIMUM}),
-                strict=True,
-            ):
+            for surface, (name, look) in zip(surfaces, LOOKS.items(), strict=True):
                 upper = slice(0, len(surface.cp) // 2 + 1)
                 for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):
                     axis.plot(surface.station[upper], loads[upper], lw=2.2, label=name, **look)

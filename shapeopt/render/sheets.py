@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from shapeopt.render.bodies_3d import render_bodies
+from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies
 from shapeopt.render.pictures import Panel, render_flows
 from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
@@ -41,10 +41,11 @@ def before_and_after(record: JsonObject) -> list[Panel]:
     ]
 
 
-def render_panels(rows: list[list[Panel]], path: str | Path) -> Path:
-    """Draw solved flows, 2-D or 3-D, as a PNG and return its path."""
-    dimension = rows[0][0].solution.shape.dimension
-    return (render_bodies if dimension == 3 else render_flows)(rows, path)
+def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:
+    """Draw flows, 2-D or 3-D, as a PNG and return its path; 3-D bodies are coloured by ``load``."""
+    if rows[0][0].solution.shape.dimension == 3:
+        return render_bodies(rows, path, load)
+    return render_flows(rows, path)
 
 
 def origin(record: JsonObject) -> str:

@@ -7,7 +7,7 @@ evaluates the network and draws the body.
 import html
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from string import Template
@@ -146,21 +146,15 @@ def _sliders(surrogate: Surrogate) -> Iterator[str]:
     """Sliders for log Re and for every shape parameter, set to an ellipse."""
     family = surrogate.scene.family
     low, high = (math.log(value) for value in surrogate.scene.reynolds)
-    yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, math.exp)
+    yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, log=True)
     aspect = START * float(family.body_class.aspect(reference_body(family)))
     start = np.clip(family.ellipse(aspect), *family.bounds.T)
     for (name, (low, high)), value in zip(family.ranges, start, strict=True):
         yield _slider(name, PARAMETERS[name].label, low, high, value)
 
 
-def _slider(
-    name: str,
-    label: str,
-    low: float,
-    high: float,
-    start: float,
-    shown: Callable[[float], float] = float,
-) -> str:
+def _slider(name: str, label: str, low: float, high: float, start: float, log: bool = False) -> str:
+    shown = math.exp if log else float
     return (
         f'<div class="slider"><label for="{name}">{label}</label>'
         f'<small id="{name}-way" class="way"></small>'
