@@ -31,7 +31,7 @@ def draw_body(
     axis: plt.Axes,
     outline: Float[np.ndarray, "nodes 2"],
     flatness: float,
-    colour: ColorType,
+    colour: ColorType | np.ndarray,
     centre: Sequence[float] | np.ndarray = (0, 0),
 ) -> None:
     """Fill a body's outline seen from the side; if flatness > 1, add a line of it from above."""
