@@ -151,9 +151,9 @@ def test_a_flow_that_is_not_found_raises():
 
 
 def test_a_body_beyond_the_grid_of_a_scene_is_refused(tiny_scene):
-    with pytest.raises(InvalidInput, match="reaches beyond"):
+    with pytest.raises(InvalidInput, match="larger than those"):
         Flow(tiny_scene).solve(np.array([0.3, 0.0, 0.0, 0.0]), 1.0)
-    with pytest.raises(InvalidInput, match="reaches beyond"):
+    with pytest.raises(InvalidInput, match="larger than those"):
         Flow(tiny_scene).drag(np.array([0.3, 0.0, 0.0, 0.0]), 1.0)
 
 
@@ -193,4 +193,5 @@ def test_robust_any_body_of_the_family_has_a_sane_drag(parameters, reynolds):
     body = np.asarray(parameters)
     assume(float(Family().body_class.min_thickness_ratio(body)) >= 0.05)
     cylinder = 2.0 + 10.0 / reynolds
-    assert 0.3 * cylinder < float(Flow(SMALL).drag(body, reynolds)) < 2.5 * cylinder
+    drag = Flow(SMALL).drag(body, reynolds, allow_unsteady=True)
+    assert 0.3 * cylinder < float(drag) < 2.5 * cylinder

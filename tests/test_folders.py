@@ -81,8 +81,9 @@ def test_a_page_replaces_the_file_it_is_named_after(tmp_path):
     assert "<svg" in (tmp_path / "page.html").read_text()
 
 
-def test_a_scene_replaces_an_earlier_one(tmp_path):
-    for stream in ("unbounded", "tunnel:8"):
-        scene = Scene.of({"stream": stream})
-        scene.write(tmp_path / "scene.toml")
-        assert Scene.read(tmp_path / "scene.toml") == scene
+def test_a_scene_replaces_the_file_it_is_named_after_but_no_folder(tmp_path):
+    (tmp_path / "scene.toml").write_text("old")
+    Scene().write(tmp_path / "scene.toml")
+    assert Scene.read(tmp_path / "scene.toml") == Scene()
+    with pytest.raises(InvalidInput, match="is a folder"):
+        Scene().write(tmp_path)

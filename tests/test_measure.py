@@ -18,7 +18,7 @@ from literature import CYLINDER, front_angles, line, measure
 from plane import solve_by_plane_elements
 
 from surrogate import Family, InvalidInput
-from surrogate.scene.cost import APPLICATIONS
+from surrogate.scene.cost import CONVOLUTIONS
 
 MEASURE = SCRIPTS / "measure"
 NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
@@ -77,9 +77,9 @@ def test_every_study_is_told_and_none_else():
 
 def test_what_is_foreseen_was_measured():
     rows = json.loads((study.RESULTS / "foreseen.json").read_text())["result"]["rows"]
-    assert {row["dimension"] for row in rows} == set(APPLICATIONS)
+    assert {row["dimension"] for row in rows} == set(CONVOLUTIONS)
     for row in rows:
-        foreseen = APPLICATIONS[row["dimension"]]._asdict()[row["name"]]
+        foreseen = CONVOLUTIONS[row["dimension"]]._asdict()[row["name"]]
         assert foreseen == pytest.approx(row["measured"], rel=0.25), row["what"]
 
 

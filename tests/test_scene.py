@@ -10,9 +10,20 @@ from conftest import TINY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surrogate import FIDELITIES, Family, Fidelity, Flow, InvalidInput, Scene, Tunnel, Unbounded
+from surrogate import (
+    FIDELITIES,
+    Family,
+    Fidelity,
+    Flow,
+    InvalidInput,
+    Scene,
+    Tunnel,
+    Unbounded,
+    family_shape,
+)
 from surrogate.body.parameters import PARAMETERS
-from surrogate.scene.limits import check_reynolds
+from surrogate.scene.fidelity import LONGEST_WINDOW
+from surrogate.scene.limits import check_reynolds, check_stream, onset_of_shedding
 
 TUNNEL = """
 dimension = 2
@@ -126,7 +137,7 @@ def test_numbers_of_numpy_and_names_make_the_same_scene(tmp_path, unchecked):
 def test_explain_says_what_is_modelled_and_what_it_costs(scene):
     words = scene.explain(bodies=64)
     assert str(np.prod(Flow(scene).domain.lattice.shape)) + " cells" in words
-    for word in ("Re 1 to 40", "Left out", "64 bodies", "applications of G", " ms", " s"):
+    for word in ("Re 1 to 40", "Left out", "64 bodies", "convolutions with G", " ms", " s"):
         assert word in words
     assert ("unbounded stream" in words) == (scene.stream == Unbounded())
 
@@ -255,3 +266,42 @@ def test_reynolds_numbers_of_a_scene():
     assert check_reynolds(50, allow_unsteady=True) == 50
     with pytest.raises(InvalidInput, match="allow_unsteady"):
         check_reynolds(50)
+
+
+@pytest.mark.parametrize("wide", [{"fidelity": Fidelity("c", 16, 3, 6, 4)}, {"fidelity": None}])
+def test_a_window_of_ones_own_in_3d_is_not_lengthened_by_the_wake_of_2d(wide, tmp_path):
+    """It would have 3 million cells."""
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        "dimension = 3\n[fidelity]\ncells = 16\nupstream = 3\ndownstream = 6\nheight = 4\n"
+    )
+    scene = Scene(dimension=3, **wide) if wide["fidelity"] else Scene.read(path)
+    assert scene.fidelity.wake == 0
+    assert scene.fidelity_for_wakes == scene.fidelity
+    assert Scene(fidelity=Fidelity("c", 16, 3, 6, 4)).fidelity.wake == 0.2
+
+
+@pytest.mark.parametrize("fidelity", FIDELITIES.values(), ids=FIDELITIES)
+def test_no_window_is_longer_than_the_longest(fidelity):
+    longest = max(fidelity.for_wake(re, 3.0).downstream for re in range(1, 300))
+    assert longest == LONGEST_WINDOW
+
+
+def test_bodies_taller_than_long_shed_sooner():
+    """The ellipse of aspect 0.5 from Re 26.7, by its linear stability; slender ones are safe."""
+    tall, turned = family_shape({"aspect": 0.5}), family_shape({"aspect": 2.0}, 90.0)
+    assert float(onset_of_shedding(tall.extent)) == pytest.approx(26.7, rel=1e-6)
+    assert float(onset_of_shedding(turned.extent)) == pytest.approx(26.7, rel=1e-6)
+    assert check_reynolds(26, extent=tall.extent) == 26
+    for shape in (tall, turned):
+        with pytest.raises(InvalidInput, match=r"beyond 26\.7"):
+            Flow(Scene()).solve(shape, 45.0)
+    for aspect in (1.0, 2.0):
+        assert check_reynolds(46.7, extent=family_shape({"aspect": aspect}).extent) == 46.7
+
+
+def test_a_narrow_tunnel_is_refused_by_the_height_of_the_turned_body():
+    shape = family_shape({"aspect": 2.0}, 60.0)
+    with pytest.raises(InvalidInput, match=r"box 1\.\d+ D high .* tunnel:2\.\d+ would do"):
+        check_stream(Tunnel(2.0), FIDELITIES["draft"], shape.extent, (1.0, 0.5))
+    check_stream(Tunnel(shape.extent[1] + 1), FIDELITIES["draft"], shape.extent, (1.0, 0.5))

@@ -138,7 +138,7 @@ def test_what_does_not_fit_the_scene_is_refused(pretrained, unchecked):
         optimise(Problem(pretrained.scene, 20.0), "pretrained")
     with pytest.raises(InvalidInput, match="'surrogate' or 'flow'"):
         optimise(Problem(pretrained.scene, 20.0), pretrained, until="dawn")
-    with pytest.raises(InvalidInput, match="reaches beyond"):
+    with pytest.raises(InvalidInput, match="larger than those"):
         verify(Problem(pretrained.scene, 20.0), np.array([9.0, 0.0, 0.0, 0.0]))
 
 

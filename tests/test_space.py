@@ -183,7 +183,7 @@ def test_what_is_no_body_or_scene_of_space_is_refused():
         family_shape({"aspect": 1.0, "flatness": 9.0}, dimension=3)
     with pytest.raises(InvalidInput, match="5 parameters are needed"):
         FLOW.drag([1.0, 1.0], 10.0)
-    with pytest.raises(InvalidInput, match="reaches beyond"):
+    with pytest.raises(InvalidInput, match="larger than those"):
         FLOW.drag([12.0, 1.0, 0, 0, 0], 10.0)
     with pytest.raises(InvalidInput, match="of dimension 2, in a scene of 3"):
         FLOW.solve(family_shape({"aspect": 1.0}), 10.0)

@@ -88,7 +88,8 @@ def measure(tiny: bool, progress: Callable) -> Result:
 
 def _solved(case: Case):
     flow = Flow(Scene(case.stream, fidelity=case.fidelity))
-    return flow.solve(family_shape(case.body), case.reynolds, estimate=False)
+    shape = family_shape(case.body)
+    return flow.solve(shape, case.reynolds, estimate=False, allow_unsteady=True)
 
 
 def tables(result: Result) -> str:

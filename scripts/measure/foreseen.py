@@ -13,7 +13,7 @@ from study import TINY, Result, Study, run_study, table_of_rows
 from shapeopt import optimise
 from shapeopt.payoff.queries import query_stream
 from surrogate import Family, Flow, Scene
-from surrogate.scene.cost import APPLICATIONS, Applications, convolution_seconds
+from surrogate.scene.cost import CONVOLUTIONS, Convolutions, convolution_seconds
 from surrogate.training.samples import held_out_samples
 
 REPEATS = 5  # times that a convolution is timed
@@ -31,8 +31,8 @@ WHAT = {
 def measure(tiny: bool, progress: Callable) -> Result:
     """Both dimensions, each over its default scene."""
     rows = []
-    for k, dimension in enumerate(APPLICATIONS):
-        progress(k / len(APPLICATIONS), f"dimension {dimension}")
+    for k, dimension in enumerate(CONVOLUTIONS):
+        progress(k / len(CONVOLUTIONS), f"dimension {dimension}")
         if tiny:
             small = Family(dimension=dimension, aspect=(1.0, 1.5))
             scenes = [Scene(family=small, fidelity=TINY)] * 2
@@ -46,7 +46,7 @@ def measure(tiny: bool, progress: Callable) -> Result:
     return {"rows": rows}
 
 
-def _found(scene: Scene, rough: Scene, count: int) -> Applications:
+def _found(scene: Scene, rough: Scene, count: int) -> Convolutions:
     """Of so many bodies at random, and of a sixth of so many designs on a rough grid."""
     flow, bodies = Flow(scene), held_out_samples(scene, 0, count)
     flow.labels(*bodies)
@@ -58,7 +58,7 @@ def _found(scene: Scene, rough: Scene, count: int) -> Applications:
     convolution = float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
     queries = query_stream(rough, 0, max(count // 6, 1))
     designs = [optimise(problem, Flow(rough)) for problem in queries]
-    return Applications(
+    return Convolutions(
         flow=float(np.mean(flows)),
         adjoint=float(np.mean(both) - np.mean(flows)),
         renewal=float(flow.domain.assembly_cost if scene.dimension == 3 else 0),

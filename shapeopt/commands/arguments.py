@@ -7,10 +7,10 @@ from shapeopt.problem.constraints import Station
 from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
+from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
 from surrogate.body.parameters import PARAMETERS
-from surrogate.body.plane_body import PlaneBody
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -37,7 +37,7 @@ def add_family_arguments(parser: Parser) -> None:
 def family_named(arguments: argparse.Namespace) -> dict[str, float]:
     """The family's parameters by name: those of the default family, and all others given."""
     given = {name: getattr(arguments, name) for name in PARAMETERS}
-    usual = PlaneBody.default_ranges
+    usual = Body2D.default_ranges
     return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 

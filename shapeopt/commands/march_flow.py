@@ -23,7 +23,7 @@ from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.progress import progress_bar
-from surrogate.scene.limits import ONSET_OF_SHEDDING
+from surrogate.scene.limits import onset_of_shedding
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
 
@@ -40,7 +40,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if len(reynolds) != 1:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
-    sheds = re > ONSET_OF_SHEDDING[2]
+    shape = shape_of(arguments)
+    sheds = re > float(onset_of_shedding(shape.extent))
     duration = (160.0 if sheds else 60.0) if arguments.time is None else arguments.time
     if re < LEAST_REYNOLDS:
         raise InvalidInput(f"--reynolds {re:g}: from 1, below which time steps are too small")
@@ -48,7 +49,6 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         raise InvalidInput(f"--time {duration:g}: from 5 to 2000 D / U")
     if not 6 <= arguments.height <= 64:
         raise InvalidInput(f"--height {arguments.height:g}: from 6 to 64 D")
-    shape = shape_of(arguments)
     box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
     markers = shape.draw(NODES)
     length, height = np.ptp(markers, axis=0)

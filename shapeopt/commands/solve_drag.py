@@ -25,7 +25,7 @@ from surrogate.flow.settling import RANGE, Particle, settle
 from surrogate.flow.solution import Solution
 from surrogate.progress import progress_bar
 from surrogate.scene.fidelity import read_fidelity
-from surrogate.scene.limits import ONSET_OF_SHEDDING, check_reynolds
+from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import parse_stream
 
@@ -150,6 +150,6 @@ def _parser() -> Parser:
     add("--fidelity", default="standard", help="draft, standard (default) or fine")
     add("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
     add("--gradient", action="store_true", help="dCd/d(parameters, Re)")
-    unsteady = f"the steady flow beyond the onset of vortex shedding, Re {ONSET_OF_SHEDDING[2]:g}"
+    unsteady = "beyond the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies"
     add("--allow-unsteady", action="store_true", help=unsteady)
     return parser

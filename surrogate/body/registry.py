@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from surrogate.body.body_2d import Body2D
+from surrogate.body.body_3d import Body3D
 from surrogate.body.body_class import BodyClass
 from surrogate.body.parameters import PARAMETERS
-from surrogate.body.plane_body import PlaneBody
-from surrogate.body.space_body import SpaceBody
 from surrogate.errors import InvalidInput
 
-BODY_CLASSES: dict[int, type[BodyClass]] = {2: PlaneBody, 3: SpaceBody}
+BODY_CLASSES: dict[int, type[BodyClass]] = {2: Body2D, 3: Body3D}
 
 
 def check_dimension(value: Any) -> int:

@@ -1,4 +1,4 @@
-"""What flows will cost, foreseen: applications of G by measurement, seconds by a blink of work."""
+"""Forecasts of what flows cost: convolutions with G as measured, seconds by a short benchmark."""
 
 import functools
 import time
@@ -8,16 +8,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-REPEATS = 7
+REPEATS = 7  # of the benchmark, whose median counts
 
 
-class Applications(NamedTuple):
-    """Applications of G that a body takes on average, over the default scenes (RESULTS.md).
+class Convolutions(NamedTuple):
+    """Convolutions with the Green's function G that a body takes on average (RESULTS.md).
 
-    Of a body's flow, preparation included, of the adjoint that its shape gradient takes, of
-    preparing a training's body anew, and how many flows with their adjoints a design by them alone
-    takes. ``overhead`` is of a whole flow's seconds over its convolutions alone: convection,
-    Krylov vectors, in space double precision.
+    Measured over the default scenes by ``scripts/measure/foreseen.py``.
+
+    Attributes:
+      flow: of a body's flow, the assembly of its operators included.
+      adjoint: of the adjoint flow that gives its shape gradient.
+      renewal: of assembling the operators of a training's body again at every evaluation.
+      design_flows: flows, each with its adjoint, of a design without a surrogate.
+      overhead: seconds of a whole flow over those of its convolutions alone; the rest is
+        convection, Krylov vectors, and in 3-D double precision.
     """
 
     flow: float
@@ -27,20 +32,20 @@ class Applications(NamedTuple):
     overhead: float
 
 
-APPLICATIONS = {
-    2: Applications(34.0, 8.4, 0.0, 10.8, 1.7),
-    3: Applications(47.0, 7.6, 33.0, 5.0, 1.8),
+CONVOLUTIONS = {
+    2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
+    3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
 }
 
 
 @functools.cache
-def application_seconds(shape: tuple[int, ...]) -> float:
-    """Seconds of a flow per application of G in a symmetric window of ``shape`` cells."""
-    return APPLICATIONS[len(shape)].overhead * convolution_seconds(shape)
+def seconds_per_convolution(shape: tuple[int, ...]) -> float:
+    """Return the seconds of a flow per convolution, in a symmetric window of ``shape`` cells."""
+    return CONVOLUTIONS[len(shape)].overhead * convolution_seconds(shape)
 
 
 def convolution_seconds(shape: tuple[int, ...]) -> float:
-    """Seconds of a convolution in this window: transforms there and back around one product."""
+    """Return the seconds of one convolution: transforms there and back around one product."""
     nx, *across = shape
     matrices = [np.ones((rows, 2 * rows + 1), np.float32) for rows in across]
 
@@ -62,5 +67,5 @@ def convolution_seconds(shape: tuple[int, ...]) -> float:
 
 
 def _along_next_axis(field, matrix):
-    """A matrix along the first axis across the stream, which then is the last."""
+    """Multiply by a matrix along the first lateral axis, which becomes the last one."""
     return jnp.tensordot(field, matrix, axes=[[2], [0]])

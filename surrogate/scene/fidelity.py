@@ -1,4 +1,4 @@
-"""How fine a flow is solved, and what error that promises."""
+"""How finely a flow is solved, and which error of the drag that resolution is made for."""
 
 import dataclasses
 import math
@@ -8,18 +8,28 @@ from typing import Any
 from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
-LONGEST_WINDOW = 40.0  # downstream, in D
-FEWEST_CELLS = 6  # per D, if it can be: fewer do not resolve bodies of usual thickness
-MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a window of the plane
+LONGEST_WINDOW = 40.0  # D downstream, up to which a window is lengthened for a wake
+FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thickness
+MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a 2-D window
+WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
 
 
 @dataclasses.dataclass(frozen=True)
 class Fidelity:
-    """Resolution: ``cells`` per D, the window's reach in D, harmonics of the traction.
+    """Resolution of the flow solver: cells per D, and the computational domain ("window").
 
-    ``promise`` is the relative error of the drag that it is made for (Re 0.5 to 45, aspect 0.5 to
-    5; in space Re 0.1 to 100, aspect 0.5 to 4), which a solution's ``status`` says whether it is
-    kept, ``wake`` how much window a wake takes: reach downstream in D per Re (height / D)^2.
+    Args:
+      name: by which messages call it.
+      cells: grid cells per D.
+      upstream: from the body's centroid to the inlet, in D.
+      downstream: from the body's centroid to the outlet, in D.
+      height: of the window, in 3-D its width too, in D.
+      harmonics: highest harmonic of the traction on the body.
+      wake: how much longer a window a wake takes: ``downstream`` is at least
+        wake * Re * (height of the body / D)^2. By default 0.2 in 2-D and 0 in 3-D.
+      promise: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
+        estimated error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
+        2-D, at Re 0.1 to 100 and aspect 0.5 to 4 in 3-D.
     """
 
     name: str
@@ -28,7 +38,7 @@ class Fidelity:
     downstream: float
     height: float
     harmonics: int = 7
-    wake: float = 0.2
+    wake: float | None = None
     promise: float = 0.015
 
     def __post_init__(self):
@@ -37,8 +47,9 @@ class Fidelity:
             "cells": whole_number("cells per D", self.cells, 3, MOST_CELLS),
             "harmonics": whole_number("harmonics", self.harmonics, 1, 31),
         }
-        lengths = dict.fromkeys(("upstream", "downstream", "height"), (1, 2 * LONGEST_WINDOW))
-        for name, (low, high) in {**lengths, "wake": (0, 1), "promise": (0, 1)}.items():
+        limits = dict.fromkeys(("upstream", "downstream", "height"), (1, 2 * LONGEST_WINDOW))
+        limits |= {} if self.wake is None else {"wake": (0, 1)}
+        for name, (low, high) in (limits | {"promise": (0, 1)}).items():
             plain[name] = finite_number(name, getattr(self, name))
             if not low <= plain[name] <= high:
                 raise InvalidInput(f"fidelity: {name} {plain[name]:g}: from {low:g} to {high:g}")
@@ -51,21 +62,22 @@ class Fidelity:
         for name, value in plain.items():
             object.__setattr__(self, name, value)
 
-    def reaching(self, reynolds: float, height: float) -> "Fidelity":
-        """The same for bodies of this height at up to this Re: bluff ones need a longer window."""
-        missing = min(self.wake * reynolds * height**2, LONGEST_WINDOW) - self.downstream
+    def for_wake(self, reynolds: float, height: float) -> "Fidelity":
+        """Return the fidelity with a window for wakes of bodies of this height up to this Re."""
+        wake = WAKE[2] if self.wake is None else self.wake
+        missing = min(wake * reynolds * height**2, LONGEST_WINDOW) - self.downstream
         if missing <= 2:
             return self
-        longer = self.downstream + 8 * math.ceil(missing / 8)
+        longer = min(self.downstream + 8 * math.ceil(missing / 8), LONGEST_WINDOW)
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def coarser(self) -> "Fidelity":
-        """Two thirds of the cells; of few enough, those that bodies of usual thickness need."""
+        """Return two thirds of the cells, but not fewer than usual bodies need if it has them."""
         fewest = min(self.cells - 2, FEWEST_CELLS)
         return dataclasses.replace(self, cells=max(round(2 * self.cells / 3), fewest))
 
     def smaller(self, share: float) -> "Fidelity":
-        """A share of the window."""
+        """Return the fidelity with all lengths of the window multiplied by ``share``."""
         return dataclasses.replace(
             self,
             upstream=share * self.upstream,
@@ -91,20 +103,22 @@ FIDELITIES, SPACE_FIDELITIES = NAMED[2], NAMED[3]
 
 
 def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
-    """A fidelity by its name, or by a table of its numbers; in space the names mean others.
+    """Return a fidelity given by its name, by a table of its numbers, or as it is.
+
+    Names and the default of ``wake`` depend on the dimension.
 
     Raises:
-      InvalidInput: there is none of this name, or a number is missing or makes no sense.
+      InvalidInput: there is none of this name, or a number is missing or out of range.
     """
+    if isinstance(value, Mapping):
+        try:
+            value = Fidelity(**{"name": "custom", **value})
+        except TypeError:
+            fields = ", ".join(field.name for field in dataclasses.fields(Fidelity))
+            raise InvalidInput(f"fidelity: a name, or a table of {fields}") from None
     if isinstance(value, Fidelity):
-        return value
-    if not isinstance(value, Mapping):
-        levels = NAMED[dimension]
-        if not isinstance(value, str) or value not in levels:
-            raise InvalidInput(f"fidelity {value!r}: one of {', '.join(levels)}")
-        return levels[value]
-    try:
-        return Fidelity(**{"name": "custom", **value})
-    except TypeError:
-        fields = ", ".join(field.name for field in dataclasses.fields(Fidelity))
-        raise InvalidInput(f"fidelity: a name, or a table of {fields}") from None
+        return value if value.wake is not None else dataclasses.replace(value, wake=WAKE[dimension])
+    levels = NAMED[dimension]
+    if not isinstance(value, str) or value not in levels:
+        raise InvalidInput(f"fidelity {value!r}: one of {', '.join(levels)}")
+    return levels[value]

@@ -1,10 +1,12 @@
 """What can be asked: Reynolds numbers that are steady and tested, bodies that fit their stream."""
 
-from typing import Any
+import math
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
+from surrogate.arrays import AnyArray, Number
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.fidelity import Fidelity
@@ -12,39 +14,54 @@ from surrogate.scene.stream import Stream, Tunnel
 
 REYNOLDS = {2: (1e-3, 300.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
-STUBBY = 0.9  # power of length over width that the onset goes with, of bodies wider than long
+# The onset goes with these powers of length over width, for bodies wider than long. By linear
+# stability: in 2-D the ellipse of aspect 0.5 sheds from Re 26.7; in 3-D scripts/measure/onset.py.
+ONSET_POWERS = {2: math.log(46.7 / 26.7) / math.log(2), 3: 0.9}
+ROUNDING = 1e-9  # relative, of an extent that was measured on a contour
 
 
-def onset_of_shedding(reach: Any) -> Any:
-    """Re from which a body of this reach, (length, ...) in D, may have no steady symmetric wake.
+def onset_of_shedding(extent: Float[AnyArray, " axes"]) -> Float[Array, ""]:
+    """Return the Re from which a body of this extent may have no steady symmetric wake.
 
-    In space discs lose theirs well before spheres do; ``scripts/measure/onset.py`` has it.
+    Slender bodies have one for longer than the cylinder or the sphere, whose onset stands for
+    theirs.
+
+    Args:
+      extent: length, (in 3-D width,) and height, all in D or all halved.
     """
-    onset = ONSET_OF_SHEDDING[len(reach)]
-    if len(reach) == 2:
-        return onset
-    return onset * jnp.minimum(reach[0] / jnp.maximum(reach[1], reach[2]), 1.0) ** STUBBY
+    dimension = len(extent)
+    slenderness = extent[0] / jnp.max(jnp.asarray(extent[1:]))
+    return ONSET_OF_SHEDDING[dimension] * jnp.minimum(slenderness, 1.0) ** ONSET_POWERS[dimension]
 
 
 def check_reynolds(
-    reynolds: Any, allow_unsteady: bool = False, dimension: int = 2, reach: Any = None
+    reynolds: Number,
+    allow_unsteady: bool = False,
+    dimension: int = 2,
+    extent: Float[AnyArray, " axes"] | None = None,
 ) -> float:
-    """A Reynolds number at which a steady laminar flow is a fair answer, of a body of this reach.
+    """Return the Reynolds number as a float, if a steady laminar flow is a fair answer there.
+
+    Args:
+      reynolds: U D / nu.
+      allow_unsteady: accept it beyond the onset of vortex shedding too.
+      dimension: 2 or 3.
+      extent: of the body, as in ``onset_of_shedding``; by default the cylinder or the sphere.
 
     Raises:
-      InvalidInput: it is none, is beyond what the solver is tested for, or bodies shed vortices
-        there and ``allow_unsteady`` is not set.
+      InvalidInput: it is not a number, is beyond what the solver is tested for, or the body sheds
+        vortices there and ``allow_unsteady`` is not set.
     """
     value = finite_number("Reynolds number", reynolds)
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
     (low, high), onset = REYNOLDS[dimension], ONSET_OF_SHEDDING[dimension]
-    onset = onset if reach is None else float(onset_of_shedding(reach))
+    onset = onset if extent is None else float(onset_of_shedding(extent))
     if value < low:
         raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
     if value > high:
         raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
-    if value > onset and not allow_unsteady:
+    if value > onset * (1 + ROUNDING) and not allow_unsteady:
         raise InvalidInput(
             f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
             f"{onset:.3g}, so the steady drag is not what nature does; "
@@ -54,21 +71,28 @@ def check_reynolds(
 
 
 def check_stream(
-    stream: Stream, fidelity: Fidelity, reach: np.ndarray, room: tuple[float, float]
+    stream: Stream,
+    fidelity: Fidelity,
+    extent: Float[np.ndarray, " axes"],
+    clearance: tuple[float, float],
 ) -> None:
-    """Raise InvalidInput unless a body of this reach, (length, ..., height), fits the stream.
+    """Raise InvalidInput unless a body fits the window and, if there is one, the tunnel.
 
-    ``room`` is what must lie between it and the window's edges, in D; accuracy asks for a lot.
+    Args:
+      stream: in which the body is.
+      fidelity: whose window it must fit.
+      extent: sides in D of a box around the body as it lies: length, ..., height.
+      clearance: D that accuracy needs between this box and the window's edges, along and across.
     """
-    along, across = reach[0] / 2 + room[0], np.max(reach[1:]) / 2 + room[1]
+    along, across = extent[0] / 2 + clearance[0], np.max(extent[1:]) / 2 + clearance[1]
     if along > fidelity.upstream or across > fidelity.height / 2:
-        sides = " x ".join(f"{side:g}" for side in reach)
+        sides = " x ".join(f"{side:g}" for side in extent)
         raise InvalidInput(
             f"body: {sides} D is too large for the {fidelity.name} window; "
-            "fine reaches further, and bodies are best scaled to an equivalent diameter of 1"
+            "fine has a larger one, and bodies are best scaled to an equivalent diameter of 1"
         )
-    if isinstance(stream, Tunnel) and stream.height < reach[1] + 1:
+    if isinstance(stream, Tunnel) and stream.height < extent[1] + 1:
         raise InvalidInput(
-            f"tunnel:{stream.height:g} leaves less than half a diameter beside a body {reach[1]:g} "
-            f"D high; a height above {reach[1] + 1:g} would do"
+            f"tunnel:{stream.height:g} leaves less than half a diameter above and below a box "
+            f"{extent[1]:g} D high around the body as it lies; tunnel:{extent[1] + 1:g} would do"
         )

@@ -1,6 +1,6 @@
-"""A scene: a family of bodies in a stream over a range of Reynolds numbers. Nothing else is built.
+"""A scene: a family of bodies in a stream over a range of Reynolds numbers.
 
-In a file it is a few lines of TOML; what they leave out is as in ``Scene()``:
+In a file it is a few lines of TOML; keys that are left out have their values in ``Scene()``:
 
     dimension = 2
     stream = "tunnel:12"
@@ -12,38 +12,39 @@ In a file it is a few lines of TOML; what they leave out is as in ``Scene()``:
 """
 
 import dataclasses
-import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import tomli_w
 
 from surrogate.body.family import Family
 from surrogate.body.registry import check_dimension
 from surrogate.checks import interval, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file
-from surrogate.scene.explain import explained
+from surrogate.scene.explain import explain_scene
 from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
 from surrogate.scene.limits import check_reynolds
-from surrogate.scene.stream import (
-    Stream,
-    Unbounded,
-    parse_stream,
-)
+from surrogate.scene.stream import Stream, Unbounded, parse_stream
 
 LONGEST = 400  # letters of a message that quotes a file
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene:
-    """A family of bodies in a stream over a range of Reynolds numbers U D / nu.
+    """A family of bodies in a stream over a range of Reynolds numbers: what is modelled.
 
-    ``stream`` and ``fidelity`` may be given by their names in a file. The dimension is the
-    family's; given alone it stands for ``Family(dimension)``.
+    Args:
+      stream: ``Unbounded()`` or ``Tunnel(height)``, or "unbounded" or "tunnel:H".
+      reynolds: least and greatest U D / nu.
+      family: ranges of the bodies' parameters; by default ``Family(dimension)``.
+      fidelity: "draft", "standard" or "fine", or a ``Fidelity``.
+      dimension: 2 or 3, that of the family.
 
     Raises:
-      InvalidInput: a range or the fidelity is none that can be modelled.
+      InvalidInput: one of them cannot be modelled.
     """
 
     stream: Stream | Any = Unbounded()
@@ -75,14 +76,14 @@ class Scene:
         if not isinstance(self.stream, Stream):
             put("stream", parse_stream(self.stream))
         if self.dimension == 3 and self.stream != Unbounded():
-            raise InvalidInput(f"stream {self.stream}: bodies in space are modelled without walls")
+            raise InvalidInput(f"stream {self.stream}: 3-D bodies are modelled without walls")
 
     @classmethod
     def read(cls, path: str | Path) -> "Scene":
-        """The scene of a TOML file.
+        """Return the scene of a TOML file.
 
         Raises:
-          InvalidInput: it cannot be read, is no TOML, or describes no scene.
+          InvalidInput: it cannot be read, is not TOML, or describes no scene.
         """
         try:
             return cls.of(tomllib.loads(path_of(path).read_text(encoding="utf-8-sig")))
@@ -95,7 +96,7 @@ class Scene:
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> "Scene":
-        """The scene of plain values, as in a file or from ``record``.
+        """Return the scene of plain values, as in a file or from ``record``.
 
         Raises:
           InvalidInput: they describe no scene.
@@ -118,7 +119,7 @@ class Scene:
 
     @property
     def record(self) -> dict[str, Any]:
-        """Plain values, for JSON."""
+        """The scene as plain values, for JSON."""
         return {
             "dimension": self.dimension,
             "stream": str(self.stream),
@@ -128,43 +129,34 @@ class Scene:
         }
 
     def write(self, path: str | Path) -> None:
-        """Keep the scene as a TOML file, whole or not at all.
+        """Write the scene as a TOML file, whole or not at all; a file that is there is replaced.
 
         Raises:
-          InvalidInput: a folder is there, or a file that is no scene.
+          InvalidInput: the path is a folder.
         """
         if path_of(path).is_dir():
             raise InvalidInput(f"{path}: is a folder; a file is needed")
-        if Path(path).is_file() and not _is_scene(path):
-            raise InvalidInput(f"{path}: is of another program; choose another name")
         plain = self.record
-        family, fidelity = plain.pop("family"), plain.pop("fidelity")
-        tables = {"family": family}
         if NAMED[self.dimension].get(self.fidelity.name) == self.fidelity:
             plain["fidelity"] = self.fidelity.name
-        else:
-            tables["fidelity"] = fidelity
-        lines = _toml(plain)
-        for name, table in tables.items():
-            lines += [f"[{name}]", *_toml(table)]
         with whole_file(path) as part:
-            part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            part.write_text(tomli_w.dumps(plain), encoding="utf-8")
 
     @property
     def extent(self) -> tuple[float, ...]:
-        """Sides in D of a box that holds every body, and the cylinder or sphere."""
+        """Sides in D of a centred box that holds every body, and the cylinder or sphere."""
         return tuple(max(float(side), 1.0) for side in self.family.extent)
 
     @property
-    def reaching(self) -> Fidelity:
+    def fidelity_for_wakes(self) -> Fidelity:
         """The fidelity with a window for the longest wake."""
-        return self.fidelity.reaching(self.reynolds[1], self.extent[1])
+        return self.fidelity.for_wake(self.reynolds[1], self.extent[1])
 
     def check_reynolds(self, reynolds: Any) -> float:
-        """A Reynolds number of the scene, in whatever kind of number it came.
+        """Return a Reynolds number of the scene as a float.
 
         Raises:
-          InvalidInput: it is none, or outside the scene's range.
+          InvalidInput: it is not a number, or outside the scene's range.
         """
         low, high = self.reynolds
         value = check_reynolds(reynolds, allow_unsteady=True, dimension=self.dimension)
@@ -173,26 +165,11 @@ class Scene:
         return value
 
     def explain(self, bodies: int = 512) -> str:
-        """What is modelled and why, what is left out, what ``bodies`` and a design will cost."""
-        return explained(self, whole_number("bodies", bodies, 1, 10**9))
+        """Return in words what is modelled, what is left out, and what long work will cost.
 
-
-def _toml(table):
-    """Lines of a flat table; numbers, texts and lists of numbers look as in JSON, but for 1e-05."""
-
-    def text(value):
-        if isinstance(value, str):
-            return json.dumps(value, ensure_ascii=False)
-        if isinstance(value, list):
-            return f"[{', '.join(map(text, value))}]"
-        return repr(value)
-
-    return [f"{name} = {text(value)}" for name, value in table.items()]
-
-
-def _is_scene(path):
-    try:
-        Scene.read(path)
-    except InvalidInput:
-        return False
-    return True
+        Args:
+          bodies: number of bodies of a training.
+        """
+        bodies = whole_number("bodies", bodies, 1, 10**9)
+        modelled = self.stream, self.reynolds, self.family, self.fidelity_for_wakes
+        return explain_scene(*modelled, bodies)

@@ -1,4 +1,4 @@
-"""Streams around a body: without walls, or between two of a tunnel."""
+"""Streams past a body: unbounded, or between the walls of a tunnel."""
 
 import dataclasses
 import math
@@ -10,7 +10,7 @@ from surrogate.errors import InvalidInput
 
 @dataclasses.dataclass(frozen=True)
 class Unbounded:
-    """A stream without walls."""
+    """An unbounded stream."""
 
     def __str__(self) -> str:
         return "unbounded"
@@ -18,7 +18,7 @@ class Unbounded:
 
 @dataclasses.dataclass(frozen=True)
 class Tunnel:
-    """A channel with slip walls, ``height`` in D, the body's centroid on its centre line."""
+    """A channel with slip walls, ``height`` D apart, the body's centroid on its centre line."""
 
     height: float
 
@@ -36,7 +36,7 @@ Stream = Unbounded | Tunnel
 
 
 def parse_stream(text: Any) -> Stream:
-    """'unbounded' or 'tunnel:H' with H in D.
+    """Return the stream called 'unbounded' or 'tunnel:H', H in D.
 
     Raises:
       InvalidInput: it is neither.
@@ -54,13 +54,13 @@ def parse_stream(text: Any) -> Stream:
 
 
 def window_height(stream: Stream, usual: float) -> float:
-    """A tunnel's confined wake is gridded from wall to wall where that is affordable."""
+    """Return the window's height in D: a tunnel's where that is affordable, else the usual one."""
     spans = isinstance(stream, Tunnel) and stream.height <= 2 * usual
     return stream.height if spans else usual
 
 
 def describe_stream(stream: Stream) -> str:
-    """In words."""
+    """Return the stream in words."""
     if isinstance(stream, Tunnel):
         return f"a slip-walled tunnel of height {stream.height:g} D"
     return "an unbounded stream"

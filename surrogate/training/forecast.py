@@ -9,7 +9,7 @@ import numpy as np
 
 from surrogate.flow.flow import Flow
 from surrogate.model.network import WIDTH, blank_network
-from surrogate.scene.cost import APPLICATIONS, application_seconds
+from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
 from surrogate.training.plan import Plan
 
 VISITS = {"dp": 10.0, "hig": 140.0}  # applications of G a visit, as published: never solved once
@@ -30,7 +30,7 @@ class Forecast(NamedTuple):
 
 def forecast(plan: Plan) -> Forecast:
     """What the samples of a training will cost, and its network; timed in a blink."""
-    takes = APPLICATIONS[plan.scene.dimension]
+    takes = CONVOLUTIONS[plan.scene.dimension]
     each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
     work = plan.samples * each
     batch = min(plan.make_method().batch, plan.samples)
@@ -39,7 +39,7 @@ def forecast(plan: Plan) -> Forecast:
     shape = Flow(plan.scene).domain.lattice.shape
     steps = ROUNDS.get(plan.method, 0)
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
-    return Forecast(work, work * application_seconds(shape), plan.iterations * each)
+    return Forecast(work, work * seconds_per_convolution(shape), plan.iterations * each)
 
 
 def _gradient_seconds(plan):

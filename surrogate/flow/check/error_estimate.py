@@ -113,7 +113,7 @@ def estimate_error(
       dimension: 2 or 3.
     """
     model = ERROR_MODELS[dimension]
-    fitted = fidelity.reaching(reynolds, height)
+    fitted = fidelity.for_wake(reynolds, height)
     try:
         coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
         rough, cramped = solve(coarser), solve(coarser.smaller(model.SMALLER))
@@ -135,7 +135,7 @@ def estimate_error(
 
     def likely_at(level):
         grid = of_grid[0] * (fitted.cells / level.cells) ** order
-        return grid + of_domain[0] * _domain_error(fitted, level.reaching(reynolds, height), model)
+        return grid + of_domain[0] * _domain_error(fitted, level.for_wake(reynolds, height), model)
 
     levels = NAMED[dimension].values()
     sufficient = next((level.name for level in levels if likely_at(level) <= allowed), None)

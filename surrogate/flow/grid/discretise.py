@@ -28,7 +28,7 @@ def scene_domain(scene: Scene) -> Domain:
     Raises:
       InvalidInput: the longest or tallest bodies do not fit the domain or the tunnel.
     """
-    check_stream(scene.stream, scene.reaching, np.array(scene.extent), SCENE_CLEARANCE)
+    check_stream(scene.stream, scene.fidelity_for_wakes, np.array(scene.extent), SCENE_CLEARANCE)
     return DOMAINS[scene.dimension].of_scene(scene)
 
 
@@ -40,7 +40,7 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     """
     kind, extent = DOMAINS[shape.dimension], shape.extent
     check_resolution(kind, fidelity, shape)
-    fidelity = fidelity.reaching(reynolds, float(extent[1:].max()))
+    fidelity = fidelity.for_wake(reynolds, float(extent[1:].max()))
     rounded = np.ceil(extent * ROUNDING) / ROUNDING
     check_stream(stream, fidelity, rounded, kind.CLEARANCE)
     return kind.around(stream, fidelity, rounded, shape)

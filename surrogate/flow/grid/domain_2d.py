@@ -37,7 +37,7 @@ class Domain2D(Domain):
 
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain2D":
-        return cls.make(scene.stream, scene.reaching, scene.extent, symmetric=True)
+        return cls.make(scene.stream, scene.fidelity_for_wakes, scene.extent, symmetric=True)
 
     @classmethod
     def around(

@@ -41,7 +41,7 @@ class Domain3D(Domain):
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain3D":
         modes = cls.modes_of(scene.family.names, scene.fidelity)
-        return cls.make(scene.reaching, scene.extent, modes)
+        return cls.make(scene.fidelity_for_wakes, scene.extent, modes)
 
     @classmethod
     def around(

@@ -20,9 +20,9 @@ from scipy.optimize import lsq_linear
 from scipy.special import chebyu, eval_chebyu
 
 from surrogate.arrays import AnyArray
+from surrogate.body.body_2d import Body2D
 from surrogate.body.body_class import BodyClass, Range
 from surrogate.body.parameters import PARAMETERS
-from surrogate.body.plane_body import PlaneBody
 from surrogate.body.skin import Skin, skin_grid
 from surrogate.errors import InvalidInput
 
@@ -30,13 +30,13 @@ GAUSS = legendre.leggauss(32)  # exact for the squares of twelve modes
 
 
 @dataclasses.dataclass(frozen=True)
-class SpaceBody(BodyClass):
+class Body3D(BodyClass):
     """A 3-D body with two mirror planes along the stream."""
 
     dimension = 3
     available = tuple(PARAMETERS)
     default_ranges: ClassVar[Mapping[str, Range]] = {
-        **PlaneBody.default_ranges,
+        **Body2D.default_ranges,
         "aspect": (0.7, 4.0),
         "flatness": (1.0, 2.0),
     }
@@ -65,8 +65,8 @@ class SpaceBody(BodyClass):
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[Array, "nodes 2"]:
-        half_length, _, half_height = self.half_axes(parameters)
         t, y = self._profile(parameters, nodes)
+        half_length, _, half_height = self.half_axes(parameters)
         x = -half_length * (np.cos(t) - self._centroid(parameters))
         return jnp.stack([x, half_height * y], axis=1)
 
@@ -116,7 +116,7 @@ class SpaceBody(BodyClass):
         slimmest = np.zeros(0)
         if self.modes:
             slimmest = lsq_linear(waves.T, -root, (low, high), tol=1e-12).x
-        full = SpaceBody(("aspect", "flatness", *self.names[self.ratios :]))
+        full = Body3D(("aspect", "flatness", *self.names[self.ratios :]))
 
         def centroid(betas):
             return full._centroid(jnp.concatenate([jnp.ones(2), betas]))

@@ -16,7 +16,7 @@ from surrogate.body.parameters import PARAMETERS
 
 
 @dataclasses.dataclass(frozen=True)
-class PlaneBody(BodyClass):
+class Body2D(BodyClass):
     """A 2-D body, per unit span."""
 
     dimension = 2
@@ -39,8 +39,8 @@ class PlaneBody(BodyClass):
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[Array, "nodes 2"]:
-        half_length, half_height = self.half_axes(parameters)
         t, y = self._profile(parameters, nodes)
+        half_length, half_height = self.half_axes(parameters)
         markers = jnp.stack([-half_length * np.cos(t), half_height * y], axis=1)
         return markers - jnp.array([moments(markers)[1][0], 0.0])
 
@@ -62,7 +62,7 @@ class PlaneBody(BodyClass):
     def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, float]:
         """The centroid moves with beta2 alone, so that its ends give the greatest length."""
         ends = dict(zip(self.names, bounds, strict=True))
-        simple, (shortest, longest) = PlaneBody(("aspect", "beta2")), ends["aspect"]
+        simple, (shortest, longest) = Body2D(("aspect", "beta2")), ends["aspect"]
         outlines = [
             simple.outline(jnp.array([longest, beta]), NODES)
             for beta in ends.get("beta2", (0.0, 0.0))
