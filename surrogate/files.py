@@ -55,7 +55,7 @@ def check_target(
     keys: Collection[str],
     others: Collection[str] = (),
 ) -> None:
-    """Check that results may be written to ``folder``, and make it.
+    """Check that results may be written to ``folder``, which is not made yet.
 
     It must be new, empty, hold a ``record`` of earlier results (a JSON object that has ``keys``),
     or hold only files named in ``others``, which an interrupted command leaves.
@@ -78,7 +78,7 @@ def check_target(
                 f"{folder}: is not empty and has no {record} but {foreign[0]}; "
                 "choose another folder"
             )
-    make_folder(folder)
+    make_folder(folder if folder.is_dir() else folder.parent)
 
 
 def check_file(path: str | Path, *suffixes: str) -> Path:

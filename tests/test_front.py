@@ -1,4 +1,4 @@
-"""The front door: what it shows, two drag models alike in everything, what they refuse."""
+"""The public API: its names, the common interface of both drag models, what they refuse."""
 
 import dataclasses
 import functools
@@ -26,7 +26,7 @@ both = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 BODY = np.array([2.0, 0.125, -0.0625, 0.03125])  # exact in any kind of floating-point number
 
 
-def test_front_door_shows_what_there_is():
+def test_public_names():
     assert sorted(dir(surrogate)) == sorted(NAMES.split())
     assert all(hasattr(surrogate, name) for name in dir(surrogate))
     assert surrogate.__version__ == importlib.metadata.version("drag-surrogates")

@@ -76,7 +76,7 @@ def test_files_of_the_users_own_stay(folder):
     ]
 
 
-def test_strangers_folders_and_files_are_refused(tmp_path):
+def test_folders_with_other_files_and_files_are_refused(tmp_path):
     (tmp_path / "thesis.txt").write_text("do not delete")
     with pytest.raises(InvalidInput, match=r"not empty and has no surrogate\.json but thesis"):
         save(tmp_path, load("pretrained"))
