@@ -1,7 +1,9 @@
-"""Devices over which bodies are spread: each owns its bodies, all share the small answers.
+"""Data parallelism over bodies: a one-dimensional JAX mesh, sharded arrays and their partition.
 
-The mesh has one axis, ``bodies``. Solvers loop inside ``jax.shard_map``, so that a device stops
-when its own bodies are done; on each of them ``lanes`` bodies are solved at once.
+The flows of different bodies are independent. Each device solves the bodies of its shard inside
+``jax.shard_map``, so that its loops end when its own bodies have converged. Inputs and results
+of a few numbers per body are replicated on all devices. ``surrogate/training/README.md`` says why
+results do not depend on the number of devices.
 """
 
 import dataclasses
@@ -20,23 +22,28 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from surrogate.arrays import AnyArray, Number
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
-from surrogate.processes import together
+from surrogate.processes import gather_to_host
 
-AXIS = "bodies"
-LANES = {"cpu": 1}  # elsewhere as below
-ELSEWHERE = 32
-CHUNK = 64  # bodies of a device whose fields are fetched at once, at least
+AXIS = "bodies"  # of the mesh
+# Default batch size per device. On a CPU 1 is fastest (scripts/measure/devices.py); no accelerator
+# has been measured, 32 is a guess that fills it with moderate memory.
+LANES = {"cpu": 1}
+ACCELERATOR_LANES = 32
+CHUNK = 64  # bodies per device whose fields are copied at once, at least: bounds the memory
 
 
 class Sharded(eqx.Module):
-    """Arrays with a row for every body, each on the device that owns the body."""
+    """A pytree of arrays with one row per body, split over the devices along the first axis."""
 
     rows: PyTree
 
 
 @dataclasses.dataclass(frozen=True)
 class Devices:
-    """A mesh of devices, and how many bodies each of them solves at once."""
+    """A mesh of devices, and ``lanes``: the batch size per device.
+
+    ``lanes`` bodies are solved simultaneously on one device by ``jax.vmap``.
+    """
 
     mesh: Mesh
     lanes: int = 1
@@ -47,62 +54,54 @@ class Devices:
 
     @property
     def options(self) -> dict[str, str]:
-        """Of the compiler, so that bodies get the same answers on any number of devices.
+        """Compiler options that make the results independent of the number of devices.
 
-        XLA simplifies once more what it partitions, and so rounds differently; without that pass
-        flows are as they are everywhere, and take a twentieth longer on a CPU.
+        XLA runs its algebraic simplifier once more on partitioned programs, which changes the
+        rounding. Without that pass flows are the same everywhere, and 5 % slower on a CPU.
         """
         on_cpu = self.mesh.devices.flat[0].platform == "cpu"
         return {"xla_disable_hlo_passes": "algsimp"} if on_cpu else {}
 
-    def share(self, tree: PyTree) -> PyTree:
-        """The same on every device, but of what is ``Sharded`` to each its rows."""
-        places = jax.tree.map(lambda spec: NamedSharding(self.mesh, spec), specs(tree))
-        return jax.device_put(tree, places)
+    def place(self, tree: PyTree) -> PyTree:
+        """Put a pytree on the mesh: ``Sharded`` arrays split by body, all else replicated."""
+        shardings = jax.tree.map(lambda spec: NamedSharding(self.mesh, spec), specs(tree))
+        return jax.device_put(tree, shardings)
 
     def local(self, tree: PyTree) -> PyTree:
-        """Of what is the same on every device, the copy of this process's first one."""
+        """The copy of a replicated pytree on the first device of this process."""
         return jax.tree.map(
             lambda leaf: leaf.addressable_data(0) if isinstance(leaf, jax.Array) else leaf, tree
         )
 
-    def spread(self, function: Callable, like: tuple, answers: PyTree) -> Callable:
-        """``function`` run by every device on arguments like these, with answers like those."""
+    def shard_map(self, function: Callable, like: tuple, results: PyTree) -> Callable:
+        """``jax.shard_map`` of ``function`` over the mesh, for arguments and results like these."""
         return jax.shard_map(
             function,
             mesh=self.mesh,
             in_specs=specs(like),
-            out_specs=specs(answers),
+            out_specs=specs(results),
             check_vma=False,
         )
 
 
-def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
-    """``function(model, *rows)`` by every device on its share of the rows; answers on the host."""
-    count = len(jax.tree.leaves(rows)[0])
-    taken = np.arange(-(-count // devices.count) * devices.count) % count
-    rows = Sharded(jax.tree.map(lambda leaf: np.asarray(leaf)[taken], rows))
-    answers = _by_all(devices, function)(*devices.share((model, rows)))
-    return jax.tree.map(lambda leaf: together(leaf)[:count], answers.rows)
+def specs(tree: PyTree) -> PyTree:
+    """Partition specs of a pytree: ``Sharded`` nodes along the mesh axis, all else replicated."""
+    return jax.tree.map(lambda node: P(AXIS) if is_sharded(node) else P(), tree, is_leaf=is_sharded)
 
 
-@functools.cache
-def _by_all(devices, function):
-    @jax.jit
-    def by_all(model, rows):
-        def local(model, mine):
-            return Sharded(function(model, *mine.rows))
-
-        return devices.spread(local, (model, rows), Sharded(()))(model, rows)
-
-    return by_all
+def is_sharded(node: PyTree) -> bool:
+    return isinstance(node, Sharded)
 
 
 def choose_devices(count: Number | None = None, lanes: Number | None = None) -> Devices:
-    """So many devices, the first of all; one where nothing is said, all of many processes.
+    """Select the first ``count`` devices; by default one, or all of a multi-process run.
+
+    Args:
+      count: number of devices.
+      lanes: batch size per device; by default 1 on a CPU, 32 elsewhere.
 
     Raises:
-      InvalidInput: there are not so many.
+      InvalidInput: JAX has fewer devices, or a number is out of range.
     """
     every = jax.devices()
     if count is None:
@@ -113,163 +112,190 @@ def choose_devices(count: Number | None = None, lanes: Number | None = None) -> 
             f"devices {count}: JAX has {len(every)} here; CPU cores become devices by "
             "jax.config.update('jax_num_cpu_devices', N) before the first computation"
         )
-    lanes = LANES.get(every[0].platform, ELSEWHERE) if lanes is None else lanes
+    lanes = LANES.get(every[0].platform, ACCELERATOR_LANES) if lanes is None else lanes
     return Devices(Mesh(np.array(every[:count]), (AXIS,)), whole_number("lanes", lanes, 1, 4096))
 
 
-def specs(tree: PyTree) -> PyTree:
-    """Partition of a tree over the mesh."""
+def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
+    """``function(model, *rows)`` with the rows split over the devices; results on the host."""
+    count = len(jax.tree.leaves(rows)[0])
+    padded = np.arange(-(-count // devices.count) * devices.count) % count
+    rows = Sharded(jax.tree.map(lambda leaf: np.asarray(leaf)[padded], rows))
+    results = _mapped(devices, function)(*devices.place((model, rows)))
+    return jax.tree.map(lambda leaf: gather_to_host(leaf)[:count], results.rows)
 
-    def owned(node):
-        return isinstance(node, Sharded)
 
-    return jax.tree.map(lambda node: P(AXIS) if owned(node) else P(), tree, is_leaf=owned)
+@functools.cache
+def _mapped(devices, function):
+    @jax.jit
+    def mapped(model, rows):
+        def local(model, shard):
+            return Sharded(function(model, *shard.rows))
+
+        return devices.shard_map(local, (model, rows), Sharded(()))(model, rows)
+
+    return mapped
 
 
 class Evaluated(NamedTuple):
-    """Of a visit to some bodies: everybody's answers, what owners keep, G spent by idle_work."""
+    """Results of a batch (replicated), new states (sharded), and idle work.
 
-    answers: PyTree
-    owned: Sharded
+    ``idle_work`` counts the convolutions that devices and lanes could have done while they waited
+    for the slowest.
+    """
+
+    results: PyTree
+    states: Sharded
     idle_work: Int[Array, ""]
 
 
 class Partition(eqx.Module):
-    """Which row is whose: ``places`` of the bodies, the first device's rows first."""
+    """Assignment of bodies to devices: ``places`` are their positions in sharded arrays.
+
+    Device k holds the positions from ``k * shard_size`` to ``(k + 1) * shard_size``.
+    """
 
     places: Int[AnyArray, " bodies"]
     devices: Devices = eqx.field(static=True)
 
     @property
-    def rows(self) -> int:
-        """Of every device; the last of one may be nobody's."""
+    def shard_size(self) -> int:
+        """Rows per device; the last row of a device may be padding."""
         return -(-self.places.size // self.devices.count)
 
     def scatter(self, bodies: PyTree) -> Sharded:
-        """Rows of arrays of the bodies; those that are nobody's repeat the first body."""
-        sources = np.zeros(self.rows * self.devices.count, int)
+        """Sharded arrays from arrays in the order of the bodies; padding repeats the first body."""
+        sources = np.zeros(self.shard_size * self.devices.count, int)
         sources = jnp.asarray(sources).at[self.places].set(jnp.arange(self.places.size))
         return Sharded(jax.tree.map(lambda leaf: leaf[sources], bodies))
 
-    def gather(self, owned: Sharded) -> PyTree:
-        """Arrays in the order of the bodies, the same on every device."""
+    def gather(self, sharded: Sharded) -> PyTree:
+        """Replicated arrays, in the order of the bodies, from sharded ones."""
         whole = NamedSharding(self.devices.mesh, P())
         return jax.tree.map(
-            lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), owned.rows
+            lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), sharded.rows
         )
 
-    def chunks(self, batch: Int[np.ndarray, " batch"]) -> Iterator[Int[np.ndarray, " chunk"]]:
-        """A batch in chunks of one size, the last filled up with nobody.
-
-        Every device has as many bodies of each, and alike hard ones.
-        """
-        size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
-        batch = batch[np.argsort(np.asarray(self.places)[batch] % self.rows, kind="stable")]
-        nobody = np.full(-batch.size % size, self.places.size)
-        yield from np.append(batch, nobody).reshape(-1, size)
-
-    def each(self, function: Callable, owned: Sharded) -> Sharded:
-        """What ``function`` answers of every row, by its owner; to be traced."""
+    def map(self, function: Callable, sharded: Sharded) -> Sharded:
+        """``function`` of every row, ``lanes`` at a time on each device; to be traced."""
         lanes = self.devices.lanes
 
-        def local(mine):
+        def local(shard):
             return Sharded(
-                jax.lax.map(function, mine.rows, batch_size=lanes if lanes > 1 else None)
+                jax.lax.map(function, shard.rows, batch_size=lanes if lanes > 1 else None)
             )
 
-        return self.devices.spread(local, (owned,), Sharded(()))(owned)
+        return self.devices.shard_map(local, (sharded,), Sharded(()))(sharded)
 
-    def take_local(self, batch: Int[Array, " batch"], owned: Sharded) -> Sharded:
-        """The rows of a batch that this device owns, in the order of its visits; in ``spread``."""
-        rows, _ = self._mine(batch)
-        return Sharded(jax.tree.map(lambda leaf: leaf[rows.at], owned.rows))
+    def chunks(self, batch: Int[np.ndarray, " batch"]) -> Iterator[Int[np.ndarray, " chunk"]]:
+        """Split a batch into chunks of one size; the last is padded with an invalid index.
 
-    def put_local(self, batch: Int[Array, " batch"], owned: Sharded, fetched: Sharded) -> Sharded:
-        """``owned`` with the rows of a batch as they are after its visits; in ``spread``."""
-        rows, _ = self._mine(batch)
-        at = jnp.where(jnp.arange(rows.at.size) < rows.count, rows.at, self.rows)
+        Bodies are ordered by their row, so that every device has as many bodies of each chunk, of
+        similar cost.
+        """
+        size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
+        batch = batch[np.argsort(np.asarray(self.places)[batch] % self.shard_size, kind="stable")]
+        padding = np.full(-batch.size % size, self.places.size)
+        yield from np.append(batch, padding).reshape(-1, size)
+
+    def take_local(self, batch: Int[Array, " batch"], sharded: Sharded) -> Sharded:
+        """This device's rows of a batch, in the order of ``evaluate``; inside ``shard_map``."""
+        rows, _, _ = self._local_rows(batch)
+        return Sharded(jax.tree.map(lambda leaf: leaf[rows], sharded.rows))
+
+    def put_local(self, batch: Int[Array, " batch"], sharded: Sharded, new: Sharded) -> Sharded:
+        """``sharded`` with the rows that ``take_local`` took replaced; inside ``shard_map``."""
+        rows, count, _ = self._local_rows(batch)
+        at = jnp.where(jnp.arange(rows.size) < count, rows, self.shard_size)
         return Sharded(
             jax.tree.map(
-                lambda leaf, new: leaf.at[at].set(new, mode="drop"), owned.rows, fetched.rows
+                lambda leaf, row: leaf.at[at].set(row, mode="drop"), sharded.rows, new.rows
             )
         )
 
     def evaluate(
-        self, batch: Int[Array, " batch"], fetched: Sharded, function: Callable, *arguments: PyTree
+        self,
+        batch: Int[Array, " batch"],
+        states: Sharded,
+        function: Callable,
+        arguments: PyTree,
     ) -> Evaluated:
-        """``function(row, own, *sample) -> (answer, own)`` of a batch by its owners; in ``spread``.
+        """Each body's ``function`` on the device that holds its row; inside ``shard_map``.
 
-        Numbers beyond the bodies' are nobody's, and are answered by noughts. ``own`` is the body's
-        row of ``fetched``, ``sample`` its part of ``arguments``; answers have a field ``products``.
-        One after another, or ``lanes`` at once.
+        Args:
+          batch: indices of bodies; indices of padding are not evaluated, their results are zero.
+          states: this device's rows, as ``take_local`` returns them.
+          function: ``(row, state, argument) -> (result, new state)``, ``row`` the index of the
+            state; a result has a field ``products``, the number of convolutions that it took.
+          arguments: pytree with one row per entry of the batch, replicated.
         """
         lanes, size = self.devices.lanes, batch.size
-        rows, order = self._mine(batch)
+        _, count, order = self._local_rows(batch)
 
         def take(tree, k):
             return jax.tree.map(lambda leaf: leaf[k], tree)
 
         def put(tree, k, new):
-            return jax.tree.map(lambda leaf, new: leaf.at[k].set(new, mode="drop"), tree, new)
+            return jax.tree.map(lambda leaf, row: leaf.at[k].set(row, mode="drop"), tree, new)
 
-        def turn(i, carry):
-            answers, kept, busy = carry
+        def step(i, carry):
+            results, states, busy = carry
             row = i if lanes == 1 else i * lanes + jnp.arange(lanes)
-            k = jnp.where(row < rows.count, order[row], size)  # out of range where there is nobody
-            step = function if lanes == 1 else jax.vmap(function)
-            answer, own = step(row, take(kept, row), *take(arguments, k))
-            busy += lanes * jnp.max(answer.products)
-            return put(answers, k, answer), put(kept, row, own), busy
+            k = jnp.where(row < count, order[row], size)  # padding is out of range
+            run = function if lanes == 1 else jax.vmap(function)
+            result, state = run(row, take(states, row), take(arguments, k))
+            busy += lanes * jnp.max(result.products)
+            return put(results, k, result), put(states, row, state), busy
 
-        one = take(fetched.rows, 0), take(arguments, 0)
-        blank = jax.eval_shape(lambda row, one: function(row, one[0], *one[1])[0], 0, one)
+        one = 0, take(states.rows, 0), take(arguments, 0)
+        blank = jax.eval_shape(lambda *one: function(*one)[0], *one)
         blank = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), blank)
-        turns, start = -(-rows.count // lanes), (blank, fetched.rows, jnp.array(0))
-        answers, kept, busy = jax.lax.fori_loop(0, turns, turn, start)
-        answers = jax.tree.map(_everybodys, answers)
-        idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(answers.products)
-        return Evaluated(answers, Sharded(kept), idle_work)
+        steps, start = -(-count // lanes), (blank, states.rows, jnp.array(0))
+        results, new, busy = jax.lax.fori_loop(0, steps, step, start)
+        results = jax.tree.map(_sum_over_devices, results)
+        idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(results.products)
+        return Evaluated(results, Sharded(new), idle_work)
 
-    def _mine(self, batch):
-        """Rows of this device in a batch, then others; the places in the batch in that order."""
+    def _local_rows(self, batch):
+        """(rows of this device, how many are of the batch, their indices in the batch).
+
+        The rows of the batch come first.
+        """
         places = self.places[batch]
-        mine = places // self.rows == jax.lax.axis_index(AXIS)
+        mine = places // self.shard_size == jax.lax.axis_index(AXIS)
         mine &= batch < self.places.size
-        order = jnp.argsort(jnp.where(mine, places % self.rows, self.rows), stable=True)
-        at = places[order[: self.rows]] % self.rows
-        return _Rows(at, jnp.sum(mine)), jnp.append(order, jnp.full(self.devices.lanes, batch.size))
+        order = jnp.argsort(jnp.where(mine, places % self.shard_size, self.shard_size), stable=True)
+        at = places[order[: self.shard_size]] % self.shard_size
+        padding = jnp.full(self.devices.lanes, batch.size)
+        return at, jnp.sum(mine), jnp.append(order, padding)
 
 
-class _Rows(NamedTuple):
-    """Rows of one device, of which the first ``count`` are meant."""
-
-    at: Int[Array, " rows"]
-    count: Int[Array, ""]
-
-
-def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
-    """``compute()`` or else ``otherwise``; of many lanes not at all unless one of them wants it.
-
-    A loop of one turn or none: what ``lax.cond`` chooses lane by lane, it computes for all.
-    """
-
-    def turn(_):
-        return jnp.zeros_like(wanted), compute()
-
-    return jax.lax.while_loop(lambda carry: carry[0], turn, (wanted, otherwise))[1]
-
-
-def _everybodys(leaf):
-    """A sum to which one device alone contributes each row: nothing is rounded."""
+def _sum_over_devices(leaf):
+    """Sum over devices; each row is nonzero on one of them only, so that nothing is rounded."""
     total = jax.lax.psum(leaf.astype(int) if leaf.dtype == bool else leaf, AXIS)
     return total.astype(leaf.dtype)
 
 
+def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
+    """``compute()`` where ``wanted``, else ``otherwise``; not computed if no lane wants it.
+
+    A loop of one iteration or none: under ``vmap``, ``lax.cond`` would compute both branches.
+    """
+
+    def step(_):
+        return jnp.zeros_like(wanted), compute()
+
+    return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]
+
+
 def partition_bodies(devices: Devices, estimated_cost: Float[AnyArray, " bodies"]) -> Partition:
-    """Bodies to devices, hard and easy ones to each alike, and in order of estimated_cost."""
+    """Balance bodies over devices by estimated cost: ranked, then dealt back and forth.
+
+    Each device holds its bodies in the order of descending cost.
+    """
     bodies = len(estimated_cost)
     rank = np.empty(bodies, int)
     rank[np.argsort(-np.asarray(estimated_cost), kind="stable")] = np.arange(bodies)
-    turn, seat = np.divmod(rank, devices.count)
-    owner = np.where(turn % 2, devices.count - 1 - seat, seat)
-    return Partition(owner * -(-bodies // devices.count) + turn, devices)
+    row, column = np.divmod(rank, devices.count)
+    device = np.where(row % 2, devices.count - 1 - column, column)
+    return Partition(device * -(-bodies // devices.count) + row, devices)

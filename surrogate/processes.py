@@ -1,6 +1,7 @@
-"""Many processes, on one machine or many, that work as one: all run the same program.
+"""Multi-process runs, on one machine or several: every process runs the same program.
 
-The first alone writes files and speaks; what clocks or files decide is agreed on from it.
+Only the first process writes files and prints; decisions that depend on clocks or files are
+broadcast from it.
 """
 
 import os
@@ -13,19 +14,23 @@ from jaxtyping import PyTree
 
 from surrogate.errors import InvalidInput
 
-HEARTBEAT = 10  # seconds without a sign of life after which a process counts as lost
-TOGETHER = 120  # seconds that processes wait for each other at the start
+HEARTBEAT = 10  # seconds without a heartbeat after which a process counts as lost
+INITIALISATION = 120  # seconds that processes wait for each other at the start
 
 
 def join(
     coordinator: str | None = None, processes: int | None = None, process: int | None = None
 ) -> None:
-    """Make this process one of many, before the first computation.
+    """Make this process one of a multi-process run, before the first computation.
 
-    Without arguments the scheduler that started it (Slurm, Open MPI) says which.
+    Args:
+      coordinator: HOST:PORT of the first process; without it the scheduler that started this
+        process (Slurm, Open MPI) provides all three.
+      processes: how many there are.
+      process: the number of this one, from 0.
 
     Raises:
-      InvalidInput: the others did not come, or the numbers make no sense.
+      InvalidInput: the other processes did not connect, or an argument is invalid.
     """
     if coordinator is not None:
         if processes is None or process is None or not 0 <= process < processes:
@@ -39,12 +44,12 @@ def join(
             coordinator,
             processes,
             process,
-            initialization_timeout=TOGETHER,
+            initialization_timeout=INITIALISATION,
             heartbeat_timeout_seconds=HEARTBEAT,
         )
     except (RuntimeError, ValueError) as problem:
         reason = str(problem).splitlines()[0]
-        raise InvalidInput(f"processes did not come together: {reason}") from None
+        raise InvalidInput(f"processes could not connect: {reason}") from None
 
 
 def scheduled(environment: Mapping[str, str] = os.environ) -> bool:
@@ -54,19 +59,19 @@ def scheduled(environment: Mapping[str, str] = os.environ) -> bool:
 
 
 def first() -> bool:
-    """Whether this process writes and speaks."""
+    """Whether this is the first process, which alone writes files and prints."""
     return jax.process_index() == 0
 
 
-def agreed(tree: PyTree) -> PyTree:
-    """What the first process holds, for all; shapes must be the same everywhere."""
+def broadcast_from_first(tree: PyTree) -> PyTree:
+    """The first process's values of a pytree, on all; shapes must be the same everywhere."""
     if jax.process_count() == 1:
         return tree
     return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
 
 
-def together(array: jax.Array) -> np.ndarray:
-    """What the devices of all processes hold of an array, on the host."""
+def gather_to_host(array: jax.Array) -> np.ndarray:
+    """The whole array, sharded over the devices of all processes, on the host."""
     if array.is_fully_addressable:
         return np.asarray(array)
     return multihost_utils.process_allgather(array, tiled=True)

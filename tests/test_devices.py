@@ -1,4 +1,4 @@
-"""Many devices and many processes: the same numbers, and nobody left waiting for a lost one."""
+"""Several devices and processes: results do not depend on them, and a lost process ends all."""
 
 import json
 import os
@@ -31,22 +31,22 @@ beta2 = [-0.2, 0.2]
 
 
 @pytest.mark.parametrize(("bodies", "count"), [(13, 4), (64, 2), (3, 4), (1, 1)])
-def test_every_body_has_one_owner_and_hard_ones_are_spread(generator, bodies, count):
+def test_every_body_has_one_device_and_costs_are_balanced(generator, bodies, count):
     estimated_cost = generator.random(bodies)
     partition = partition_bodies(_stands_for(count), estimated_cost)
     assert len(set(partition.places.tolist())) == bodies
-    assert partition.places.max() < partition.rows * count
-    shares = [estimated_cost[partition.places // partition.rows == k] for k in range(count)]
-    assert max(map(len, shares)) - min(map(len, shares)) <= 1
+    assert partition.places.max() < partition.shard_size * count
+    costs = [estimated_cost[partition.places // partition.shard_size == k] for k in range(count)]
+    assert max(map(len, costs)) - min(map(len, costs)) <= 1
     if bodies >= 8 * count:
-        sums = [share.mean() for share in shares]
+        sums = [share.mean() for share in costs]
         assert max(sums) < 1.15 * min(sums)
     rows = partition.scatter(np.arange(bodies)).rows
     assert np.array_equal(np.asarray(rows)[partition.places], np.arange(bodies))
 
 
 def _stands_for(count):
-    """Devices whose number alone is asked for."""
+    """Devices of which only the count is used."""
 
     class Some(type(choose_devices())):
         count = property(lambda self: self.lanes)
@@ -237,7 +237,7 @@ def test_processes_go_on_where_one_of_them_was_lost(tmp_path):
     assert np.array_equal(*weights)
 
 
-def test_where_wanted_computes_for_lanes_that_want_it_alone():
+def test_compute_where_computes_only_if_a_lane_wants_it():
     computed = []
 
     def compute(x):

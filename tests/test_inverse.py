@@ -1,4 +1,4 @@
-"""The half inverse of HIG against the singular value decomposition it stands for."""
+"""The partial inverse of HIG against the singular value decomposition that defines it."""
 
 import jax.numpy as jnp
 import numpy as np

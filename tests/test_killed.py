@@ -1,4 +1,4 @@
-"""kill -9 at any moment loses nothing: the same command again comes to the same result."""
+"""After kill -9 at any moment the same command again gives the same result."""
 
 import json
 import os
@@ -28,7 +28,7 @@ COMMANDS = {  # of folders of their own; {run} is a run that was kept before
     "optimise": "optimize_shape.py --surrogate none --scene {scene} --reynolds 40 --out {out}/run",
     "render": "render_shapes.py --runs {run} --out {out}/shapes.gif",
 }
-TIME = re.compile(r"(^|_)s(_|$)|seconds|extrapolated")  # of keys that tell time
+TIME = re.compile(r"(^|_)s(_|$)|seconds|extrapolated")  # keys of durations
 KILLS = 5  # of each command
 
 
@@ -44,9 +44,9 @@ def finish(process):
 
 
 def outcome(out):
-    """Of all files that a command leaves: what does not tell time, place or command.
+    """The contents of all files that a command leaves, without times, paths and command lines.
 
-    A killed process may leave a part of a file too, which nobody reads.
+    Partial files of a killed process (.part-) are left out.
     """
     left = {str(path.relative_to(out)): path for path in sorted(out.rglob("*")) if path.is_file()}
     return {n: _content(n, path, str(out)) for n, path in left.items() if ".part-" not in n}
@@ -118,7 +118,7 @@ def training(folder):
 
 @pytest.mark.slow
 def test_killed_and_resumed_training_is_bit_identical(tmp_path, generator):
-    """Killed by SIGKILL after a random step, wherever it happens to be by then; it goes on."""
+    """Killed by SIGKILL some time after a random step; it resumes from its checkpoint."""
     whole = training(tmp_path / "whole")
     killed = training(tmp_path / "killed")
     last = int(generator.integers(3, 40))

@@ -1,4 +1,4 @@
-"""Plans of trainings: what is wrong is named, and what they cost is foreseen."""
+"""Plans of trainings: invalid arguments are refused, the cost is forecast."""
 
 import numpy as np
 import pytest

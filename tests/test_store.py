@@ -1,4 +1,4 @@
-"""Surrogates on disk: saved and loaded, refused where damaged; the one that ships is good."""
+"""Surrogates on disk: saved and loaded, refused if damaged; the shipped ones are accurate."""
 
 import dataclasses
 import hashlib
@@ -31,14 +31,14 @@ def folder(tmp_path):
 
 
 def edited(folder, change):
-    """The folder with its record changed."""
+    """Change the record of a folder."""
     path = folder / "surrogate.json"
     record = json.loads(path.read_text())
     path.write_text(json.dumps({**record, **change(record)}))
 
 
 def with_weights(folder, network):
-    """The folder with other arrays, which its record vouches for."""
+    """Write other arrays to a folder, with their digest in its record."""
     path = folder / "weights.eqx"
     write_leaves(path, network)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()

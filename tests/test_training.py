@@ -1,4 +1,4 @@
-"""Training: every method learns, is deterministic, resumes bit for bit, and refuses bad files."""
+"""Training: every method reduces the error, is deterministic, resumes exactly, checks its files."""
 
 import dataclasses
 import functools
@@ -7,13 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import Family, InvalidInput, load, train
+from surrogate import Family, InvalidInput, NotConverged, load, train
 from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.training import loop
 from surrogate.training import train as training
 from surrogate.training.loop import drag_errors, make_setup, run_training
-from surrogate.training.methods.hig import half_inverse_gradients
-from surrogate.training.methods.targets import evaluate_by_inversion, full_inversion
-from surrogate.training.plan import METHODS, Plan
+from surrogate.training.methods.hig import HalfInverseGradients
+from surrogate.training.methods.sip import ScaleInvariantPhysics
+from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.record import surrogate_of
 from surrogate.training.samples import held_out_samples, training_samples
 from surrogate.training.step import compile_step, first_state
 from surrogate.training.train import carry_out, checkpoint_of
@@ -25,90 +27,90 @@ def plan(tiny_scene):
 
 
 @pytest.fixture(scope="module")
-def bench(plan):
+def setup(plan):
     return make_setup(plan)
 
 
 @pytest.fixture(scope="module")
-def trained(plan, bench):
+def trained(plan, setup):
     """The plan carried out by any of the methods, once."""
 
     @functools.cache
     def by(method):
-        return run_training(dataclasses.replace(plan, method=method), bench)
+        return run_training(dataclasses.replace(plan, method=method), setup)
 
     return by
 
 
-def initial_error(bench):
-    return float(drag_errors(bench.network, bench.held_out, bench.labels.drag).mean())
+def initial_error(setup):
+    return float(drag_errors(setup.network, setup.held_out, setup.labels.drag).mean())
 
 
 @pytest.mark.parametrize(
     ("method", "iterations", "factor"),
     [("sip", 9, 0.4), ("supervised", 9, 0.4), ("hig", 4, 0.4), ("dp", 60, 0.4)],
 )
-def test_every_method_learns(plan, bench, method, iterations, factor):
+def test_every_method_learns(plan, setup, method, iterations, factor):
     plan = dataclasses.replace(plan, method=method, iterations=iterations, report_every=1)
-    history = run_training(plan, bench).history
-    before, after = initial_error(bench), history[-1].error_mean
+    history = run_training(plan, setup).history
+    before, after = initial_error(setup), history[-1].error_mean
     assert after < factor * before, f"{method}: mean error {before:.3f} -> {after:.3f}"
     work = [point.green_applications for point in history]
     assert work == sorted(work)
-    assert work[0] >= bench.physics.count * 12
+    assert work[0] >= setup.physics.count * 12
 
 
 @pytest.mark.parametrize(
     ("method", "steps"), [("dp", 60), ("sip", 9), ("hig", 4), ("supervised", 9)]
 )
-def test_every_method_learns_as_it_was_published(plan, bench, method, steps):
+def test_every_method_learns_as_it_was_published(plan, setup, method, steps):
     changes = {"iterations": steps, "report_every": 1, "published": True}
-    history = run_training(dataclasses.replace(plan, method=method, **changes), bench).history
-    assert history[-1].error_mean < 0.9 * initial_error(bench)
+    history = run_training(dataclasses.replace(plan, method=method, **changes), setup).history
+    assert history[-1].error_mean < 0.9 * initial_error(setup)
     assert history[-1].green_applications > history[0].green_applications
 
 
-def test_samples_that_have_told_all_are_left_in_peace(plan, bench):
-    batch, physics = np.arange(24), bench.physics
-    method = half_inverse_gradients(24)
-    start = first_state(method, bench.network, physics, bench.oseen)
+def test_converged_labels_are_not_evaluated_again(plan, setup):
+    batch, physics = np.arange(24), setup.physics
+    method = HalfInverseGradients(24)
+    start = first_state(method, setup.network, physics, setup.oseen)
     step = compile_step(method, start, physics, batch)
-    assert start.lessons.asks(batch)
-    now, spent, first = step(start, batch, 0.0)
-    assert spent.products > 0
-    assert not now.lessons.asks(batch)
-    now, spent, second = step._replace(fetch=None, visit=None, give_back=None)(now, batch, 0.0)
-    assert spent.products == 0
+    assert start.labels.needs_evaluation(batch)
+    state, cost, first = step(start, batch, 0.0)
+    assert cost.products > 0
+    assert not state.labels.needs_evaluation(batch)
+    update_alone = step._replace(fetch=None, evaluate=None, put_back=None)
+    state, cost, second = update_alone(state, batch, 0.0)
+    assert cost.products == 0
     assert second < 0.5 * first
 
 
-def test_a_flow_that_is_not_found_is_not_sought_again(plan, bench):
-    """Nothing else would come of it; the network learns from the others, here from none."""
+def test_a_flow_that_is_not_found_is_not_solved_again(plan, setup):
+    """The network is trained on the other samples, here on none."""
     batch, hopeless = np.arange(24), NewtonSettings(1e-12, 1, 1)
-    visit = evaluate_by_inversion(full_inversion(hopeless, slopes=True))
-    method = half_inverse_gradients(24)._replace(visit=visit)
-    start = first_state(method, bench.network, bench.physics, bench.oseen)
-    step = compile_step(method, start, bench.physics, batch)
-    now, spent, _ = step(start, batch, 0.0)
-    assert spent.failed == 24
-    assert not np.any(now.lessons.known)
-    assert not now.lessons.asks(batch)
-    again, spent, loss = step(now, batch, 0.0)
-    assert spent.products == loss == 0
-    assert np.array_equal(again.network.weights, bench.network.weights)
+    method = HalfInverseGradients(24, newton=hopeless)
+    start = first_state(method, setup.network, setup.physics, setup.oseen)
+    step = compile_step(method, start, setup.physics, batch)
+    state, cost, _ = step(start, batch, 0.0)
+    assert cost.failed == 24
+    assert not np.any(state.labels.valid)
+    assert not state.labels.needs_evaluation(batch)
+    again, cost, loss = step(state, batch, 0.0)
+    assert cost.products == loss == 0
+    assert np.array_equal(again.network.weights, setup.network.weights)
 
 
-def test_same_seed_same_weights_and_another_seed_others(plan, bench, trained):
-    again = run_training(plan, bench)
+def test_same_seed_same_weights_and_another_seed_others(plan, setup, trained):
+    again = run_training(plan, setup)
     assert trained("sip").stopped is None
     assert np.array_equal(trained("sip").network.weights, again.network.weights)
     other = make_setup(dataclasses.replace(plan, seed=1))
-    assert not np.array_equal(other.network.weights, bench.network.weights)
+    assert not np.array_equal(other.network.weights, setup.network.weights)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 987])
 def test_held_out_bodies_are_unseen(tiny_scene, seed):
-    """No body that a training of the seed learns from is among those it is judged by."""
+    """No training sample of a seed is among its held-out samples."""
     seen, unseen = (
         {tuple(row) for row in np.column_stack(draw(tiny_scene, seed, 64)).tolist()}
         for draw in (training_samples, held_out_samples)
@@ -118,6 +120,58 @@ def test_held_out_bodies_are_unseen(tiny_scene, seed):
     first = training_samples(tiny_scene, seed, 64).head(16)
     assert first.count == 16
     assert {tuple(row) for row in np.column_stack(first).tolist()} <= seen
+
+
+def failing(monkeypatch, count):
+    """Let the first ``count`` held-out flows fail."""
+    batch_solver = loop.batch_solver
+
+    def patched(*arguments):
+        def solve(*rows):
+            found = batch_solver(*arguments)(*rows)
+            fails = jnp.arange(len(found.converged)) < count
+            amplitude = jnp.where(fails[:, None], jnp.nan, found.amplitude)
+            return found._replace(converged=found.converged & ~fails, amplitude=amplitude)
+
+        return solve
+
+    monkeypatch.setattr(loop, "batch_solver", patched)
+
+
+def test_held_out_flows_that_fail_are_left_out_and_counted(plan, setup, trained, monkeypatch):
+    failing(monkeypatch, 1)
+    fewer = make_setup(plan)
+    assert fewer.held_out_failed == 1
+    assert np.array_equal(fewer.held_out.parameters, setup.held_out.parameters[1:])
+    assert np.array_equal(fewer.labels.drag, setup.labels.drag[1:])
+    result = run_training(plan, fewer)
+    assert np.array_equal(result.network.weights, trained("sip").network.weights)
+    record = surrogate_of(plan, result, fewer).record
+    assert (record["held_out"], record["held_out_failed"]) == (8, 1)
+    assert 0 < record["drag_error_mean"] < 1
+
+
+@pytest.mark.parametrize("count", [2, 8])
+def test_a_training_with_too_few_held_out_flows_is_refused(plan, monkeypatch, count):
+    failing(monkeypatch, count)
+    with pytest.raises(NotConverged, match=f"{count} of 8 held-out flows did not converge"):
+        make_setup(plan)
+
+
+def test_methods_say_what_the_network_is_trained_for(plan, setup, trained):
+    """At their best SIP, HIG and regression train the drag alone: other modes keep their heads."""
+
+    def heads(network):
+        return network.layers[-1].weight[1:]
+
+    for method in METHODS:
+        network = trained(method).network
+        kept = np.array_equal(heads(network), heads(setup.network))
+        made = dataclasses.replace(plan, method=method)
+        trained_for = surrogate_of(made, trained(method), setup).record["trained_for"]
+        assert trained_for == ("drag" if kept else "traction")
+        assert kept == (method != "dp")
+        assert make_plan(None, method, published=True).make_method().trains_traction
 
 
 class Killed(BaseException):
@@ -130,14 +184,14 @@ def interrupt(point, done):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_interrupted_and_resumed_is_bit_identical(plan, bench, trained, method, tmp_path):
+def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, tmp_path):
     plan = dataclasses.replace(plan, method=method)
     whole = trained(method)
     checkpoint = tmp_path / "checkpoint"
     with pytest.raises(Killed):
-        run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
+        run_training(plan, setup, checkpoint, interrupt, checkpoint_every_s=0.0)
     assert checkpoint.exists()
-    resumed = run_training(plan, bench, checkpoint)
+    resumed = run_training(plan, setup, checkpoint)
     assert np.array_equal(whole.network.weights, resumed.network.weights)
     assert [p.iteration for p in resumed.history] == [p.iteration for p in whole.history]
     assert resumed.history[-1].green_applications == whole.history[-1].green_applications
@@ -147,8 +201,8 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
     """The checkpoint lies beside the folder until the surrogate is saved in it."""
     out = tmp_path / "out" / "surrogate"
 
-    def killed(plan, bench, checkpoint, report, method):
-        return run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
+    def killed(plan, setup, checkpoint, report, method):
+        return run_training(plan, setup, checkpoint, interrupt, checkpoint_every_s=0.0)
 
     with monkeypatch.context() as patch:
         patch.setattr(training, "run_training", killed)
@@ -161,8 +215,8 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
     monkeypatch.setattr(
         training,
         "run_training",
-        lambda plan, bench, checkpoint, report, method: run_training(
-            plan, bench, checkpoint, lambda point, done: steps.append(point.iteration)
+        lambda plan, setup, checkpoint, report, method: run_training(
+            plan, setup, checkpoint, lambda point, done: steps.append(point.iteration)
         ),
     )
     surrogate = carry_out(plan, out, progress=False)
@@ -172,44 +226,43 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
     assert np.array_equal(load(out).network.weights, surrogate.network.weights)
 
 
-def test_damaged_and_foreign_checkpoints_are_refused(plan, bench, tmp_path):
+def test_damaged_and_foreign_checkpoints_are_refused(plan, setup, tmp_path):
     checkpoint = tmp_path / "checkpoint"
     for words in (b"not a checkpoint", b"[" * 100_000, b""):
         checkpoint.write_bytes(words)
         with pytest.raises(InvalidInput, match="damaged"):
-            run_training(plan, bench, checkpoint)
+            run_training(plan, setup, checkpoint)
     checkpoint.unlink()
     with pytest.raises(Killed):
-        run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
+        run_training(plan, setup, checkpoint, interrupt, checkpoint_every_s=0.0)
     with pytest.raises(InvalidInput, match="another training"):
-        run_training(dataclasses.replace(plan, iterations=7), bench, checkpoint)
+        run_training(dataclasses.replace(plan, iterations=7), setup, checkpoint)
     intact = checkpoint.read_bytes()
     for damage in (intact[:-100], intact + b"more", intact[:200]):
         checkpoint.write_bytes(damage)
         with pytest.raises(InvalidInput, match="damaged"):
-            run_training(plan, bench, checkpoint)
+            run_training(plan, setup, checkpoint)
 
 
 @pytest.mark.parametrize("factor", [jnp.nan, 1e6], ids=["nan", "exploded"])
-def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, bench, factor):
-    method = plan.make_method()
+def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, setup, factor):
+    class Poisoned(ScaleInvariantPhysics):
+        def update(self, *arguments):
+            network, optimiser, loss = super().update(*arguments)
+            factors = jnp.where(arguments[-1] > 0.6, factor, 1.0)
+            return network.with_weights(network.weights * factors), optimiser, loss
 
-    def poisoned(*arguments):
-        network, memory, loss = method.learn(*arguments)
-        factors = jnp.where(arguments[-1] > 0.6, factor, 1.0)
-        return network.with_weights(network.weights * factors), memory, loss
-
-    trained = run_training(plan, bench, method=method._replace(learn=poisoned))
+    trained = run_training(plan, setup, method=Poisoned())
     assert "blew up" in trained.stopped
     assert np.all(np.isfinite(trained.network.weights))
     assert trained.history[-1].iteration == 4
     assert trained.history[-1].error_mean < 1
 
 
-def test_matrix_free_hig_trains_as_the_dense_one(plan, bench):
+def test_matrix_free_hig_trains_as_the_dense_one(plan, setup):
     plan = dataclasses.replace(plan, iterations=4)
     dense, free = (
-        run_training(plan, bench, method=half_inverse_gradients(8, tau=1e-2, vectors=vectors))
+        run_training(plan, setup, method=HalfInverseGradients(8, tau=1e-2, vectors=vectors))
         for vectors in (None, 128)
     )
     assert np.allclose(dense.network.weights, free.network.weights, atol=1e-4)

@@ -1,4 +1,4 @@
-"""Run by test_devices: small trainings by every method on so many devices of the CPU."""
+"""Run by test_devices: small trainings by every method on a number of CPU devices."""
 
 import contextlib
 import dataclasses
@@ -24,15 +24,15 @@ from surrogate.training.plan import Plan  # noqa: E402
 use_compilation_cache()
 scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan("sip", scene, samples=13, held_out=5, iterations=4, report_every=2)
-bench = make_setup(plan, choose_devices(count))
+setup = make_setup(plan, choose_devices(count))
 weights = {}
 for method in methods:
-    run = run_training(dataclasses.replace(plan, method=method), bench)
+    run = run_training(dataclasses.replace(plan, method=method), setup)
     weights[method] = np.asarray(run.network.weights)
 
 
 class Interrupted(Exception):
-    """In the middle."""
+    """An interrupted training."""
 
 
 def interrupt(point, done):
@@ -40,9 +40,9 @@ def interrupt(point, done):
         raise Interrupted
 
 
-if not checkpoint.exists():  # the first of several numbers of devices leaves it
+if not checkpoint.exists():  # the written by the first run, for all others
     with contextlib.suppress(Interrupted):
-        run_training(plan, bench, checkpoint, interrupt, checkpoint_every_s=0.0)
-weights["resumed"] = np.asarray(run_training(plan, bench, checkpoint).network.weights)
+        run_training(plan, setup, checkpoint, interrupt, checkpoint_every_s=0.0)
+weights["resumed"] = np.asarray(run_training(plan, setup, checkpoint).network.weights)
 folder.mkdir()
 np.savez(folder / "weights.npz", **weights)

@@ -14,10 +14,11 @@ from study import TINY, Result, Study, medians, run_study, table_of_rows
 
 from surrogate import FIDELITIES, Flow, Scene
 from surrogate.devices import choose_devices
+from surrogate.flow.loads import drag_coefficient
 from surrogate.model.network import make_network
 from surrogate.training.methods.hig import weight_step, with_goal_row
+from surrogate.training.methods.labels import oseen_influence_matrices
 from surrogate.training.methods.method import predict
-from surrogate.training.methods.targets import oseen_influence_matrices
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.samples import training_samples
 
@@ -45,14 +46,14 @@ def _compare(physics: Physics, weights: float, counts: tuple[int, ...]) -> Itera
     network = make_network(physics.flow.scene, key, *physics.samples, oseen, width)
     batch, matrix = jnp.arange(physics.count), oseen_influence_matrices(physics)
     slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics.samples, batch) - oseen)
-    y, physical = with_goal_row(slip, matrix, GOAL, oseen[:, 0])
+    y, physical = with_goal_row(slip, matrix, GOAL, drag_coefficient(oseen))
     dense = None
     for vectors in (None, *counts):
 
         def step(network, y, physical, vectors=vectors):
             def outcomes(weights, k):
                 sample = jax.tree.map(lambda part: part[k], physics.samples)
-                return physical[k] @ network.with_weights(weights)(*sample)
+                return physical[k] @ network.with_weights(weights).traction(*sample)
 
             return weight_step(outcomes, network.weights, batch, y, TAU, KAPPA, vectors)
 

@@ -34,7 +34,7 @@ def measure(tiny: bool, progress: Callable, devices: int) -> Result:
         plan = dataclasses.replace(plan, held_out=4 if tiny else 128, **steps)
         begin = time.perf_counter()
         bench = make_setup(plan, mesh)
-        method = plan.make_method()._replace(batch=count)
+        method = dataclasses.replace(plan.make_method(), batch=count)
         trained = run_training(plan, bench, method=method)
         first, last = trained.history[0], trained.history[-1]
         rows.append(
@@ -43,7 +43,7 @@ def measure(tiny: bool, progress: Callable, devices: int) -> Result:
                 "flows_s": bench.setup_s + first.seconds,
                 "step_s": (last.seconds - first.seconds) / (len(trained.history) - 1),
                 "green_applications": last.green_applications,
-                "waiting": trained.waiting / last.green_applications,
+                "waiting": trained.idle_work / last.green_applications,
                 "error_mean": last.error_mean,
                 "error_max": last.error_max,
                 "seconds": time.perf_counter() - begin,

@@ -64,12 +64,13 @@ def _made(name: str, samples=64, reynolds=(1.0, 40.0), **settings: Any) -> tuple
 def rounded(method: Method) -> Method:
     """The method with weights that are rounded to single precision after every step."""
 
-    def learn(*arguments):
-        network, memory, loss = method.learn(*arguments)
-        weights = network.weights.astype(jnp.float32).astype(float)
-        return network.with_weights(weights), memory, loss
+    class Rounded(type(method)):
+        def update(self, *arguments):
+            network, optimiser, loss = super().update(*arguments)
+            weights = network.weights.astype(jnp.float32).astype(float)
+            return network.with_weights(weights), optimiser, loss
 
-    return method._replace(learn=learn)
+    return Rounded(**vars(method))
 
 
 def measure(tiny: bool, progress: Callable) -> Result:

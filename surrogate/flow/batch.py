@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -27,7 +26,7 @@ class FlowBatch(NamedTuple):
     @property
     def drag(self) -> Float[AnyArray, " bodies"]:
         """Drag coefficients Cd."""
-        return jax.vmap(drag_coefficient)(jnp.asarray(self.amplitude))
+        return drag_coefficient(self.amplitude)
 
 
 def estimated_cost(
@@ -55,6 +54,6 @@ def batch_solver(
 
     def every(partition, parameters, reynolds):
         one = gradient if gradients else flow
-        return partition.gather(partition.each(one, partition.scatter((parameters, reynolds))))
+        return partition.gather(partition.map(one, partition.scatter((parameters, reynolds))))
 
     return jax.jit(every, compiler_options=devices.options)

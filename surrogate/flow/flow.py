@@ -134,7 +134,7 @@ class Flow:
           InvalidInput: one is no body, or no Reynolds number of the scene.
           NotConverged: a flow did not converge.
         """
-        found = self._batch(parameters, reynolds, devices, gradients=False)
+        found = self.solve_all(parameters, reynolds, devices)
         if missing := int(np.sum(~found.converged)):
             raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
         return found
@@ -146,7 +146,7 @@ class Flow:
         devices: Devices | None = None,
     ) -> DragGradient:
         """Return ``slope`` of many bodies, partitioned over ``devices``."""
-        return self._batch(parameters, reynolds, devices, gradients=True)
+        return self.solve_all(parameters, reynolds, devices, gradients=True)
 
     def solve(
         self,
@@ -207,7 +207,18 @@ class Flow:
             state=found.state,
         )
 
-    def _batch(self, parameters, reynolds, devices, gradients):
+    def solve_all(
+        self,
+        parameters: Float[AnyArray, "bodies parameters"],
+        reynolds: Float[AnyArray, " bodies"],
+        devices: Devices | None = None,
+        gradients: bool = False,
+    ) -> FlowBatch | DragGradient:
+        """Return the flows of many bodies, or their drags with gradients, converged or not.
+
+        Raises:
+          InvalidInput: as ``labels``.
+        """
         parameters = self.scene.family.check_all(parameters)
         reynolds = np.asarray(reynolds, float)
         if reynolds.shape != parameters.shape[:1]:
@@ -220,7 +231,7 @@ class Flow:
             devices, estimated_cost(self.scene.family, parameters, reynolds)
         )
         solve = batch_solver(self.bodies, devices, gradients)
-        found = solve(*devices.share((partition, parameters, reynolds)))
+        found = solve(*devices.place((partition, parameters, reynolds)))
         return jax.tree.map(np.asarray, found)
 
     def _estimated(self, forces, shape, reynolds):

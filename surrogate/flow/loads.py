@@ -21,9 +21,11 @@ AnyModes = Modes2D | Modes3D
 Load = Callable[[AnyModes, Array, Markers], Array]
 
 
-def drag_coefficient(amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, ""]:
+def drag_coefficient(
+    amplitude: Float[AnyArray, "*bodies modes"],
+) -> Float[AnyArray, "*bodies"]:
     """Return Cd = -2 a_0: a_0 is the force on the fluid along the stream, hence the sign."""
-    return -2 * amplitude[0]
+    return -2 * amplitude[..., 0]
 
 
 def drag_amplitude(drag: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:

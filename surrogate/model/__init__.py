@@ -1,1 +1,1 @@
-"""Drag networks: the network, a trained surrogate with its scene and record, and its folder."""
+"""Drag models: the network, a trained surrogate with its record, its folder; and kriging."""

@@ -1,4 +1,4 @@
-"""Coordinates in which drag is smooth, in [-1, 1]: logs of ratios and of Re, betas as they are."""
+"""Scaled inputs of drag models: logs of length ratios and of Re, betas as they are, in [-1, 1]."""
 
 import equinox as eqx
 import jax
@@ -12,7 +12,7 @@ from surrogate.scene.scene import Scene
 
 
 class Inputs(eqx.Module):
-    """The ranges of a scene that lie between -1 and 1."""
+    """The affine map of a scene's ranges, in logs where drag is smooth in them, to [-1, 1]."""
 
     low: Float[AnyArray, " inputs"]
     high: Float[AnyArray, " inputs"]
@@ -21,23 +21,23 @@ class Inputs(eqx.Module):
     def __call__(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, " inputs"]:
-        """The coordinates of a body at a Reynolds number."""
+        """Scaled inputs z of a body and a Reynolds number."""
         low, width = jax.lax.stop_gradient((self.low, self._width))
         values = jnp.append(self.body_class.smooth(parameters), jnp.log(reynolds))
         return 2 * (values - low) / width - 1
 
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
-        """d(parameters, log Re) / d(coordinates), by which slopes change units."""
-        bent = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
-        return jax.lax.stop_gradient(self._width) / 2 / jnp.append(bent, 1.0)
+        """d(parameters, log Re) / dz, which converts slopes to slopes in scaled inputs."""
+        smooth = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
+        return jax.lax.stop_gradient(self._width) / 2 / jnp.append(smooth, 1.0)
 
     @property
     def _width(self):
-        return jnp.where(self.high > self.low, self.high - self.low, 1.0)  # one Re has none
+        return jnp.where(self.high > self.low, self.high - self.low, 1.0)  # of a single Re: 1
 
 
 def scene_inputs(scene: Scene) -> Inputs:
-    """The coordinates of a scene's bodies and Reynolds numbers."""
+    """The scaled inputs of a scene's bodies and Reynolds numbers."""
     low, high = scene.family.bounds.T
     ends = zip((low, high), scene.reynolds, strict=True)
     body_class = scene.family.body_class
@@ -45,6 +45,6 @@ def scene_inputs(scene: Scene) -> Inputs:
 
 
 def quadratic(z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
-    """All monomials up to the second degree."""
+    """All monomials of z up to degree 2."""
     i, j = np.triu_indices(z.size)
     return jnp.concatenate([jnp.ones(1), z, z[i] * z[j]])

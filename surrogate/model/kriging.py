@@ -1,8 +1,12 @@
-"""Gradient-enhanced kriging: log Cd through every drag and slope that flows have told.
+"""Gradient-enhanced kriging (GEK): log Cd interpolated from drags and slopes of solved flows.
 
-A Gaussian process (rational quadratic covariance, one length per input) of what a base model
-leaves over, or of log Cd itself. Its amplitude and lengths are those of greatest posterior
-probability. Rasmussen and Williams 2006, chapters 2, 5 and 9.4.
+A Gaussian process of log Cd, or of the residual log Cd - log Cd of a base network: constant mean,
+rational quadratic covariance with one length scale per scaled input,
+
+    k(z, y) = s^2 (1 + r^2 / (2 alpha))^-alpha,   r^2 = sum_i ((z_i - y_i) / l_i)^2.
+
+Slopes are observations too: their covariances are the derivatives of k. Amplitude s, noise and
+lengths l maximise the posterior. Rasmussen and Williams 2006, chapters 2, 4.2, 5 and 9.4.
 """
 
 from collections.abc import Sequence
@@ -19,19 +23,21 @@ from surrogate.arrays import AnyArray
 from surrogate.model.inputs import Inputs
 from surrogate.model.network import DragNetwork
 
-ALPHA = 2.0  # of the rational quadratic: a mixture of lengths that spreads about a factor of two
-VALUE_NOISE, SLOPE_NOISE = 2e-5, 2e-4  # of log Cd and its slopes: the grid's own wiggle
-LENGTH, SPREAD = 1.5, 0.7  # of lengths before anything is seen, and the deviation of their log
-AMPLITUDE = (-1.0, 3.0)  # its log before anything is seen, and that log's deviation
-CORRECTION = (-7.0, 1.5)  # the same of what a trained base leaves over
-NOISY = 0.5  # deviation of the log of the noise over the above
-BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of the logs: amplitude, noise, lengths
-FITTED = 64  # flows from which amplitude, noise and lengths are found; more would only cost
-LEAST_CAPACITY, GROWTH = 8, 2
+# Priors and bounds in logs. They were set on the default scene, where a likelihood alone fits few
+# flows too closely; no study of them is kept.
+ALPHA = 2.0  # a mixture of length scales that differ by a factor of about two
+VALUE_NOISE, SLOPE_NOISE = 2e-5, 2e-4  # of log Cd and its slopes: their grid-offset error
+LENGTH, LENGTH_DEVIATION = 1.5, 0.7  # prior median of lengths, deviation of their log
+AMPLITUDE = (-1.0, 3.0)  # prior mean and deviation of log s, for log Cd
+RESIDUAL_AMPLITUDE = (-7.0, 1.5)  # the same for the residual of a trained base
+NOISE_DEVIATION = 0.5  # prior deviation of the log of the noise over VALUE_NOISE, SLOPE_NOISE
+BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of amplitude, noise, lengths
+FITTED = 64  # observations at most from which hyperparameters are fitted: bounds the cost
+MIN_CAPACITY, GROWTH = 8, 2  # of the padded arrays, so that few sizes are compiled
 
 
 class Observation(NamedTuple):
-    """One flow: a body, a Reynolds number, the drag, d log Cd / d(parameters, log Re)."""
+    """One solved flow: body, Reynolds number, Cd, and d log Cd / d(parameters, log Re)."""
 
     parameters: Float[AnyArray, " parameters"]
     reynolds: float
@@ -40,15 +46,15 @@ class Observation(NamedTuple):
 
 
 class Data(eqx.Module):
-    """Rows of value and slopes in scaled inputs, padded; ``real`` says which are no padding."""
+    """Observations in scaled inputs: rows of (value, slopes), padded where not ``valid``."""
 
     z: Float[AnyArray, "flows inputs"]
     rows: Float[AnyArray, "flows rows"]
-    real: Bool[AnyArray, " flows"]
+    valid: Bool[AnyArray, " flows"]
 
 
 class Hyper(NamedTuple):
-    """Logs of the amplitude, of the noise over what is usual, and of the lengths."""
+    """Hyperparameters as logs: amplitude, noise over its usual size, lengths."""
 
     amplitude: Float[AnyArray, ""]
     noise: Float[AnyArray, ""]
@@ -56,7 +62,7 @@ class Hyper(NamedTuple):
 
 
 class Kriging(eqx.Module):
-    """A drag model: the base, and the process through what it leaves over."""
+    """A fitted process, plus the base network whose residual it models, if any."""
 
     base: DragNetwork | None
     inputs: Inputs
@@ -73,31 +79,41 @@ class Kriging(eqx.Module):
 
     def log_drag(self, z: Float[AnyArray, " inputs"]) -> Float[Array, ""]:
         """log Cd at scaled inputs."""
-        seen = jax.vmap(lambda y: _pair(self.hyper, z, y)[0])(self.data.z)
-        left = self.mean + jnp.sum(seen * self.coefficients)
-        return left if self.base is None else left + self.base.log_drag(z)
+        covariances = jax.vmap(lambda y: _covariance(self.hyper, z, y)[0])(self.data.z)
+        residual = self.mean + jnp.sum(covariances * self.coefficients)
+        return residual if self.base is None else residual + self.base.log_drag(z)
 
 
 def kriging(
-    told: Sequence[Observation],
+    observations: Sequence[Observation],
     inputs: Inputs,
     base: DragNetwork | None = None,
     hyper: Hyper | None = None,
 ) -> Kriging:
-    """The process through all that was told; ``hyper`` is found by likelihood where None."""
-    data, mean = _data(told, inputs, base), _mean(told, base)
-    hyper = likeliest(told, inputs, base) if hyper is None else hyper
+    """Fit the process to observations.
+
+    Args:
+      observations: solved flows, at least one.
+      inputs: the scaling of bodies and Reynolds numbers.
+      base: network whose residual is modelled; log Cd itself if None.
+      hyper: hyperparameters; by default those of ``likeliest``.
+    """
+    data, mean = _data(observations, inputs, base), _mean(observations, base)
+    hyper = likeliest(observations, inputs, base) if hyper is None else hyper
     return Kriging(base, inputs, data, hyper, jnp.asarray(mean), _solve(data, mean, hyper))
 
 
-def likeliest(told: Sequence[Observation], inputs: Inputs, base: DragNetwork | None) -> Hyper:
-    """Amplitude, noise and lengths of greatest posterior probability."""
-    data, mean = _data(told[:: -(-len(told) // FITTED)], inputs, base), _mean(told, base)
-    amplitude, size = AMPLITUDE if base is None else CORRECTION, data.z.shape[1]
+def likeliest(
+    observations: Sequence[Observation], inputs: Inputs, base: DragNetwork | None
+) -> Hyper:
+    """Hyperparameters of greatest posterior probability, from at most ``FITTED`` observations."""
+    some = observations[:: -(-len(observations) // FITTED)]
+    data, mean = _data(some, inputs, base), _mean(observations, base)
+    amplitude, size = AMPLITUDE if base is None else RESIDUAL_AMPLITUDE, data.z.shape[1]
 
     def objective(theta):
-        value, slope = _unlikelihood(theta, data, mean, amplitude)
-        return float(value), np.asarray(slope)
+        value, gradient = _negative_log_posterior(theta, data, mean, amplitude)
+        return float(value), np.asarray(gradient)
 
     start = np.array([amplitude[0], 0.0, *[np.log(LENGTH)] * size])
     bounds = [*BOUNDS[:2], *[BOUNDS[2]] * size]
@@ -110,29 +126,30 @@ def _hyper(theta):
     return Hyper(theta[0], theta[1], theta[2:])
 
 
-def _mean(told, base):
-    """What is expected of log Cd, or of what the base leaves over, before anything is told."""
-    return 0.0 if base is not None else np.mean([np.log(flow.drag) for flow in told])
+def _mean(observations, base):
+    """The process's mean: of the observed log Cd, or zero for a base's residual."""
+    return 0.0 if base is not None else np.mean([np.log(flow.drag) for flow in observations])
 
 
 def _centred(data, mean):
-    """The rows about the mean, nought in the padding."""
-    return jnp.where(data.real[:, None], data.rows.at[:, 0].add(-mean), 0.0)
+    """The rows minus the mean; zero in the padding."""
+    return jnp.where(data.valid[:, None], data.rows.at[:, 0].add(-mean), 0.0)
 
 
 def _matrix(data, hyper):
-    """Covariance of all rows, noise included; padding is of variance 1 and tells nothing."""
+    """Covariance of all rows with noise; padding is independent of all else, of variance 1."""
     count, size = data.rows.shape
-    pairs = jax.vmap(jax.vmap(_pair, (None, None, 0)), (None, 0, None))(hyper, data.z, data.z)
-    full = pairs.transpose(0, 2, 1, 3).reshape(count * size, count * size)
-    real = jnp.repeat(data.real, size)
+    pairs = jax.vmap(jax.vmap(_covariance, (None, None, 0)), (None, 0, None))
+    blocks = pairs(hyper, data.z, data.z)
+    full = blocks.transpose(0, 2, 1, 3).reshape(count * size, count * size)
+    valid = jnp.repeat(data.valid, size)
     noise = jnp.exp(hyper.noise) * jnp.array([VALUE_NOISE, *[SLOPE_NOISE] * (size - 1)])
-    diagonal = jnp.where(real, jnp.tile(noise**2, count), 1.0)
-    return jnp.where(real[:, None] & real, full, 0.0) + jnp.diag(diagonal)
+    diagonal = jnp.where(valid, jnp.tile(noise**2, count), 1.0)
+    return jnp.where(valid[:, None] & valid, full, 0.0) + jnp.diag(diagonal)
 
 
-def _pair(hyper, z, y):
-    """Covariance of value and slopes at z with value and slopes at y, in closed form."""
+def _covariance(hyper, z, y):
+    """Covariance matrix of (value, slopes) at z with (value, slopes) at y."""
     scale = jnp.exp(-hyper.lengths)
     away = (z - y) * scale
     bulk = 1 + jnp.sum(away**2) / (2 * ALPHA)
@@ -147,41 +164,41 @@ def _pair(hyper, z, y):
 
 @jax.jit
 def _solve(data, mean, hyper):
-    left = _centred(data, mean)
+    centred = _centred(data, mean)
     factor = jax.scipy.linalg.cho_factor(_matrix(data, hyper), lower=True)
-    return jax.scipy.linalg.cho_solve(factor, left.ravel()).reshape(left.shape)
+    return jax.scipy.linalg.cho_solve(factor, centred.ravel()).reshape(centred.shape)
 
 
 @jax.jit
 @jax.value_and_grad
-def _unlikelihood(theta, data, mean, amplitude):
-    """Minus the log of likelihood and prior."""
+def _negative_log_posterior(theta, data, mean, amplitude):
     hyper = _hyper(theta)
-    left = _centred(data, mean).ravel()
+    centred = _centred(data, mean).ravel()
     factor = jnp.linalg.cholesky(_matrix(data, hyper))
-    white = jax.scipy.linalg.solve_triangular(factor, left, lower=True)
-    prior = jnp.sum(((hyper.lengths - np.log(LENGTH)) / SPREAD) ** 2)
-    middle, wide = amplitude
-    prior += ((hyper.amplitude - middle) / wide) ** 2 + (hyper.noise / NOISY) ** 2
+    white = jax.scipy.linalg.solve_triangular(factor, centred, lower=True)
+    prior = jnp.sum(((hyper.lengths - np.log(LENGTH)) / LENGTH_DEVIATION) ** 2)
+    middle, deviation = amplitude
+    prior += ((hyper.amplitude - middle) / deviation) ** 2 + (hyper.noise / NOISE_DEVIATION) ** 2
     return white @ white / 2 + jnp.sum(jnp.log(jnp.diagonal(factor))) + prior / 2
 
 
-def _data(told, inputs, base):
-    """What the base leaves over of every flow, padded to a capacity."""
-    capacity = LEAST_CAPACITY
-    while capacity < len(told):
+def _data(observations, inputs, base):
+    """Rows of all observations, padded to a capacity."""
+    count, capacity = len(observations), MIN_CAPACITY
+    while capacity < count:
         capacity *= GROWTH
-    padded = [told[min(k, len(told) - 1)] for k in range(capacity)]
+    padded = [observations[min(k, count - 1)] for k in range(capacity)]
     arrays = [np.array(part, float) for part in zip(*padded, strict=True)]
-    z, rows = _left_over(inputs, base, *arrays)
-    return Data(z, rows, jnp.arange(capacity) < len(told))
+    z, rows = _residuals(inputs, base, *arrays)
+    return Data(z, rows, jnp.arange(capacity) < count)
 
 
 @jax.jit
-def _left_over(inputs, base, parameters, reynolds, drags, slopes):
+def _residuals(inputs, base, parameters, reynolds, drags, slopes):
+    """Scaled inputs; log Cd and its slopes in them, minus those of the base."""
     z = jax.vmap(inputs)(parameters, reynolds)
-    steep = jax.vmap(inputs.steepness)(parameters)
-    rows = jnp.concatenate([jnp.log(drags)[:, None], slopes * steep], axis=1)
+    steepness = jax.vmap(inputs.steepness)(parameters)
+    rows = jnp.concatenate([jnp.log(drags)[:, None], slopes * steepness], axis=1)
     if base is None:
         return z, rows
     values, slopes = jax.vmap(jax.value_and_grad(base.log_drag))(z)

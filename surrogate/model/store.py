@@ -1,4 +1,4 @@
-"""A surrogate is one folder: weights, and a record of scene, method, seed, versions and error."""
+"""Surrogates on disk: a folder of weights and a record of scene, training, versions and error."""
 
 import hashlib
 import json
@@ -24,15 +24,15 @@ from surrogate.versions import versions
 
 FORMAT = 3
 RECORD, WEIGHTS = "surrogate.json", "weights.eqx"
-# one a method, from one bench: that of three seeds where designs by HIG take the fewest flows
+# One surrogate per method, from one setup: of three seeds the one whose designs take fewest flows.
 PRETRAINED = Path(__file__).parent / "pretrained"
-BEST = "hig"  # of these, by its mean error on unseen bodies
-WIDEST, DEEPEST = 4096, 8  # layers of a network that is read
-LONGEST_RECORD = 1 << 24  # bytes
+BEST = "hig"  # the method of least mean error on held-out bodies
+MAX_WIDTH, MAX_DEPTH = 4096, 8  # of a network that is read: bounds what a damaged record may ask
+MAX_RECORD = 1 << 24  # bytes
 
 
 def save(folder: str | Path, surrogate: Surrogate) -> None:
-    """Write the folder's two files, each whole, in place of an older surrogate's.
+    """Save a surrogate to a folder, in place of an older one there; files are written atomically.
 
     Raises:
       InvalidInput: the folder holds something that is not a surrogate, or is not writable.
@@ -54,14 +54,16 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
 
 
 def check_surrogate_folder(folder: str | Path) -> None:
-    """Raise InvalidInput unless a surrogate may be written there."""
+    """Raise InvalidInput unless a surrogate may be written to this folder."""
     check_target(folder, RECORD, ("format", "weights_sha256"))
 
 
 def load(name: str | Path) -> Surrogate:
-    """Load a folder, or one that ships with the package.
+    """Load a surrogate from a folder, or one that ships with the package.
 
-    ``"pretrained"`` is the most accurate of these, ``"pretrained:METHOD"`` that of a method.
+    Args:
+      name: a folder; ``"pretrained"`` for the most accurate one in 2-D, ``"pretrained:METHOD"`` for
+        that of a method, ``"pretrained:space"`` for the one in 3-D.
 
     Raises:
       InvalidInput: it is missing, damaged, or not a surrogate.
@@ -70,20 +72,20 @@ def load(name: str | Path) -> Surrogate:
     kind, _, method = str(name).partition(":")
     if kind == "pretrained":
         folder = PRETRAINED / (method or BEST)
-    what = f"surrogate {folder}"
+    what = f"surrogate {folder}"  # begins messages
     if not folder.is_dir():
         shipped = ", ".join(f"pretrained:{one.name}" for one in sorted(PRETRAINED.iterdir()))
         raise InvalidInput(f"surrogate {name}: no such folder; what ships: pretrained, {shipped}")
     record = _read_record(folder, what)
     try:
         scene = Scene.of(record["scene"])
-        sizes = [whole_number("layer", size, 1, WIDEST) for size in record["sizes"]]
+        sizes = [whole_number("layer", size, 1, MAX_WIDTH) for size in record["sizes"]]
     except (KeyError, TypeError) as problem:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {problem}") from None
     except InvalidInput as problem:
         raise InvalidInput(f"{what}: {problem}") from None
     outputs = traction_modes(scene.family, scene.fidelity).count
-    if not 1 <= len(sizes) <= DEEPEST or sizes[-1] != outputs:
+    if not 1 <= len(sizes) <= MAX_DEPTH or sizes[-1] != outputs:
         raise InvalidInput(
             f"{what}: its layers {sizes} do not end in the {outputs} modes of its scene"
         )
@@ -100,7 +102,7 @@ def load(name: str | Path) -> Surrogate:
 
 def _read_record(folder: Path, what: str) -> dict[str, Any]:
     path = folder / RECORD
-    if path.is_file() and path.stat().st_size > LONGEST_RECORD:
+    if path.is_file() and path.stat().st_size > MAX_RECORD:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is too large")
     try:
         record = strict_json(path.read_text(encoding="utf-8"))
@@ -118,7 +120,7 @@ def _read_record(folder: Path, what: str) -> dict[str, Any]:
 
 
 def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
-    """Refuse weights that are not finite, and scales that are not the scene's."""
+    """Refuse weights that are not finite, and scaled inputs that are not those of the scene."""
     if not all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(network)):
         raise InvalidInput(f"{what}: damaged, its weights are not all finite")
     middle = jnp.asarray(scene.family.bounds.mean(axis=1)), jnp.asarray(scene.reynolds[0])

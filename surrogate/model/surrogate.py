@@ -1,4 +1,4 @@
-"""A trained network as a drag model: what it knows, and how it came about."""
+"""A trained network as a drag model, with its scene and the record of its training."""
 
 import dataclasses
 from typing import Any
@@ -15,12 +15,16 @@ from surrogate.model.network import DragNetwork
 from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 
-SLACK = 1e-9  # of a range's width, for rounding
+SLACK = 1e-9  # by which a value may exceed its range, in range widths: rounding
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surrogate:
-    """A trained network with the scene it knows and the record of how it came about."""
+    """A trained network, the scene it was trained on, and the record of its training.
+
+    It predicts drags. ``record["trained_for"]`` says whether the network's traction modes were
+    trained too ("traction") or not ("drag", also where the record does not say).
+    """
 
     network: DragNetwork
     scene: Scene
@@ -32,19 +36,25 @@ class Surrogate:
         reynolds: Number,
         extrapolate: bool = False,
     ) -> Float[Array, ""]:
-        """Cd = 2 Fx per unit span, in space 8 Fx / pi, of a family body.
+        """Drag coefficient of a body: Cd = 2 Fx per unit span in 2-D, 8 Fx / pi in 3-D.
 
-        For jit, vmap and jax.grad in both arguments. Under a transformation, what lies outside
-        the trained ranges is NaN unless ``extrapolate``, and a body that crosses itself always.
+        Supports jit, vmap and grad in both arguments. Under a transformation the drag outside the
+        trained ranges is NaN instead of an error, unless ``extrapolate``; that of a body that
+        crosses itself always is.
+
+        Args:
+          parameters: of the body, in the order of ``scene.family.names``.
+          reynolds: U D / nu, D the diameter of the circle (sphere) of equal area (volume).
+          extrapolate: answer outside the trained ranges as well.
 
         Raises:
-          InvalidInput: no such body or Reynolds number, or outside the trained ranges.
+          InvalidInput: the body or the Reynolds number is invalid, or outside the trained ranges.
         """
         if not traced(parameters, reynolds):
             parameters = self.scene.family.check(parameters)
             reynolds = check_reynolds(reynolds, True, self.scene.dimension)
-            if (beyond := self.beyond(parameters, reynolds)) and not extrapolate:
-                raise InvalidInput(f"{_words(beyond)}; extrapolate=True asks for it all the same")
+            if (outside := self.beyond(parameters, reynolds)) and not extrapolate:
+                raise InvalidInput(f"{_message(outside)}; extrapolate=True would answer it")
         else:
             one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
@@ -56,24 +66,27 @@ class Surrogate:
         low, high = self._bounds.T
         values = jnp.append(jnp.asarray(parameters, float), jnp.log(re))
         inside = jnp.maximum(low - values, values - high) <= SLACK * (high - low + 1)
-        known = jnp.all(inside) | bool(extrapolate)
-        thickness_ratio = self.scene.family.body_class.min_thickness_ratio(values[:-1])
-        known &= thickness_ratio >= MIN_THICKNESS_RATIO
-        return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
+        valid = jnp.all(inside) | bool(extrapolate)
+        valid &= (
+            self.scene.family.body_class.min_thickness_ratio(values[:-1]) >= MIN_THICKNESS_RATIO
+        )
+        return cd * jnp.where(valid, 1.0, jnp.nan)  # a factor, so that the gradient is NaN too
 
     def knows(self, parameters: Body, reynolds: Number) -> bool:
         """Whether body and Reynolds number lie within the trained ranges.
 
         Raises:
-          InvalidInput: they are no numbers, or not as many as the family has.
+          InvalidInput: not numbers, or not as many as the family has parameters.
         """
         return not self.beyond(parameters, reynolds)
 
     def beyond(self, parameters: Body, reynolds: Number) -> dict[str, float]:
-        """How far each parameter, or log Re, lies outside its trained range, in ranges.
+        """Distance of each parameter and log Re outside its trained range, in range widths.
+
+        Those inside are left out.
 
         Raises:
-          InvalidInput: they are no numbers, or not as many as the family has.
+          InvalidInput: not numbers, or not as many as the family has parameters.
         """
         values = self.scene.family.numbers(parameters)
         reynolds = finite_number("Reynolds number", reynolds)
@@ -87,7 +100,7 @@ class Surrogate:
         return {name: float(d) for name, d in pairs if not d <= SLACK}
 
     def recorded(self, key: str) -> Any:
-        """A value of the record, as trainings leave it.
+        """A value of the record.
 
         Raises:
           InvalidInput: the record lacks it.
@@ -101,6 +114,6 @@ class Surrogate:
         return np.concatenate([self.scene.family.bounds, np.log([self.scene.reynolds])])
 
 
-def _words(beyond):
-    worst = max(beyond, key=lambda name: beyond[name])
-    return f"outside the trained ranges: {worst} by {beyond[worst]:.2g} of its range"
+def _message(outside):
+    worst = max(outside, key=lambda name: outside[name])
+    return f"outside the trained ranges: {worst} by {outside[worst]:.2g} of its range"

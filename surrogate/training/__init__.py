@@ -1,1 +1,1 @@
-"""Training a network through the flow: samples, the loop that all methods share, their records."""
+"""Training of drag networks with the flow solver; README.md here has the equations."""

@@ -1,4 +1,4 @@
-"""An interrupted training: everything needed to go on as if nothing had happened."""
+"""Checkpoints: an interrupted training resumes with the same result as one that ran through."""
 
 import dataclasses
 from pathlib import Path
@@ -7,34 +7,35 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from surrogate.devices import Partition, Sharded
+from surrogate.devices import Partition, is_sharded
 from surrogate.errors import InvalidInput
 from surrogate.leaves import read_header, read_leaves, write_leaves
-from surrogate.processes import agreed, first, together
+from surrogate.processes import broadcast_from_first, first, gather_to_host
 from surrogate.training.plan import Plan
 
 
 def save_checkpoint(path: Path, plan: Plan, state: PyTree, partition: Partition) -> None:
-    """Write the plan and all leaves of ``state`` in one file, whole or not at all.
+    """Write the plan and all leaves of ``state`` to one file, atomically.
 
-    What is owned goes there in the order of the samples, whatever devices there are.
+    Sharded arrays are written in the order of the samples, so that a training may resume on
+    another number of devices.
     """
     places = np.asarray(partition.places)
-    state = _in_order(state, lambda rows: together(rows)[places])
+    state = _map_sharded(state, lambda rows: gather_to_host(rows)[places])
     if first():
         write_leaves(path, state, _describe(plan))
 
 
 def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) -> PyTree | None:
-    """The saved state, shaped ``like`` a fresh one; None where there is no checkpoint.
+    """The saved state, in the structure of ``like``; None if there is no checkpoint.
 
     Raises:
       InvalidInput: the file is damaged, or belongs to another plan.
     """
-    if not agreed(path.exists()):
+    if not broadcast_from_first(path.exists()):
         return None
     shapes = jax.eval_shape(
-        lambda state: _in_order(state, lambda rows: rows[partition.places]), like
+        lambda state: _map_sharded(state, lambda rows: rows[partition.places]), like
     )
     if first():
         if read_header(path, "checkpoint") != _describe(plan):
@@ -45,23 +46,21 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
         saved = read_leaves(path, shapes, "checkpoint")
     else:
         saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
-    saved = agreed(saved)
+    saved = broadcast_from_first(saved)
 
     def scatter(node, rows):
-        return partition.scatter(rows) if _owned(node) else rows
+        return partition.scatter(rows) if is_sharded(node) else rows
 
-    return jax.tree.map(scatter, like, saved, is_leaf=_owned)
+    return jax.tree.map(scatter, like, saved, is_leaf=is_sharded)
 
 
-def _in_order(state, of):
-    """The state with ``of`` the rows in place of what is owned."""
+def _map_sharded(state, function):
+    """The state with ``function(rows)`` in place of sharded arrays."""
     return jax.tree.map(
-        lambda node: jax.tree.map(of, node.rows) if _owned(node) else node, state, is_leaf=_owned
+        lambda node: jax.tree.map(function, node.rows) if is_sharded(node) else node,
+        state,
+        is_leaf=is_sharded,
     )
-
-
-def _owned(node):
-    return isinstance(node, Sharded)
 
 
 def _describe(plan):

@@ -1,4 +1,4 @@
-"""What a training will cost, foreseen before it starts: applications of G, and seconds."""
+"""Forecast of the cost of a training: convolutions with the Green's function (G), and seconds."""
 
 import time
 from typing import NamedTuple
@@ -10,14 +10,16 @@ import numpy as np
 from surrogate.flow.flow import Flow
 from surrogate.model.network import WIDTH, blank_network
 from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
+from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
 
-VISITS = {"dp": 10.0, "hig": 140.0}  # applications of G a visit, as published: never solved once
-ROUNDS = {"sip": 50, "supervised": 50}  # gradients of the network an iteration
+# Convolutions per evaluation of the methods that, as published, evaluate at every step:
+# RESULTS.md, "What training costs": their G over iterations times batch.
+EVALUATION = {"dp": 10.0, "hig": 140.0}
 
 
 class Forecast(NamedTuple):
-    """Applications of G, seconds of flows, seconds of the network's steps; no compilation."""
+    """Convolutions, seconds of flows, seconds of the network's updates; without compilation."""
 
     green_applications: float
     flow_s: float
@@ -29,21 +31,22 @@ class Forecast(NamedTuple):
 
 
 def forecast(plan: Plan) -> Forecast:
-    """What the samples of a training will cost, and its network; timed in a blink."""
+    """Forecast the cost of a training, from averages and a few timed operations."""
     takes = CONVOLUTIONS[plan.scene.dimension]
     each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
     work = plan.samples * each
-    batch = min(plan.make_method().batch, plan.samples)
-    if plan.published and plan.method in VISITS:
-        work = plan.samples * takes.flow / 2 + plan.iterations * batch * VISITS[plan.method]
+    method = plan.make_method()
+    batch = min(method.batch, plan.samples)
+    if plan.published and plan.method in EVALUATION:
+        work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
     shape = Flow(plan.scene).domain.lattice.shape
-    steps = ROUNDS.get(plan.method, 0)
+    steps = method.network_steps if isinstance(method, LabelRegression) else 0
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
     return Forecast(work, work * seconds_per_convolution(shape), plan.iterations * each)
 
 
 def _gradient_seconds(plan):
-    """One gradient of the network over all samples."""
+    """Seconds of one gradient of the network over all samples."""
     network = _network(plan)
     points = jnp.zeros((plan.samples, network.layers[0].in_features))
 
@@ -57,7 +60,7 @@ def _gradient_seconds(plan):
 
 
 def _inverse_seconds(plan, batch):
-    """One eigendecomposition of the smaller Gram matrix; other steps cost next to nothing."""
+    """Seconds of one eigendecomposition of the smaller Gram matrix; 0 for other methods."""
     if plan.method != "hig":
         return 0.0
     network = _network(plan)

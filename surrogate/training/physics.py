@@ -1,14 +1,15 @@
-"""The sample bodies of a training, prepared once: their operators and Oseen flows."""
+"""The flow solver of a training: operators and Oseen flows of all samples, assembled once."""
 
 import functools
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
-from surrogate.devices import Devices, Partition, Sharded, partition_bodies
+from surrogate.devices import Devices, Evaluated, Partition, Sharded, partition_bodies
 from surrogate.flow.batch import estimated_cost
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
@@ -16,13 +17,39 @@ from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import Operators
 from surrogate.training.samples import Samples
 
+StoredOperators = Operators | tuple[Array, Array]  # in 3-D parameters and Reynolds number alone
+
+
+class Sample(eqx.Module):
+    """One sample during its evaluation: body, Reynolds number, traction of its Oseen flow."""
+
+    parameters: Float[AnyArray, " parameters"]
+    reynolds: Float[AnyArray, ""]
+    oseen: Float[AnyArray, " modes"]
+    stored: StoredOperators  # of all samples on this device
+    row: Int[AnyArray, ""]
+    flow: Flow = eqx.field(static=True)
+
+    @property
+    def domain(self) -> Domain:
+        return self.flow.domain
+
+    @property
+    def renewal(self) -> int:
+        """Convolutions that ``operators`` takes: 0 in 2-D, where the operators are stored."""
+        return 0 if isinstance(self.stored, Operators) else self.domain.assembly_cost
+
+    def operators(self) -> Operators:
+        """The operators of the flow solver; in 3-D they are assembled here."""
+        return restored(self.flow, jax.tree.map(lambda leaf: leaf[self.row], self.stored))
+
 
 class Physics(eqx.Module):
-    """Everything the physics operator of every sample needs.
+    """Everything that evaluations of the samples need, apart from their last velocities.
 
-    Cases stay with the bodies' owners; the tractions of Oseen flows are everybody's. In space,
-    where a case takes tens of megabytes, only bodies and Reynolds numbers are kept and a case is
-    prepared anew at every visit.
+    Operators are sharded, samples and the tractions of their Oseen flows replicated. In 3-D the
+    operators of a sample take tens of megabytes: only its parameters are stored, and every
+    evaluation assembles the operators anew.
     """
 
     samples: Samples
@@ -39,38 +66,49 @@ class Physics(eqx.Module):
     def count(self) -> int:
         return self.samples.count
 
-    def operators_of(self, row: Array) -> Operators:
-        """Of a row of this device, in a visit: among those of the batch."""
-        return self.unpacked(jax.tree.map(lambda leaf: leaf[row], self.operators.rows))
+    def evaluate(
+        self, batch: Array, velocities: Sharded, function: Callable, *arguments: Array | tuple
+    ) -> Evaluated:
+        """``function(sample, velocity, *arguments) -> (result, velocity)`` of a batch of samples.
 
-    def unpacked(self, kept: Operators | tuple[Array, Array]) -> Operators:
-        """The operators of what is kept of a sample."""
-        return kept if isinstance(kept, Operators) else _prepared(self.flow, *kept)
+        ``arguments`` have one row per entry of the batch. Runs inside ``shard_map``, on this
+        device's rows of operators and velocities; see ``Partition.evaluate``.
+        """
 
-    @property
-    def renewal(self) -> int:
-        """Applications of G that a visit takes to prepare its operators anew."""
-        return 0 if isinstance(self.operators.rows, Operators) else self.domain.assembly_cost
+        def evaluate_sample(row, velocity, argument):
+            (parameters, reynolds), oseen, arguments = argument
+            sample = Sample(parameters, reynolds, oseen, self.operators.rows, row, self.flow)
+            return function(sample, velocity, *arguments)
+
+        replicated = self.samples.at(batch), self.tractions[batch], arguments
+        return self.partition.evaluate(batch, velocities, evaluate_sample, replicated)
 
 
 def partition_samples(family: Family, samples: Samples, devices: Devices) -> Partition:
-    """Which device owns which sample."""
+    """Balance samples over devices by the estimated cost of their flows."""
     return partition_bodies(devices, estimated_cost(family, *samples))
 
 
 @functools.partial(jax.jit, static_argnames="flow")
 def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple[Physics, Sharded]:
-    """Samples and velocities of their Oseen flows; ``assembly_cost`` applications of G each."""
+    """Assemble operators and Oseen flows of all samples: the physics, and the Oseen velocities.
 
-    def one(sample):
-        operators = _prepared(flow, *sample)
-        kept = sample if flow.scene.dimension == 3 else operators
-        return kept, steady.oseen_flow(flow.domain, operators)
+    Takes ``assembly_cost`` convolutions per sample.
+    """
 
-    operators, oseen = partition.each(one, partition.scatter(tuple(samples))).rows
+    def prepare(sample):
+        operators = restored(flow, sample)
+        stored = operators if flow.domain.OPERATORS_ARE_SMALL else sample
+        return stored, steady.oseen_flow(flow.domain, operators)
+
+    stored, oseen = partition.map(prepare, partition.scatter(tuple(samples))).rows
     tractions = partition.gather(Sharded(oseen.amplitude))
-    return Physics(samples, Sharded(operators), tractions, partition, flow), Sharded(oseen.velocity)
+    return Physics(samples, Sharded(stored), tractions, partition, flow), Sharded(oseen.velocity)
 
 
-def _prepared(flow, parameters, reynolds):
-    return steady.assemble(flow.domain, flow.markers(parameters), reynolds)
+def restored(flow: Flow, stored: StoredOperators) -> Operators:
+    """The operators of a sample, assembled where only its parameters are stored."""
+    if isinstance(stored, Operators):
+        return stored
+    parameters, reynolds = stored
+    return flow.bodies.assemble(parameters, reynolds)

@@ -1,4 +1,4 @@
-"""Which method, how many samples and steps: one training completely, and the presets."""
+"""The plan of a training: scene, method, numbers of samples and iterations; the presets."""
 
 import dataclasses
 import functools
@@ -8,41 +8,36 @@ from typing import Literal, get_args
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
-from surrogate.training.methods.dp import (
-    differentiable_physics,
-    published_differentiable_physics,
-)
-from surrogate.training.methods.hig import (
-    half_inverse_gradients,
-    published_half_inverse_gradients,
-)
+from surrogate.training.methods.dp import DifferentiablePhysics, PublishedDifferentiablePhysics
+from surrogate.training.methods.hig import HalfInverseGradients, PublishedHalfInverseGradients
 from surrogate.training.methods.method import Method
-from surrogate.training.methods.sip import scale_invariant_physics
-from surrogate.training.methods.supervised import supervised
+from surrogate.training.methods.sip import ScaleInvariantPhysics
+from surrogate.training.methods.supervised import Supervised
 
 MethodName = Literal["dp", "sip", "hig", "supervised"]
-MAKERS: dict[MethodName, Callable[..., Method]] = {
-    "dp": differentiable_physics,
-    "sip": scale_invariant_physics,
-    "hig": half_inverse_gradients,
-    "supervised": supervised,
+MAKERS: dict[MethodName, Callable[..., Method]] = {  # the methods at their best
+    "dp": DifferentiablePhysics,
+    "sip": ScaleInvariantPhysics,
+    "hig": HalfInverseGradients,
+    "supervised": Supervised,
 }
 PUBLISHED: dict[MethodName, Callable[..., Method]] = {
-    "dp": published_differentiable_physics,
-    "sip": functools.partial(scale_invariant_physics, modes=1.0, slopes=0.0),
-    "hig": published_half_inverse_gradients,
-    "supervised": functools.partial(supervised, modes=1.0, slopes=0.0),
+    "dp": PublishedDifferentiablePhysics,
+    "sip": functools.partial(ScaleInvariantPhysics, modes=1.0, slopes=0.0),
+    "hig": PublishedHalfInverseGradients,
+    "supervised": functools.partial(Supervised, modes=1.0, slopes=0.0),
 }
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
-REPORTS = 15  # of a training, about
-FEW = ("sip", "hig")  # methods that are compared on a quarter of the bodies too
+REPORTS = 15  # points in a training's history, about
+FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
 
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """How much a training takes: samples, held-out bodies, iterations by method.
+    """Numbers of samples, held-out samples and iterations.
 
-    ``published`` are the iterations of the methods as they were published, where they take others.
+    ``iterations`` are those of the methods at their best, ``published`` those of the methods as
+    published where they differ.
     """
 
     samples: int
@@ -70,10 +65,18 @@ SAMPLES_HELP = ", ".join(f"{name}: {preset.samples}" for name, preset in PRESETS
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """One training, completely: what is repeated from a checkpoint must be equal in all of this.
+    """Everything that defines a training; a checkpoint belongs to exactly one plan.
 
-    ``published`` is the method as it was published, else it is the method at its best. With
-    ``budget_s`` the schedule follows the clock and ``iterations`` is only an upper bound.
+    Args:
+      method: dp, sip, hig or supervised.
+      scene: stream, Reynolds numbers, fidelity and family.
+      samples: number of training samples.
+      held_out: number of held-out samples.
+      iterations: number of steps; with ``budget_s`` an upper bound.
+      seed: of samples, batches and initial weights.
+      budget_s: seconds of training, in place of ``iterations``.
+      report_every: iterations between points of the history.
+      published: the method as published instead of at its best.
     """
 
     method: MethodName
@@ -87,6 +90,7 @@ class Plan:
     published: bool = False
 
     def make_method(self) -> Method:
+        """The method with its default settings."""
         return (PUBLISHED if self.published else MAKERS)[self.method]()
 
 
@@ -99,10 +103,10 @@ def make_plan(
     budget_seconds: float | None = None,
     published: bool = False,
 ) -> Plan:
-    """The plan of a preset, with another scene or number of samples where they are given.
+    """The plan of a preset; ``samples`` and ``budget_seconds`` replace the preset's where given.
 
     Raises:
-      InvalidInput: no such method or preset, or a number that makes no sense.
+      InvalidInput: no such method or preset, or a number is out of range.
     """
     if not isinstance(method, str) or method not in METHODS:
         raise InvalidInput(f"method {method!r}: one of {', '.join(METHODS)}")
@@ -136,9 +140,10 @@ def compared_plans(
     seed: int = 0,
     budget_seconds: float | None = None,
 ) -> dict[str, Plan]:
-    """All trainings that are compared, by name: every method at its best.
+    """The plans of all trainings that the payoff compares, by name: every method at its best.
 
-    In full also every method as it was published, and the best on a quarter of the bodies.
+    With the preset full also every method as published, and two of them on a quarter of the
+    samples.
     """
     count = PRESETS[preset].samples if samples is None else samples
 

@@ -1,4 +1,4 @@
-"""Bodies and Reynolds numbers of trainings, and those held out from them: drawn here alone."""
+"""Random bodies and Reynolds numbers: training samples and held-out samples."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from scipy.stats import qmc
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
 
-LEAST_DRAWN = 128  # at once: enough to see a family whose bodies all cross themselves
+MIN_DRAW = 128  # Sobol points at a time: enough to find out that all bodies cross themselves
 
 
 class Samples(NamedTuple):
@@ -25,23 +25,33 @@ class Samples(NamedTuple):
         return len(self.reynolds)
 
     def head(self, count: int) -> "Samples":
-        """The first of them."""
+        """The first ``count`` samples."""
         return Samples(*(part[:count] for part in self))
+
+    def at(self, index: AnyArray) -> "Samples":
+        """The samples at these indices, or where a mask is true."""
+        return Samples(*(part[index] for part in self))
 
 
 def training_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """What a training of this seed learns from: spread evenly, by a scrambled Sobol sequence."""
+    """Draw training samples by a scrambled Sobol sequence over the parameters and log Re.
+
+    Bodies that cross themselves are skipped.
+    """
     low, high = np.concatenate([scene.family.bounds, np.log([scene.reynolds])]).T
     sequence = qmc.Sobol(low.size, rng=seed)
     rows = np.empty((0, low.size))
     while len(rows) < count:
-        drawn = low + (high - low) * sequence.random(max(2 ** count.bit_length(), LEAST_DRAWN))
+        drawn = low + (high - low) * sequence.random(max(2 ** count.bit_length(), MIN_DRAW))
         rows = np.concatenate([rows, drawn[scene.family.clear(drawn[:, :-1])]])
     return Samples(jnp.asarray(rows[:count, :-1]), jnp.exp(jnp.asarray(rows[:count, -1])))
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """What no training of this seed has seen: bodies uniform in their bounds, Re in log Re."""
+    """Draw held-out samples: bodies uniform in their bounds, Re uniform in log Re.
+
+    Independent of the training samples of the same seed.
+    """
     shape_key, re_key = jax.random.split(_keys(seed)[0])
     low, high = np.log(scene.reynolds)
     return Samples(
@@ -51,10 +61,10 @@ def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
 
 
 def network_key(seed: int) -> jax.Array:
-    """From which the initial weights of a training are drawn."""
+    """The random key of a training's initial weights."""
     return _keys(seed)[1]
 
 
 def _keys(seed):
-    """For held-out bodies, for weights."""
+    """Keys of held-out samples and of weights."""
     return jax.random.split(jax.random.key(seed), 3)[1:]

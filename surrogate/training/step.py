@@ -1,106 +1,110 @@
-"""A step of a training: owners visit the bodies of a batch, one device learns what they told.
+"""One training step as compiled programs: evaluate a batch on all devices, update on one.
 
-Each is a compiled program of its own. Rows of a batch are fetched for a visit and returned after
-it, chunk by chunk, so that no program moves or holds the fields of all bodies; once all have
-told what they can, steps are the network's alone, and bodies and other devices rest.
+The rows of a chunk of the batch are copied out of the stored fields, evaluated and copied back, so
+that no program holds a second copy of the fields of all bodies. Once every label of the batch has
+converged, a step is the update alone.
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import PyTree
+from jaxtyping import Array, PyTree
 
 from surrogate.devices import Devices, Partition, Sharded
 from surrogate.model.network import DragNetwork
 from surrogate.training.methods.method import Batch, EvaluationCost, LabelStore, Method
 from surrogate.training.physics import Physics
 
-RESTED = EvaluationCost(0, 0, 0)
+NO_COST = EvaluationCost(0, 0, 0)
 
 
 class LearnerState(NamedTuple):
-    """What a training changes: network and the method's memory, lessons, every body's last flow."""
+    """What a step changes: network, optimiser's state, labels, last velocity of every sample."""
 
     network: DragNetwork
-    memory: PyTree
-    lessons: LabelStore
-    flows: Sharded
+    optimiser: PyTree
+    labels: LabelStore
+    velocities: Sharded
 
     def placed(self, devices: Devices) -> "LearnerState":
-        """The same with lessons on every device, and flows on those that own them."""
-        lessons, flows = devices.share((self.lessons, self.flows))
-        return self._replace(lessons=lessons, flows=flows)
+        """The same with the labels replicated on the mesh and the velocities sharded."""
+        labels, velocities = devices.place((self.labels, self.velocities))
+        return self._replace(labels=labels, velocities=velocities)
 
 
 class Step(NamedTuple):
-    """A step's programs, and the physics that they visit."""
+    """The compiled programs of a step: copy rows out, evaluate, copy rows back, update."""
 
     physics: Physics
-    fetch: Callable
-    visit: Callable
-    give_back: Callable
-    learn: Callable
+    fetch: jax.stages.Compiled | None
+    evaluate: jax.stages.Compiled | None
+    put_back: jax.stages.Compiled | None
+    update: jax.stages.Compiled
 
     def __call__(
-        self, now: LearnerState, batch: Batch, done: float
-    ) -> tuple[LearnerState, EvaluationCost, jax.Array]:
-        """The next state, what visits took, and the loss before."""
-        partition, spent = self.physics.partition, RESTED
-        if now.lessons.asks(batch):
-            network = partition.devices.share(jax.tree.map(np.asarray, now.network))
+        self, state: LearnerState, batch: Batch, done: float
+    ) -> tuple[LearnerState, EvaluationCost, Array]:
+        """The next state, the cost of the evaluations, and the loss before the update."""
+        partition, cost = self.physics.partition, NO_COST
+        if state.labels.needs_evaluation(batch):
+            network = partition.devices.place(jax.tree.map(np.asarray, state.network))
             for chunk in partition.chunks(batch):
-                now, more = self._visited(now, partition.devices.share(chunk), network)
-                spent = jax.tree.map(lambda a, b: a + int(b), spent, more)
-        lessons, samples = partition.devices.local((now.lessons, self.physics.samples))
-        network, memory, loss = self.learn(
-            now.network, now.memory, lessons, samples, batch, np.asarray(done)
+                state, more = self._evaluated(state, partition.devices.place(chunk), network)
+                cost = jax.tree.map(lambda a, b: a + int(b), cost, more)
+        labels, samples = partition.devices.local((state.labels, self.physics.samples))
+        network, optimiser, loss = self.update(
+            state.network, state.optimiser, labels, samples, batch, np.asarray(done)
         )
-        return now._replace(network=network, memory=memory), spent, loss
+        return state._replace(network=network, optimiser=optimiser), cost, loss
 
-    def _visited(self, now, batch, network):
-        partition, operators = self.physics.partition, self.physics.operators
-        operators, flows = self.fetch(partition, batch, (operators, now.flows))
-        here = dataclasses.replace(self.physics, operators=operators)
-        lessons, flows, spent = self.visit(network, here, now.lessons, flows, batch)
-        flows = self.give_back(partition, batch, now.flows, flows)
-        return now._replace(lessons=lessons, flows=flows), spent
+    def _evaluated(self, state, batch, network):
+        partition, stored = self.physics.partition, (self.physics.operators, state.velocities)
+        operators, velocities = self.fetch(partition, batch, stored)
+        physics = dataclasses.replace(self.physics, operators=operators)
+        labels, velocities, cost = self.evaluate(network, physics, state.labels, velocities, batch)
+        velocities = self.put_back(partition, batch, state.velocities, velocities)
+        return state._replace(labels=labels, velocities=velocities), cost
 
 
 def first_state(
     method: Method, network: DragNetwork, physics: Physics, oseen: Sharded
 ) -> LearnerState:
-    """Before the first step."""
+    """The state before the first step; ``oseen`` are the velocities of the Oseen flows."""
     devices = physics.partition.devices
-    memory, lessons = jax.jit(method.init)(devices.share(network), physics)
-    flows = jax.tree.map(jnp.copy, oseen)  # a training overwrites them
-    return LearnerState(network, devices.local(memory), lessons, flows)
+    optimiser, labels = jax.jit(method.init)(devices.place(network), physics)
+    velocities = jax.tree.map(jnp.copy, oseen)  # steps donate their buffers
+    return LearnerState(network, devices.local(optimiser), labels, velocities)
 
 
 def compile_step(method: Method, start: LearnerState, physics: Physics, batch: Batch) -> Step:
-    """The programs of a method's steps, for batches of this size."""
-    partition, devices, done = physics.partition, physics.partition.devices, np.asarray(0.0)
-    chunk, network = next(partition.chunks(batch)), jax.tree.map(np.asarray, start.network)
-    chunk, network = devices.share((chunk, network))
+    """Compile the programs of a method's steps, for batches of this size."""
+    partition, devices = physics.partition, physics.partition.devices
+    network = devices.place(jax.tree.map(np.asarray, start.network))
+    chunk, stored = devices.place(next(partition.chunks(batch))), start.velocities
 
-    def compiled(function, like, answers, donated=()):
-        spread = devices.spread(function, like, answers)
-        return jax.jit(spread, donate_argnums=donated).lower(*like)
+    def lowered(function, arguments, results, donated=()):
+        mapped = devices.shard_map(function, arguments, results)
+        return jax.jit(mapped, donate_argnums=donated).lower(*arguments)
 
-    def fetch(partition, batch, stores):
+    def take_all(partition, batch, stores):
         return tuple(partition.take_local(batch, store) for store in stores)
 
-    stores = physics.operators, start.flows
-    fetch = compiled(fetch, (partition, chunk, stores), stores).compile()
-    operators, flows = fetch(partition, chunk, stores)
-    like = network, dataclasses.replace(physics, operators=operators), start.lessons, flows, chunk
-    visit = compiled(method.visit, like, (start.lessons, flows, RESTED), donated=(3,))
-    like = partition, chunk, start.flows, flows
-    give_back = compiled(Partition.put_local, like, start.flows, donated=(2,)).compile()
-    lessons, samples = devices.local((start.lessons, physics.samples))
-    like = start.network, start.memory, lessons, samples, batch, done
-    learn = jax.jit(method.learn).lower(*like).compile()
-    return Step(physics, fetch, visit.compile(devices.options), give_back, learn)
+    both = physics.operators, stored
+    fetch = lowered(take_all, (partition, chunk, both), both).compile()
+    operators, velocities = fetch(partition, chunk, both)
+
+    fetched = dataclasses.replace(physics, operators=operators)
+    arguments = network, fetched, start.labels, velocities, chunk
+    results = start.labels, stored, NO_COST
+    evaluate = lowered(method.evaluate, arguments, results, donated=(3,)).compile(devices.options)
+
+    arguments = partition, chunk, stored, velocities
+    put_back = lowered(Partition.put_local, arguments, stored, donated=(2,)).compile()
+
+    labels, samples = devices.local((start.labels, physics.samples))
+    arguments = start.network, start.optimiser, labels, samples, batch, np.asarray(0.0)
+    update = jax.jit(method.update).lower(*arguments).compile()
+    return Step(physics, fetch, evaluate, put_back, update)

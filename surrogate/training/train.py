@@ -1,4 +1,4 @@
-"""Train a surrogate, or one of every method, from a scene to a folder."""
+"""Train a surrogate, or one by every method, and save it to a folder."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,6 +10,7 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
+from surrogate.training.history import HistoryPoint
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import Plan, make_plan
@@ -30,24 +31,46 @@ def train(
     devices: int | None = None,
     lanes: int | None = None,
 ) -> Surrogate:
-    """Train a network on the flows of a scene.
+    """Train a small network that predicts the drag of a scene's bodies, using the flow solver.
+
+    The methods differ in how the solver enters the update of the network's weights:
+
+    - ``"hig"``, half-inverse gradients (Schnell, Holl, Thuerey 2022): each flow and its adjoint are
+      solved once; each step inverts the Jacobian of all residuals half way. The default: the most
+      accurate for its cost, in fewest steps.
+    - ``"sip"``, scale-invariant physics (Holl, Koltun, Thuerey 2022): each evaluation is one Newton
+      step of the solver from the network's prediction, whose result the network is fitted to by
+      Adam. About as accurate; choose it for large networks, where the Jacobian of HIG becomes
+      expensive.
+    - ``"supervised"``: each flow is solved once, Adam fits the network. The baseline.
+    - ``"dp"``, differentiable physics (Um et al. 2020): Adam follows the gradient of a loss on the
+      flow through the solver. The least accurate here; for comparison.
+
+    By default every method runs at its best: it also fits the gradient of the drag in shape and Re,
+    which one adjoint solve per flow provides (Sobolev training, Czarnecki et al. 2017).
+    ``published=True`` runs it as in its paper, for comparison. The equations are in
+    ``surrogate/training/README.md``, measured errors and costs in ``scripts/measure/RESULTS.md``.
 
     Args:
-      scene: what to model; ``Scene()`` if None.
-      method: dp, sip, hig or supervised.
-      samples: bodies to learn from, instead of the preset's.
-      preset: quick or full, which says how long to train.
+      scene: stream, Reynolds numbers, fidelity and family of bodies; ``Scene()`` if None.
+      method: "dp", "sip", "hig" or "supervised".
+      samples: number of training bodies, in place of the preset's.
+      preset: "quick" (64 bodies) or "full" (256 bodies and more steps).
       seed: of samples, held-out bodies and initial weights.
-      budget_seconds: train for so long instead.
-      published: the method as it was published, not at its best.
-      out: folder to save it in. Interrupted, the same call goes on where it stopped.
-      progress: show it on stderr.
-      devices: over which bodies are spread; one where nothing is said.
-      lanes: bodies solved at once on a device, as many as pay there where nothing is said.
+      budget_seconds: train for so many seconds, in place of the preset's steps.
+      published: the method as published instead of at its best.
+      out: folder to save to. If interrupted, the same call resumes from a checkpoint beside it.
+      progress: whether to show progress on stderr.
+      devices: number of devices over which the flows are distributed; by default 1.
+      lanes: batch size per device: flows solved simultaneously on one device; by default 1 on a
+        CPU, 32 elsewhere.
+
+    Returns:
+      The surrogate; its ``record`` has the drag's mean and largest error on held-out bodies.
 
     Raises:
-      InvalidInput: an argument makes no sense, or the folder is not for surrogates.
-      NotConverged: a held-out flow was not found, or the training blew up at once.
+      InvalidInput: an argument is invalid, or the folder holds something else.
+      NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
     plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published)
     return carry_out(plan, out, progress, choose_devices(devices, lanes))
@@ -56,13 +79,13 @@ def train(
 def carry_out(
     plan: Plan, out: str | Path | None, progress: bool, devices: Devices | None = None
 ) -> Surrogate:
-    """Train by a plan; as ``train``. Of many processes the first writes."""
+    """``train`` by a plan. In a multi-process run the first process writes."""
     if out is not None:
         check_surrogate_folder(out)
     checkpoint = None if out is None else checkpoint_of(out)
-    bench = prepare(plan, progress, devices)
-    trained = train_with_bar(plan, bench, checkpoint, progress=progress)
-    surrogate = surrogate_of(plan, trained, bench)
+    setup = setup_with_bar(plan, progress, devices)
+    trained = train_with_bar(plan, setup, checkpoint, progress=progress)
+    surrogate = surrogate_of(plan, trained, setup)
     if out is not None and first():
         save(out, surrogate)
         checkpoint.unlink(missing_ok=True)
@@ -72,24 +95,24 @@ def carry_out(
 def train_all(
     plans: Mapping[str, Plan], out: Path, devices: Devices | None = None
 ) -> dict[str, Surrogate]:
-    """A surrogate per plan, in folders of their names; those already trained are loaded.
+    """Train a surrogate per plan, in folders of the plans' names; load those already trained.
 
-    Plans of the same scene, seed and counts share their samples, held-out bodies and weights.
+    Plans of equal scene, seed and counts share samples, held-out bodies and initial weights.
 
     Raises:
       InvalidInput: a folder holds something else, or a surrogate of another plan.
     """
     for name in plans:
         check_surrogate_folder(out / name)
-    benches: dict[tuple, TrainingSetup] = {}
+    setups: dict[tuple, TrainingSetup] = {}
     surrogates = {}
     for name, plan in plans.items():
         if not (out / name / RECORD).is_file():
-            ground = plan.scene, plan.seed, plan.samples, plan.held_out
-            bench = benches[ground] = benches.get(ground) or prepare(plan, devices=devices)
+            key = plan.scene, plan.seed, plan.samples, plan.held_out
+            setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
             checkpoint = checkpoint_of(out / name)
-            trained = train_with_bar(plan, bench, checkpoint, title=name)
-            save(out / name, surrogate_of(plan, trained, bench))
+            trained = train_with_bar(plan, setup, checkpoint, title=name)
+            save(out / name, surrogate_of(plan, trained, setup))
             checkpoint.unlink(missing_ok=True)
         surrogates[name] = load(out / name)
         if not is_of(plan, surrogates[name]):
@@ -99,40 +122,43 @@ def train_all(
     return surrogates
 
 
-def prepare(plan: Plan, progress: bool = True, devices: Devices | None = None) -> TrainingSetup:
-    """The plan's bench, with progress on stderr."""
+def setup_with_bar(
+    plan: Plan, progress: bool = True, devices: Devices | None = None
+) -> TrainingSetup:
+    """``make_setup`` with progress on stderr."""
     with progress_bar("preparing flows", progress) as update:
         update(0.0, f"{plan.samples} bodies, {plan.held_out} held out")
-        bench = make_setup(plan, devices)
-        update(1.0, f"in {bench.setup_s:.0f} s")
-    return bench
+        setup = make_setup(plan, devices)
+        failed = f", {setup.held_out_failed} held-out flows failed" if setup.held_out_failed else ""
+        update(1.0, f"in {setup.setup_s:.0f} s{failed}")
+    return setup
 
 
 def train_with_bar(
     plan: Plan,
-    bench: TrainingSetup,
+    setup: TrainingSetup,
     checkpoint: Path | None = None,
     method: Method | None = None,
     title: str | None = None,
     progress: bool = True,
 ) -> TrainingResult:
-    """Train with progress on stderr; ``method`` and ``title`` replace the plan's own."""
+    """``run_training`` with progress on stderr under a ``title``, by default the method's name."""
     with progress_bar(f"training {title or plan.method}", progress) as update:
 
-        def report(point, done):
+        def report(point: HistoryPoint, done: float) -> None:
             update(
                 done,
                 f"step {point.iteration}: error mean {100 * point.error_mean:.2f} % "
                 f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
             )
 
-        trained = run_training(plan, bench, checkpoint, report, method=method)
+        trained = run_training(plan, setup, checkpoint, report, method=method)
         if trained.stopped:
             update(1.0, f"{trained.stopped}; the last good weights are kept")
     return trained
 
 
 def checkpoint_of(folder: str | Path) -> Path:
-    """The file beside a surrogate's folder from which an interrupted training goes on."""
+    """The path of a training's checkpoint, beside the surrogate's folder."""
     place = Path(folder).resolve()
     return place.with_name(place.name + ".checkpoint")

@@ -20,7 +20,7 @@ from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.body.family import Family
 from surrogate.body.parameters import PARAMETERS
 from surrogate.files import JsonObject, whole_file
-from surrogate.model.network import REACH
+from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
@@ -66,7 +66,7 @@ def page_data(surrogate: Surrogate) -> JsonObject:
             for layer in network.layers
         ],
         "trend": np.asarray(network.trend).tolist(),
-        "reach": REACH,
+        "reach": CORRECTION_SCALE,
         "low": np.asarray(network.inputs.low).tolist(),
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),

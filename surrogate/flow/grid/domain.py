@@ -48,6 +48,7 @@ class Domain(abc.ABC):
 
     MIN_THICKNESS: ClassVar[float]  # cells across the mean thickness of a body
     CLEARANCE: ClassVar[tuple[float, float]]  # D from a fitted body to the domain's edges
+    OPERATORS_ARE_SMALL: ClassVar[bool]  # enough to store those of all samples of a training
     FORCE_UNIT: ClassVar[float]  # force, over rho U^2 D^(d-1), of a unit amplitude of mode 0
 
     @classmethod

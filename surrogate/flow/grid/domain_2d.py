@@ -33,6 +33,7 @@ class Domain2D(Domain):
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
+    OPERATORS_ARE_SMALL = True
     FORCE_UNIT = 1.0
 
     @classmethod

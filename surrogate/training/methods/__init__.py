@@ -1,1 +1,1 @@
-"""Training methods: differentiable physics, scale-invariant, half-inverse, supervised."""
+"""Training methods: DP, SIP, HIG and supervised regression."""

@@ -1,142 +1,172 @@
-"""Differentiable physics: the loss's gradient runs back through the solver by its adjoint.
+"""Differentiable physics (DP): the gradient of a loss on the flow, through the solver's adjoint.
 
-L = mean (|y|^2 + goal^2 (lambda . y / Cd)^2) / 2 over a batch, y the slip of the flow that the
-network's traction drives; Adam. Um et al. 2020; Thuerey et al. 2021, chapter 5.
+Um, Brand, Fei, Holl, Thuerey 2020 (Solver-in-the-Loop). The network predicts the traction a, the
+solver computes the flow that a drives, and the loss is the slip y that remains on the body,
+
+    L = mean over the batch of (|y|^2 + goal^2 (lambda . y / Cd)^2) / 2,
+
+lambda . y being the drag error that the slip means. Adam (Kingma and Ba 2015).
 """
 
-import functools
+import dataclasses
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.loads import drag
+from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import Effort, slip_weights
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_adjoint
+from surrogate.model.network import DragNetwork
+from surrogate.training.methods.labels import (
+    CoupledStep,
+    drag_residuals,
+    no_labels,
+    oseen_influence_matrices,
+)
 from surrogate.training.methods.method import (
     Batch,
     Method,
-    adam_that_ends,
+    adam,
     evaluation_cost,
     predict,
-    slowed,
+    with_cosine_rate,
 )
-from surrogate.training.methods.targets import (
-    drag_residuals,
-    evaluate_by_inversion,
-    no_labels,
-    one_step_inversion,
-    oseen_influence_matrices,
-)
+from surrogate.training.physics import Sample
 
-FLOW = NewtonSettings(3e-3, 8, 30)
-ADJOINT = Effort(0.1, 30)
+FLOW = NewtonSettings(3e-3, 8, 30)  # loose: the flow is warm-started and solved again next time
+ADJOINT = Effort(0.1, 30)  # one digit: the noise of a batch of 4 samples is larger
 
 
-class Lagged(NamedTuple):
-    """Adam's moments; Oseen compliances of the samples, on which physics is lagged."""
+class LaggedState(NamedTuple):
+    """Adam's state, and dy/da of the samples' Oseen flows."""
 
     adam: optax.OptState
     compliance: Float[AnyArray, "samples modes modes"]
 
 
-class Descent(NamedTuple):
-    """Of flows that tractions drive: the loss, its gradient in the traction, what it took."""
+@dataclasses.dataclass(frozen=True)
+class DifferentiablePhysics(Method):
+    """DP at its best: the loss sees the flow linearised about its last evaluation.
+
+    An evaluation is one coupled Newton step to the traction a+, until the label converges; the
+    slip of any other traction is C (a - a+), with the compliance C of the Oseen flow. The drag
+    term is exact, and the drag's slopes are trained with weight ``slopes``.
+    """
+
+    batch: int = 64
+    learning_rate: float = 1e-2
+    goal: float = 30.0
+    slopes: float = 1.0
+    trains_traction = True
+
+    def init(self, network, physics):
+        state = adam(self.learning_rate).init(network.weights)
+        return LaggedState(state, oseen_influence_matrices(physics)), no_labels(physics)
+
+    def evaluate(self, network, physics, labels, velocities, batch):
+        inversion = CoupledStep(slopes=self.slopes > 0)
+        return inversion.evaluate(network, physics, labels, velocities, batch)
+
+    def update(self, network, optimiser, labels, samples, batch, done):
+        valid = labels.valid[batch]
+
+        def loss_of(weights):
+            moved = network.with_weights(weights)
+            difference = predict(moved, samples, batch) - labels.tractions[batch]
+            slip = jnp.einsum("bym,bm->by", optimiser.compliance[batch], difference)
+            residuals = jax.vmap(lambda k: drag_residuals(moved, samples, labels, k))(batch)
+            scale = self.goal * jnp.append(1.0, jnp.full(residuals.shape[1] - 1, self.slopes))
+            losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * residuals) ** 2, axis=1)
+            return jnp.sum(jnp.where(valid, losses, 0.0)) / jnp.maximum(jnp.sum(valid), 1) / 2
+
+        loss, gradient = jax.value_and_grad(loss_of)(network.weights)
+        network, state = adam_step(network, optimiser.adam, gradient, self.learning_rate, done)
+        return network, optimiser._replace(adam=state), loss
+
+
+class LossGradient(NamedTuple):
+    """The loss of a sample, its gradient in the traction, and what the evaluation took."""
 
     gradient: Float[AnyArray, "*samples modes"]
     loss: Float[AnyArray, "*samples"]
     valid: Bool[AnyArray, "*samples"]
     products: Int[AnyArray, "*samples"]
 
-    def asks(self, batch: Batch) -> bool:
-        """Every step needs the flows of its own tractions."""
+    def needs_evaluation(self, batch: Batch) -> bool:
+        """Always: every step needs the flows of its own tractions."""
         return True
 
 
-def differentiable_physics(
-    batch: int = 64, learning_rate: float = 1e-2, goal: float = 30.0, slopes: float = 1.0
-) -> Method:
-    """DP at its best, on lagged physics: a coupled Newton step a visit, till the sample settles.
+@dataclasses.dataclass(frozen=True)
+class PublishedDifferentiablePhysics(Method):
+    """DP as published: each step solves the flows that the predicted tractions drive.
 
-    The slip is linear about the step's traction a+, ``C (a - a+)`` by Oseen compliances C; settled
-    flows tell by one adjoint what the drag's slopes are.
+    Warm-started from the sample's last flow, with two adjoint solves per sample.
     """
-    optimiser = adam_that_ends(learning_rate)
 
-    def init(network, physics):
-        lagged = Lagged(optimiser.init(network.weights), oseen_influence_matrices(physics))
-        return lagged, no_labels(physics)
+    batch: int = 4
+    learning_rate: float = 1e-2
+    goal: float = 3.0
+    trains_traction = True
 
-    def learn(network, memory, targets, samples, batch, done):
-        known = targets.known[batch]
-
-        def loss_of(weights):
-            moved = network.with_weights(weights)
-            away = predict(moved, samples, batch) - targets.tractions[batch]
-            slip = jnp.einsum("bym,bm->by", memory.compliance[batch], away)
-            misses = jax.vmap(lambda k: drag_residuals(moved, samples, targets, k))(batch)
-            scale = goal * jnp.append(1.0, jnp.full(misses.shape[1] - 1, slopes))
-            losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * misses) ** 2, axis=1)
-            return jnp.sum(jnp.where(known, losses, 0.0)) / jnp.maximum(jnp.sum(known), 1) / 2
-
-        loss, gradient = jax.value_and_grad(loss_of)(network.weights)
-        network, adam = _step(optimiser, learning_rate, network, memory.adam, gradient, done)
-        return network, memory._replace(adam=adam), loss
-
-    return Method(init, evaluate_by_inversion(one_step_inversion(slopes=slopes > 0)), learn, batch)
-
-
-def published_differentiable_physics(
-    batch: int = 4, learning_rate: float = 1e-2, goal: float = 3.0
-) -> Method:
-    """DP as published: one warm-started forced flow and two adjoints per sample and step."""
-    optimiser = adam_that_ends(learning_rate)
-
-    def init(network, physics):
+    def init(self, network, physics):
         count, modes = physics.tractions.shape
         none, zeros = jnp.zeros(count, int), jnp.zeros(count)
-        blank = Descent(jnp.zeros((count, modes)), zeros, none.astype(bool), none)
-        return optimiser.init(network.weights), blank
+        blank = LossGradient(jnp.zeros((count, modes)), zeros, none.astype(bool), none)
+        return adam(self.learning_rate).init(network.weights), blank
 
-    def driven(physics, row, velocity, amplitude, oseen):
-        domain, operators = physics.domain, physics.operators_of(row)
-        velocity, info = steady.forced_flow(domain, operators, amplitude, velocity, FLOW)
-        state = FlowState(velocity, amplitude)
+    def evaluate(self, network, physics, labels, velocities, batch):
+        predicted = predict(network, physics.samples, batch)
+        found = physics.evaluate(batch, velocities, self._differentiate, predicted)
+        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, found.results)
+        return labels, found.states, evaluation_cost(found, physics, batch)
+
+    def _differentiate(
+        self, sample: Sample, velocity: Array, traction: Float[Array, " modes"]
+    ) -> tuple[LossGradient, Array]:
+        """The loss of one sample and its gradient in the traction; the velocity to start from."""
+        domain, operators = sample.domain, sample.operators()
+        velocity, info = steady.forced_flow(domain, operators, traction, velocity, FLOW)
+        state = FlowState(velocity, traction)
         slip = steady.slip_residual(domain, operators, state)
-        weights, spent = slip_weights(drag, domain, operators, state, ADJOINT)
-        scale = goal / (2 * jnp.abs(oseen[0]))
-        miss = scale * (weights @ slip)
-        pulled = slip + scale * miss * weights
-        gradient, spent_too = slip_adjoint(domain, operators, state, pulled, ADJOINT)
+        weights, work = slip_weights(drag, domain, operators, state, ADJOINT)
+        scale = self.goal / jnp.abs(drag_coefficient(sample.oseen))
+        residual = scale * (weights @ slip)
+        by_slip = slip + scale * residual * weights
+        gradient, work_too = slip_adjoint(domain, operators, state, by_slip, ADJOINT)
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
-        products = info.products + spent.products + spent_too.products + physics.renewal
-        told = Descent(gradient, (slip @ slip + miss**2) / 2, valid, products)
-        return told, jnp.where(valid, velocity, steady.oseen_velocity(operators, oseen))
+        products = info.products + work.products + work_too.products + sample.renewal
+        result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, products)
+        return result, jnp.where(valid, velocity, steady.oseen_velocity(operators, sample.oseen))
 
-    def visit(network, physics, lessons, flows, batch):
-        predicted, oseen = predict(network, physics.samples, batch), physics.tractions[batch]
-        one = functools.partial(driven, physics)
-        told, flows, idle_work = physics.partition.evaluate(batch, flows, one, predicted, oseen)
-        lessons = jax.tree.map(lambda old, now: old.at[batch].set(now), lessons, told)
-        return lessons, flows, evaluation_cost(told, physics, batch, idle_work)
-
-    def learn(network, adam, lessons, samples, batch, done):
-        gradient, loss, valid, _ = jax.tree.map(lambda leaf: leaf[batch], lessons)
-        pull = jax.vjp(lambda w: predict(network.with_weights(w), samples, batch), network.weights)
+    def update(self, network, optimiser, labels, samples, batch, done):
+        gradient, loss, valid, _ = jax.tree.map(lambda leaf: leaf[batch], labels)
         count = jnp.maximum(jnp.sum(valid), 1)
-        gradient = pull[1](jnp.where(valid[:, None], gradient, 0.0) / count)[0]
-        network, adam = _step(optimiser, learning_rate, network, adam, gradient, done)
-        return network, adam, jnp.sum(jnp.where(valid, loss, 0.0)) / count
+        gradient = jnp.where(valid[:, None], gradient, 0.0) / count
 
-    return Method(init, visit, learn, batch)
+        def traction_of(weights):
+            return predict(network.with_weights(weights), samples, batch)
+
+        gradient = jax.vjp(traction_of, network.weights)[1](gradient)[0]
+        network, state = adam_step(network, optimiser, gradient, self.learning_rate, done)
+        return network, state, jnp.sum(jnp.where(valid, loss, 0.0)) / count
 
 
-def _step(optimiser, learning_rate, network, adam, gradient, done):
-    change, adam = optimiser.update(gradient, slowed(adam, learning_rate, done))
-    return network.with_weights(network.weights + change), adam
+def adam_step(
+    network: DragNetwork,
+    state: optax.OptState,
+    gradient: Float[Array, " weights"],
+    learning_rate: float,
+    done: Array,
+) -> tuple[DragNetwork, optax.OptState]:
+    """One step of Adam with its cosine schedule."""
+    state = with_cosine_rate(state, learning_rate, done)
+    change, state = adam(learning_rate).update(gradient, state)
+    return network.with_weights(network.weights + change), state

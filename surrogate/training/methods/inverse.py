@@ -1,7 +1,10 @@
-"""V S^(-kappa) U^T y for J = U S V^T, truncated: from the dense Jacobian, or without it.
+"""The partial inverse V S^-kappa U^T y of a matrix J = U S V^T, truncated: dense or matrix-free.
 
-kappa 1/2 is the half inverse, 1 Gauss-Newton, -1 gradient descent. Both forms rest on
-V S^(-kappa) U^T = J^T (J J^T)^(-(1 + kappa)/2), which needs no singular vectors of the weights.
+kappa 1/2 is the half inverse, 1 Gauss-Newton, -1 gradient descent. Both functions use
+
+    V S^-kappa U^T = J^T (J J^T)^(-(1 + kappa) / 2),
+
+which needs no singular vectors V in the space of the weights.
 """
 
 from collections.abc import Callable
@@ -10,7 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-Linear = Callable[[Array], Array]
+LinearMap = Callable[[Array], Array]
+EXHAUSTED = 1e-13  # a Lanczos vector of this relative length is rounding error
 
 
 def partial_inverse(
@@ -19,29 +23,39 @@ def partial_inverse(
     tau: float,
     kappa: float = 0.5,
 ) -> Float[Array, " weights"]:
-    """Dense, from the smaller Gram matrix; singular values up to tau S_max are dropped."""
+    """Dense, by the eigendecomposition of the smaller of J J^T and J^T J.
+
+    Singular values up to ``tau`` times the largest are dropped.
+    """
     rows, weights = jacobian.shape
     if rows <= weights:
         squares, U = jnp.linalg.eigh(jacobian @ jacobian.T)
         return jacobian.T @ (U @ (_powers(squares, tau, kappa) * (U.T @ y)))
-    columns = jax.lax.optimization_barrier(jacobian.T)  # transposed once, products take half
+    columns = jax.lax.optimization_barrier(jacobian.T)  # transposed once: half the time
     squares, V = jnp.linalg.eigh(columns @ columns.T)
     return V @ (_powers(squares, tau, kappa) * (V.T @ (columns @ y)))
 
 
 def partial_inverse_lanczos(
-    forward: Linear,
-    transpose: Linear,
+    forward: LinearMap,
+    transpose: LinearMap,
     y: Float[Array, " rows"],
     tau: float,
     kappa: float = 0.5,
     vectors: int = 64,
 ) -> Float[Array, " weights"]:
-    """Matrix-free: ``forward`` is v -> J v, ``transpose`` is z -> J^T z, one of each per vector.
+    """Matrix-free, by Lanczos on J J^T from y (Golub and Van Loan, section 10.1).
 
-    Lanczos on J J^T from y (Golub & Van Loan, 10.1), orthogonalised against all vectors twice;
-    the Ritz values stand for the squared singular values, and are truncated alike. Memory is
-    ``vectors`` by rows plus one product's, never rows by weights.
+    Reorthogonalised against all vectors twice. Ritz values stand for the squared singular values
+    and are truncated alike. The memory is ``vectors`` times the rows.
+
+    Args:
+      forward: v -> J v.
+      transpose: z -> J^T z.
+      y: right-hand side.
+      tau: singular values up to ``tau`` times the largest are dropped.
+      kappa: exponent of the inverse.
+      vectors: number of Lanczos vectors; each takes one product with J and one with J^T.
     """
     size = jnp.linalg.norm(y)
 
@@ -56,7 +70,7 @@ def partial_inverse_lanczos(
         matrix = matrix.at[:, k].set(overlap)
         w = w - overlap @ basis
         w, length = unit(w - (basis @ w) @ basis)
-        exhausted = length <= 1e-13 * jnp.max(jnp.abs(matrix))
+        exhausted = length <= EXHAUSTED * jnp.max(jnp.abs(matrix))
         return basis.at[k + 1].set(jnp.where(exhausted, 0.0, w), mode="drop"), matrix
 
     vectors = min(vectors, y.size)
@@ -67,7 +81,7 @@ def partial_inverse_lanczos(
 
 
 def _powers(squares, tau, kappa):
-    """S^-(1 + kappa) of ascending squares S^2, nought where S is truncated."""
+    """S^-(1 + kappa) of ascending squares S^2; zero where S is truncated."""
     S = jnp.sqrt(jnp.maximum(squares, 0.0))
     kept = tau * S[-1] < S
     return jnp.where(kept, jnp.where(kept, S, 1.0) ** -(1 + kappa), 0.0)

@@ -1,7 +1,11 @@
-"""What every training method is: it visits flows, and learns of what they tell."""
+"""The interface of a training method: evaluate samples with the flow solver, update the network.
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+A training step evaluates those samples of a batch whose labels are missing or may still improve
+and then updates the network's weights from the label store (``surrogate/training/step.py``).
+"""
+
+import abc
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -9,72 +13,99 @@ import optax
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Sharded
+from surrogate.devices import Evaluated, Sharded
 from surrogate.model.network import DragNetwork
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
 
-Batch = Int[AnyArray, " batch"]
+Batch = Int[AnyArray, " batch"]  # indices of samples
 
 
+@runtime_checkable
 class LabelStore(Protocol):
-    """What flows have told so far: a row for every sample, the same on every device."""
+    """Results of all evaluations so far: arrays with one row per sample, on every device."""
 
-    def asks(self, batch: Batch) -> bool:
-        """Whether a visit to these samples could tell more."""
+    def needs_evaluation(self, batch: Batch) -> bool:
+        """Whether evaluating these samples again could improve a label."""
         ...
 
 
 class EvaluationCost(NamedTuple):
-    """What a visit took: applications of G, samples left out.
-
-    ``idle_work`` are applications of G that idle devices and lanes could have done meanwhile.
-    """
+    """Convolutions of an evaluation, samples that failed, and convolutions of idle devices."""
 
     products: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
     idle_work: Int[AnyArray, ""]
 
 
-class Method(NamedTuple):
-    """``init``, ``visit`` and ``learn``, to be traced; a step is about ``batch`` samples.
+class Method(abc.ABC):
+    """A training method; implementations are frozen dataclasses of its settings.
 
-    ``init(network, physics) -> (memory, lessons)``: what the method itself remembers, and what
-    flows have told before any was visited.
-
-    ``visit(network, physics, lessons, flows, batch) -> (lessons, flows, spent)``: run by every
-    device on its own rows of a chunk of the batch, of which alone ``physics`` and ``flows`` hold
-    the fields.
-
-    ``learn(network, memory, lessons, samples, batch, done) -> (network, memory, loss)``: run by
-    one device; ``done`` is the fraction of the training that lies behind, for schedules.
+    ``batch`` is the number of samples per step; ``trains_traction`` says whether all traction modes
+    of the network are trained, or the drag alone. JAX traces ``init``, ``evaluate``, ``update``.
     """
 
-    init: Callable[[DragNetwork, Physics], tuple[PyTree, LabelStore]]
-    visit: Callable[
-        [DragNetwork, Physics, Any, Sharded, Batch], tuple[LabelStore, Sharded, EvaluationCost]
-    ]
-    learn: Callable[[DragNetwork, Any, Any, Samples, Batch, Float[Array, ""]], tuple]
     batch: int
+    trains_traction: bool
+
+    @abc.abstractmethod
+    def init(self, network: DragNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:
+        """The optimiser's state and the label store before the first step."""
+
+    @abc.abstractmethod
+    def evaluate(
+        self,
+        network: DragNetwork,
+        physics: Physics,
+        labels: LabelStore,
+        velocities: Sharded,
+        batch: Batch,
+    ) -> tuple[LabelStore, Sharded, EvaluationCost]:
+        """Evaluate a chunk of a batch: new labels, new velocities, cost.
+
+        Runs inside ``shard_map``: each device has its own rows of the chunk in ``velocities`` and
+        in ``physics.operators``; everything else is replicated.
+        """
+
+    @abc.abstractmethod
+    def update(
+        self,
+        network: DragNetwork,
+        optimiser: PyTree,
+        labels: LabelStore,
+        samples: Samples,
+        batch: Batch,
+        done: Float[AnyArray, ""],
+    ) -> tuple[DragNetwork, PyTree, Float[Array, ""]]:
+        """Update the network: new network, new optimiser state, the loss before.
+
+        Runs on one device. ``done`` is the fraction of the training that is over, for schedules.
+        """
 
 
-def evaluation_cost(told: Any, physics: Physics, batch: Batch, idle_work: Array) -> EvaluationCost:
-    """What answers with ``products`` and ``valid`` took; nobody's are no failures."""
-    failed = ~told.valid & (batch < physics.count)
-    return EvaluationCost(jnp.sum(told.products), jnp.sum(failed), idle_work)
+def evaluation_cost(found: Evaluated, physics: Physics, batch: Batch) -> EvaluationCost:
+    """The cost of a batch of evaluations, whose results have fields ``valid`` and ``products``.
+
+    Padding counts neither as failed nor as work.
+    """
+    failed = ~found.results.valid & (batch < physics.count)
+    return EvaluationCost(jnp.sum(found.results.products), jnp.sum(failed), found.idle_work)
 
 
-def adam_that_ends(learning_rate: float) -> optax.GradientTransformation:
-    """Adam whose rate ``slowed`` sets."""
+def adam(learning_rate: float) -> optax.GradientTransformation:
+    """Adam (Kingma and Ba 2015) whose learning rate is part of its state."""
     return optax.inject_hyperparams(optax.adam)(learning_rate)
 
 
-def slowed(adam: optax.OptState, learning_rate: float, done: Array) -> optax.OptState:
-    """Its rate falls by a cosine to nought as the training ends."""
-    adam.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
-    return adam
+def with_cosine_rate(state: optax.OptState, learning_rate: float, done: Array) -> optax.OptState:
+    """Adam's state with a learning rate that decays to zero by a cosine (Loshchilov, Hutter 2017).
+
+    It follows the fraction ``done`` of the training, since trainings may be limited by time.
+    """
+    state.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
+    return state
 
 
 def predict(network: DragNetwork, samples: Samples, batch: Batch) -> Float[Array, "batch modes"]:
-    """Traction modes of a batch of samples."""
-    return jax.vmap(network)(samples.parameters[batch], samples.reynolds[batch])
+    """The network's traction modes of a batch of samples."""
+    return jax.vmap(network.traction)(*samples.at(batch))

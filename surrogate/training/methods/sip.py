@@ -1,90 +1,91 @@
-"""Scale-invariant physics: the solver is inverted, the network learns the inverse's answer.
+"""Scale-invariant physics (SIP): the solver is inverted, the network is fitted to the result.
 
-Each physics step moves a batch of samples by one coupled Newton step of body flow,
-a+ = a - (dy/da)^+ y, started at the network's prediction; the network then takes several Adam
-steps on L = mean |(a - stop(a+)) / scale|^2 / 2 over all targets kept so far, the drag's mode
-weighted by the goal. A sample whose drag no longer moves is settled and not inverted again.
-Holl, Koltun, Thuerey 2022 (Scale-invariant LearnerState by Physics Inversion).
+Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion). Where the gradient of a
+loss on the flow would carry the solver's scales into the update, SIP takes the step in traction
+space, here a+ = a - (dy/da)^-1 y by one coupled Newton step, and trains the network on a+ by Adam.
 """
+
+import abc
+import dataclasses
 
 import jax
 import jax.numpy as jnp
 
 from surrogate.flow.solver.adjoint import Effort
-from surrogate.training.methods.method import Method, adam_that_ends, predict, slowed
-from surrogate.training.methods.targets import (
-    Inversion,
-    drag_residuals,
-    evaluate_by_inversion,
-    no_labels,
-    one_step_inversion,
-)
+from surrogate.training.methods.labels import CoupledStep, Inversion, drag_residuals, no_labels
+from surrogate.training.methods.method import Method, adam, predict, with_cosine_rate
 
 
-def scale_invariant_physics(
-    batch: int = 8,
-    network_steps: int = 50,
-    learning_rate: float = 3e-3,
-    goal: float = 30.0,
-    settle: float = 1e-4,
-    effort: Effort = Effort(1e-2, 30),
-    modes: float = 0.0,
-    slopes: float = 1.0,
-) -> Method:
-    """SIP with kept targets: one coupled step per sample, ``network_steps`` on all targets.
+@dataclasses.dataclass(frozen=True)
+class LabelRegression(Method):
+    """Invert the solver for a batch, then ``network_steps`` of Adam on the labels of all samples.
 
-    At its best it learns what the drag needs and the slopes of settled samples; as published the
-    whole traction (``modes`` 1) and no ``slopes``.
+    The loss weights squared residuals: those of the traction modes, over their scale, by
+    ``modes``; that of log Cd by ``goal**2``; those of its gradient in scaled inputs by
+    ``(slopes goal)**2`` (Sobolev training, Czarnecki et al. 2017). At their best, methods have
+    ``modes`` 0 and train the drag alone; then ``goal`` is a common factor, to which Adam is
+    invariant. As published, ``modes`` is 1 and ``slopes`` 0.
     """
-    invert = one_step_inversion(settle, effort, slopes=slopes > 0)
-    return imitation(invert, batch, network_steps, learning_rate, goal, modes, slopes)
 
+    batch: int = 8
+    network_steps: int = 50
+    learning_rate: float = 3e-3
+    goal: float = 30.0
+    modes: float = 0.0
+    slopes: float = 1.0
 
-def imitation(
-    invert: Inversion,
-    batch: int,
-    network_steps: int,
-    learning_rate: float,
-    goal: float,
-    modes: float,
-    slopes: float,
-) -> Method:
-    """Invert the solver for a batch, then Adam towards all targets so far.
+    @property
+    @abc.abstractmethod
+    def inversion(self) -> Inversion:
+        """How labels are computed."""
 
-    The loss weights the squared misses of the modes by ``modes``, of log Cd by ``goal**2``, of
-    its slopes in scaled inputs by ``(slopes goal)**2``: what the adjoint of a settled flow tells of
-    its neighbours (Sobolev training, Czarnecki et al. 2017).
-    """
-    optimiser = adam_that_ends(learning_rate)
+    @property
+    def trains_traction(self) -> bool:
+        return self.modes > 0
 
-    def init(network, physics):
-        return optimiser.init(network.weights), no_labels(physics)
+    def init(self, network, physics):
+        return adam(self.learning_rate).init(network.weights), no_labels(physics)
 
-    def learn(network, adam, targets, samples, batch, done):
-        everyone = jnp.arange(samples.count)
-        scale = network.spread * jnp.abs(targets.tractions[:, :1])
+    def evaluate(self, network, physics, labels, velocities, batch):
+        return self.inversion.evaluate(network, physics, labels, velocities, batch)
 
-        def loss_of(weights):
-            moved = network.with_weights(weights)
-            misses = jax.vmap(lambda k: drag_residuals(moved, samples, targets, k))(everyone)
-            total = goal**2 * jnp.sum(misses[:, 0] ** 2)
-            if slopes:
-                total += (slopes * goal) ** 2 * jnp.sum(misses[:, 1:] ** 2)
-            if modes:
-                off = (predict(moved, samples, everyone) - targets.tractions) / scale
-                total += (
-                    modes * jnp.sum(jnp.where(targets.known[:, None], off**2, 0.0)) / len(off.T)
-                )
-            return total / jnp.maximum(jnp.sum(targets.known), 1) / 2
-
+    def update(self, network, optimiser, labels, samples, batch, done):
         def step(carry, _):
-            weights, adam = carry
-            loss, gradient = jax.value_and_grad(loss_of)(weights)
-            change, adam = optimiser.update(gradient, adam)
-            return (weights + change, adam), loss
+            weights, state = carry
+            loss, gradient = jax.value_and_grad(self._loss)(weights, network, labels, samples)
+            change, state = adam(self.learning_rate).update(gradient, state)
+            return (weights + change, state), loss
 
-        start = network.weights, slowed(adam, learning_rate, done)
-        (weights, adam), losses = jax.lax.scan(step, start, length=network_steps)
-        return network.with_weights(weights), adam, losses[-1]
+        start = network.weights, with_cosine_rate(optimiser, self.learning_rate, done)
+        (weights, state), losses = jax.lax.scan(step, start, length=self.network_steps)
+        return network.with_weights(weights), state, losses[-1]
 
-    return Method(init, evaluate_by_inversion(invert), learn, batch)
+    def _loss(self, weights, network, labels, samples):
+        """Mean loss of all samples with a valid label."""
+        everyone, moved = jnp.arange(samples.count), network.with_weights(weights)
+        residuals = jax.vmap(lambda k: drag_residuals(moved, samples, labels, k))(everyone)
+        total = self.goal**2 * jnp.sum(residuals[:, 0] ** 2)
+        if self.slopes:
+            total += (self.slopes * self.goal) ** 2 * jnp.sum(residuals[:, 1:] ** 2)
+        if self.modes:
+            scale = network.mode_scale * jnp.abs(labels.tractions[:, :1])
+            off = (predict(moved, samples, everyone) - labels.tractions) / scale
+            squares = jnp.where(labels.valid[:, None], off**2, 0.0)
+            total += self.modes * jnp.sum(squares) / len(off.T)
+        return total / jnp.maximum(jnp.sum(labels.valid), 1) / 2
+
+
+@dataclasses.dataclass(frozen=True)
+class ScaleInvariantPhysics(LabelRegression):
+    """SIP with stored labels: one coupled Newton step per evaluation.
+
+    A label has converged when its drag changes by less than ``tolerance``; ``effort`` limits the
+    Krylov solve of a step.
+    """
+
+    tolerance: float = 1e-4
+    effort: Effort = Effort(1e-2, 30)
+
+    @property
+    def inversion(self) -> Inversion:
+        return CoupledStep(self.slopes > 0, self.tolerance, self.effort)

@@ -1,25 +1,18 @@
-"""Supervised regression: every sample's body flow is solved once, the network learns the answer.
+"""Supervised regression: each sample's flow is solved once, the network is fitted to the results.
 
-The baseline a user would pick: exact targets first, then only Adam, same loss as SIP's.
+The baseline of the other methods: labels by the full solver, and the same loss as SIP.
 """
 
-from surrogate.training.methods.method import Method
-from surrogate.training.methods.sip import imitation
-from surrogate.training.methods.targets import full_inversion
+import dataclasses
+
+from surrogate.training.methods.labels import FullSolve, Inversion
+from surrogate.training.methods.sip import LabelRegression
 
 
-def supervised(
-    batch: int = 8,
-    network_steps: int = 50,
-    learning_rate: float = 3e-3,
-    goal: float = 30.0,
-    modes: float = 0.0,
-    slopes: float = 1.0,
-) -> Method:
-    """Body flows of a batch where labels are missing, then Adam on all labels so far.
+@dataclasses.dataclass(frozen=True)
+class Supervised(LabelRegression):
+    """Solve the body flows of a batch where labels are missing, then Adam on all labels so far."""
 
-    At its best it regresses on the drag and its slopes; with ``modes`` 1 and ``slopes`` 0 on
-    traction and drag, as is usual.
-    """
-    invert = full_inversion(slopes=slopes > 0)
-    return imitation(invert, batch, network_steps, learning_rate, goal, modes, slopes)
+    @property
+    def inversion(self) -> Inversion:
+        return FullSolve(self.slopes > 0)

@@ -1,0 +1,56 @@
+"""The history of a training: errors on held-out bodies over iterations, work and time."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.model.network import DragNetwork
+from surrogate.training.samples import Samples
+
+MAX_POINTS = 2000  # where the number of points is limited by time only
+
+
+class HistoryPoint(NamedTuple):
+    """One point of a training's history; errors of the drag are relative, on held-out bodies."""
+
+    iteration: int
+    seconds: float
+    green_applications: int
+    error_mean: float
+    error_max: float
+    loss: float
+    failed: int
+
+
+def blank_history(points: int) -> Float[np.ndarray, "points 7"]:
+    """An array for this many points, all zero."""
+    return np.zeros((min(points, MAX_POINTS) + 1, len(HistoryPoint._fields)))
+
+
+def with_point(history: Float[AnyArray, "points 7"], point: HistoryPoint) -> np.ndarray:
+    """The history with one more point; if it is full, in place of the last."""
+    history = np.array(history)
+    history[min(len(points_of(history)), len(history) - 1)] = point
+    return history
+
+
+def points_of(history: Float[AnyArray, "points 7"]) -> tuple[HistoryPoint, ...]:
+    """The points of a history array."""
+    return tuple(
+        HistoryPoint(int(i), s, int(g), mean, worst, loss, int(failed))
+        for i, s, g, mean, worst, loss, failed in history.tolist()
+        if i > 0
+    )
+
+
+@jax.jit
+def drag_errors(
+    network: DragNetwork, samples: Samples, drag: Float[Array, " samples"]
+) -> Float[Array, " samples"]:
+    """Relative error of the network's drag for each sample."""
+    predicted = jax.vmap(network.drag)(*samples)
+    return jnp.abs(predicted / drag - 1)

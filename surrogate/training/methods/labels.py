@@ -1,0 +1,223 @@
+"""Training labels: traction modes and gradients of log Cd, computed by inverting the flow solver.
+
+``FullSolve`` solves the body flow once. ``CoupledStep`` makes one coupled Newton step per
+evaluation, so that solver and network converge together. Labels are stored: a sample whose label
+has converged is not evaluated again.
+"""
+
+import abc
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from surrogate.arrays import AnyArray
+from surrogate.devices import Sharded, compute_where
+from surrogate.flow.loads import drag, drag_coefficient
+from surrogate.flow.solver import steady
+from surrogate.flow.solver.adjoint import Effort, load_gradient
+from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.solver.tangent import coupled_step
+from surrogate.model.network import DragNetwork
+from surrogate.training.methods.method import Batch, EvaluationCost, evaluation_cost, predict
+from surrogate.training.physics import Physics, Sample, restored
+from surrogate.training.samples import Samples
+
+# Adjoint of a label's slopes: a tolerance five times larger was seen in the error of networks
+# trained on 256 bodies (no study kept).
+SLOPES = Effort(2e-4, 60)
+LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
+
+
+class TrainingLabels(NamedTuple):
+    """Training labels of samples, or of one.
+
+    Args:
+      tractions: traction modes; of the Oseen flow until the label is valid.
+      slopes: d log Cd / d(parameters, log Re) of valid and converged labels, if requested.
+      valid: whether there is a label.
+      converged: whether no further evaluation is needed (also if none would succeed).
+    """
+
+    tractions: Float[AnyArray, "*samples modes"]
+    slopes: Float[AnyArray, "*samples inputs"]
+    valid: Bool[AnyArray, "*samples"]
+    converged: Bool[AnyArray, "*samples"]
+
+    def needs_evaluation(self, batch: Batch) -> bool:
+        """Whether a label of these samples has not converged."""
+        return not np.all(np.asarray(self.converged)[batch])
+
+
+def no_labels(physics: Physics) -> TrainingLabels:
+    """The label store before any evaluation."""
+    none = jnp.zeros(physics.count, bool)
+    count, parameters = physics.samples.parameters.shape
+    return TrainingLabels(physics.tractions, jnp.zeros((count, parameters + 1)), none, none)
+
+
+class InversionResult(NamedTuple):
+    """One inversion of the flow solver: flow, slopes, whether valid and converged, convolutions."""
+
+    state: FlowState
+    slopes: Float[Array, " inputs"]
+    valid: Bool[Array, ""]
+    converged: Bool[Array, ""]
+    products: Int[Array, ""]
+
+
+class LabelResult(NamedTuple):
+    """The label of an evaluated sample, whether the evaluation succeeded, and its convolutions."""
+
+    label: TrainingLabels
+    valid: Bool[AnyArray, "*samples"]
+    products: Int[AnyArray, "*samples"]
+
+
+class Inversion(abc.ABC):
+    """A way to invert the flow solver: from a body and its no-slip condition to the traction."""
+
+    slopes: bool  # whether a converged label gets its slopes, by one adjoint solve
+
+    @abc.abstractmethod
+    def invert(
+        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
+    ) -> InversionResult:
+        """Invert for one sample.
+
+        Args:
+          sample: body and Reynolds number.
+          predicted: the network's traction modes.
+          stored: velocity and traction of the last valid evaluation.
+          valid: whether there was one.
+        """
+
+    def evaluate(
+        self,
+        network: DragNetwork,
+        physics: Physics,
+        labels: TrainingLabels,
+        velocities: Sharded,
+        batch: Batch,
+    ) -> tuple[TrainingLabels, Sharded, EvaluationCost]:
+        """``Method.evaluate`` of methods that train on labels: invert where not converged."""
+
+        def evaluate_sample(sample, velocity, predicted, label):
+            stored = FlowState(velocity, label.tractions)
+
+            def inverted():
+                result = self.invert(sample, predicted, stored, label.valid)
+                return result._replace(products=result.products + sample.renewal)
+
+            kept = InversionResult(stored, label.slopes, label.valid, jnp.array(True), jnp.array(0))
+            result = compute_where(~label.converged, inverted, kept)
+            new = jax.tree.map(lambda a, b: jnp.where(result.valid, a, b), result.state, stored)
+            flags = label.valid | result.valid, label.converged | result.converged
+            label = TrainingLabels(new.amplitude, result.slopes, *flags)
+            return LabelResult(label, result.valid, result.products), new.velocity
+
+        predicted = predict(network, physics.samples, batch)
+        old = jax.tree.map(lambda leaf: leaf[batch], labels)
+        found = physics.evaluate(batch, velocities, evaluate_sample, predicted, old)
+        new = found.results.label
+        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
+        return labels, found.states, evaluation_cost(found, physics, batch)
+
+    def _slopes_where(self, converged, sample, operators, state):
+        """(d log Cd / d(parameters, log Re), whether found, convolutions) by the drag's adjoint.
+
+        Zeros where the flow has not converged, or where ``slopes`` is false.
+        """
+        none = jnp.zeros(sample.parameters.size + 1), jnp.array(True), jnp.array(0)
+        if not self.slopes:
+            return none
+
+        def adjoint():
+            query = sample.flow.bodies.query(sample.parameters, sample.reynolds)
+            by_shape, by_re, work = load_gradient(
+                drag, sample.domain, operators, state, query, SLOPES
+            )
+            slopes = jnp.append(by_shape, sample.reynolds * by_re)
+            slopes = slopes / drag_coefficient(state.amplitude)
+            found = work.converged & jnp.all(jnp.isfinite(slopes))
+            return jnp.where(found, slopes, 0.0), found, work.products
+
+        return compute_where(converged, adjoint, none)
+
+
+@dataclasses.dataclass(frozen=True)
+class CoupledStep(Inversion):
+    """One coupled Newton step from the predicted traction and the last velocity.
+
+    A label has converged when the drag changes by at most ``tolerance`` between evaluations.
+    """
+
+    slopes: bool = False
+    tolerance: float = 1e-4
+    effort: Effort = Effort(1e-2, 30)
+
+    def invert(self, sample, predicted, stored, valid):
+        operators = sample.operators()
+        velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, predicted))
+        start = FlowState(velocity, predicted)
+        state, work = coupled_step(sample.domain, operators, start, self.effort)
+        traction = state.amplitude
+        found = work.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
+        change = jnp.abs(traction[0] / stored.amplitude[0] - 1)
+        converged = found & valid & (change <= self.tolerance)
+        slopes, good, products = self._slopes_where(converged, sample, operators, state)
+        return InversionResult(state, slopes, found, converged & good, work.products + products)
+
+
+@dataclasses.dataclass(frozen=True)
+class FullSolve(Inversion):
+    """The body flow, solved at the first evaluation.
+
+    Where flow or slopes are not found the sample counts as converged without a valid label: a
+    second attempt would be the same computation.
+    """
+
+    slopes: bool = False
+    newton: NewtonSettings = LABEL_FLOW
+
+    def invert(self, sample, predicted, stored, valid):
+        operators = sample.operators()
+        state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
+        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
+        found = info.converged & good
+        return InversionResult(state, slopes, found, jnp.array(True), info.products + products)
+
+
+def drag_residuals(
+    network: DragNetwork, samples: Samples, labels: TrainingLabels, index: Int[Array, ""]
+) -> Float[Array, " outcomes"]:
+    """Residuals of one sample: of log Cd, and of its gradient in the network's scaled inputs.
+
+    Residuals of labels that are not valid (gradient: not converged) are zero.
+    """
+    parameters, reynolds = samples.at(index)
+    z, steepness = network.inputs(parameters, reynolds), network.inputs.steepness(parameters)
+    log_drag, gradient = jax.value_and_grad(network.log_drag)(z)
+    target = jnp.log(drag_coefficient(labels.tractions[index]))
+    residual = jnp.where(labels.valid[index], log_drag - target, 0.0)
+    known = labels.valid[index] & labels.converged[index]
+    residuals = jnp.where(known, gradient - steepness * labels.slopes[index], 0.0)
+    return jnp.append(residual, residuals)
+
+
+def oseen_influence_matrices(physics: Physics) -> Float[Array, "samples modes modes"]:
+    """dy/da of the Oseen flow of every sample: S G B + pinning, exact as Re -> 0.
+
+    Takes no convolutions, since G B was computed with the operators.
+    """
+
+    def influence(stored):
+        operators = restored(physics.flow, stored)
+        slip_of_response = jax.vmap(operators.body.slip)(operators.response).T
+        return slip_of_response + steady.wall_compliance(physics.domain, operators)
+
+    return physics.partition.gather(physics.partition.map(influence, physics.operators))
