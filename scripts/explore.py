@@ -1,12 +1,9 @@
-"""A web page that holds a surrogate: python scripts/explore.py --help"""
+"""A web page that evaluates a surrogate: python scripts/explore.py --help"""
 
 import sys
 
-from shapeopt.commands.entry import loading
-
-with loading():
-    from shapeopt.commands.cli import run
-    from shapeopt.commands.explore import main
+from shapeopt.commands.cli import run
+from shapeopt.commands.explore import main
 
 if __name__ == "__main__":
     sys.exit(run(main))

@@ -2,11 +2,8 @@
 
 import sys
 
-from shapeopt.commands.entry import loading
-
-with loading():
-    from shapeopt.commands.cli import run
-    from shapeopt.commands.optimise import main
+from shapeopt.commands.cli import run
+from shapeopt.commands.optimize_shape import main
 
 if __name__ == "__main__":
     sys.exit(run(main))

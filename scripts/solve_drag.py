@@ -2,11 +2,8 @@
 
 import sys
 
-from shapeopt.commands.entry import loading
-
-with loading():
-    from shapeopt.commands.cli import run
-    from shapeopt.commands.solve import main
+from shapeopt.commands.cli import run
+from shapeopt.commands.solve_drag import main
 
 if __name__ == "__main__":
     sys.exit(run(main))

@@ -24,7 +24,6 @@ from surrogate.training.record import command_line
 RECORD = "run.json"
 LONGEST_RECORD = 1 << 24  # bytes
 DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
-FILES = ("contour.csv", "contour.vtp", "body.stl")
 
 
 def save_run(
@@ -97,7 +96,7 @@ def save_run(
 
 def check_run_folder(folder: str | Path) -> None:
     """Raise InvalidInput unless a run may be written to the folder."""
-    check_target(folder, RECORD, ("parameters", "scene"), FILES)
+    check_target(folder, RECORD, ("parameters", "scene"))
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:

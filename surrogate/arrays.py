@@ -1,13 +1,10 @@
-"""Arrays of the device and of the host: functions that take either say so by this name."""
+"""Types of arguments: arrays of JAX or NumPy, numbers, and parameter vectors of one body."""
 
-from typing import Any
+from collections.abc import Sequence
 
 import jax
 import numpy as np
 
 AnyArray = jax.Array | np.ndarray
-
-# At the front doors anything may come in; what is no body or no number is refused there by a
-# clear line, so these stand for no type.
-Body = Any  # parameters of one body of the family
-Number = Any  # a number of any kind
+Number = float | np.number | AnyArray  # one number; an array of shape () as well
+Body = Sequence[float] | AnyArray  # parameters of one body of a family, shape (parameters,)

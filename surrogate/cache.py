@@ -1,4 +1,4 @@
-"""Compiled code kept between processes, so that a second start is quick."""
+"""JAX's persistent compilation cache, so that later processes start faster."""
 
 import os
 from pathlib import Path
@@ -10,7 +10,7 @@ from surrogate.files import make_folder
 
 
 def use_compilation_cache() -> None:
-    """Keep what JAX compiles in the user's cache folder, where there can be one."""
+    """Keep compiled code in the user's cache folder, if that is writable."""
     root = Path(os.environ.get("XDG_CACHE_HOME", ""))
     root = root if root.is_absolute() else Path.home() / ".cache"
     folder = root / "drag-surrogates" / "jax"

@@ -1,7 +1,7 @@
-"""Checks at the door that all rooms share: is it a number, is it traced, is it one body."""
+"""Checks of arguments that several public functions share."""
 
 import math
-from typing import Any
+from types import UnionType
 
 import jax
 import numpy as np
@@ -9,42 +9,39 @@ from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
 
-LONGEST = 120  # letters of what is refused
-NO_NUMBERS = "bcSUmM"  # kinds of NumPy's types: truth values, complex, text, dates
+LONGEST = 120  # characters of a refused value in a message
+NOT_REAL = "bcSUmM"  # NumPy's kinds of types: bool, complex, bytes, text, time spans, dates
 
 
-def real_numbers(value: Any) -> Float[np.ndarray, "..."] | None:
-    """Numbers of every kind as floats; None where one is none, is masked, or is being traced."""
+def real_numbers(value: object) -> Float[np.ndarray, "..."] | None:
+    """The value as an array of floats; None if any part is not a real number or is traced."""
     try:
-        given = value if isinstance(_dtype(value), np.dtype) else np.asarray(value, object)
+        typed = isinstance(getattr(value, "dtype", None), np.dtype)
+        given = value if typed else np.asarray(value, object)
         parts = given.ravel() if given.dtype.kind == "O" else [given]
-        if np.ma.is_masked(value) or not all(map(_real, parts)):
+        if np.ma.is_masked(value) or not all(map(_is_real, parts)):
             return None
         return np.asarray(given).astype(float)
     except (TypeError, ValueError, OverflowError, AttributeError):
         return None
 
 
-def _real(part):
+def _is_real(part):
     kind = np.asarray(part).dtype.kind
-    return hasattr(part, "__float__") if kind == "O" else kind not in NO_NUMBERS
+    return hasattr(part, "__float__") if kind == "O" else kind not in NOT_REAL
 
 
-def _dtype(value):
-    return getattr(value, "dtype", None)
-
-
-def shown(value: Any) -> str:
-    """What came in, in one line that is not too long."""
+def shown(value: object) -> str:
+    """The repr of a value in one line of limited length, for messages."""
     words = " ".join(repr(value).split())
     return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."
 
 
-def finite_number(name: str, value: Any) -> float:
-    """Any kind of number as a float.
+def finite_number(name: str, value: object) -> float:
+    """The value as a float.
 
     Raises:
-      InvalidInput: it is text, an array, complex or not finite.
+      InvalidInput: it is not one finite real number.
     """
     found = real_numbers(value)
     if found is None or found.ndim:
@@ -55,14 +52,14 @@ def finite_number(name: str, value: Any) -> float:
     return number
 
 
-def interval(name: str, value: Any) -> tuple[float, float]:
-    """A range (low, high) of two finite numbers in order.
+def interval(name: str, value: object) -> tuple[float, float]:
+    """The value as a range (low, high).
 
     Raises:
-      InvalidInput: it is anything else.
+      InvalidInput: it is not two finite numbers in ascending order.
     """
-    several = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
-    if not several or len(value) != 2:
+    sequence = isinstance(value, list | tuple) or getattr(value, "ndim", 0) == 1
+    if not sequence or len(value) != 2:
         raise InvalidInput(f"{name} {shown(value)}: must be two numbers, low and high")
     low, high = (finite_number(name, end) for end in value)
     if low > high:
@@ -70,11 +67,11 @@ def interval(name: str, value: Any) -> tuple[float, float]:
     return low, high
 
 
-def whole_number(name: str, value: Any, low: int, high: int) -> int:
-    """A whole number from ``low`` to ``high``.
+def whole_number(name: str, value: object, low: int, high: int) -> int:
+    """The value as an integer from ``low`` to ``high``.
 
     Raises:
-      InvalidInput: it is anything else.
+      InvalidInput: it is not one.
     """
     number = finite_number(name, value)
     if number != round(number) or not low <= number <= high:
@@ -82,14 +79,17 @@ def whole_number(name: str, value: Any, low: int, high: int) -> int:
     return round(number)
 
 
-def expect(name: str, value: Any, kind: Any, wanted: str) -> None:
-    """Raise InvalidInput, saying what is ``wanted``, unless the value is of this kind."""
+def expect(name: str, value: object, kind: type | UnionType, wanted: str) -> None:
+    """Raise InvalidInput unless the value is an instance of ``kind``; ``wanted`` names the kind."""
     if not isinstance(value, kind):
         raise InvalidInput(f"{name}: {shown(value)} is no {wanted}")
 
 
-def one_body(parameters: Any, reynolds: Any, size: int) -> None:
-    """Raise InvalidInput unless what JAX traces is one body of so many parameters and one Re."""
+def one_body(parameters: object, reynolds: object, size: int) -> None:
+    """Raise InvalidInput unless traced arguments are one body and one Reynolds number.
+
+    Their shapes must be (size,) and ().
+    """
     shapes = _shape("body", parameters), _shape("Reynolds number", reynolds)
     if shapes != ((size,), ()):
         raise InvalidInput(
@@ -99,18 +99,17 @@ def one_body(parameters: Any, reynolds: Any, size: int) -> None:
 
 
 def _shape(name, value):
-    """Of real numbers, traced or not."""
     if isinstance(value, jax.core.Tracer):
-        if getattr(value.dtype, "kind", "S") in NO_NUMBERS:  # keys have a type of their own
+        if getattr(value.dtype, "kind", "S") in NOT_REAL:  # a random key has a dtype without kind
             raise InvalidInput(f"{name}: traced as {value.dtype}; real numbers are needed")
         return value.shape
     if (found := real_numbers(value)) is None:
         raise InvalidInput(
-            f"{name} {shown(value)}: must be numbers, in an array where they are traced"
+            f"{name} {shown(value)}: must be numbers, in a jax.numpy array where they are traced"
         )
     return found.shape
 
 
-def traced(*values: Any) -> bool:
-    """Whether JAX is tracing: then there are no numbers to check, and answers turn NaN instead."""
+def traced(*values: object) -> bool:
+    """Whether JAX traces one of the values; then an invalid input gives NaN, not an exception."""
     return any(isinstance(value, jax.core.Tracer) for value in values)

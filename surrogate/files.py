@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all; nothing of the user's is ever deleted."""
+"""Atomic writing of files and folders, checks of paths before a job, and strict JSON."""
 
 import hashlib
 import json
@@ -12,18 +12,13 @@ from typing import Any
 
 from surrogate.errors import InvalidInput
 
-LEAST_ROOM = 1 << 18  # bytes that a folder must take before a job begins
-
-try:
-    import fcntl
-except ImportError:
-    fcntl = None
+JsonObject = dict[str, Any]  # as the standard library's json has it
 
 
 @contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place when the block succeeds."""
-    path = Path(path).resolve()  # a link stays one
+    """Yield a temporary path that replaces ``path`` when the block succeeds."""
+    path = Path(path).resolve()  # the target of a symbolic link, which stays
     make_folder(path.parent)
     mode = path.stat().st_mode if path.is_file() else 0o644
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=path.suffix)
@@ -37,25 +32,11 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def locked(folder: str | Path) -> Iterator[None]:
-    """One process at a time; who dies in the block frees it. POSIX alone knows such locks."""
-    if fcntl is None:
-        yield
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
-
-
-@contextmanager
 def whole_files(folder: str | Path, record: str) -> Iterator[Path]:
-    """A temporary folder whose files are put into ``folder`` when the block succeeds.
+    """Yield a temporary folder whose files are moved into ``folder`` when the block succeeds.
 
-    Each takes the place of an older one of its name; everything else in the folder stays. The
-    ``record`` comes first: by it the folder is known as ours if this is interrupted.
+    Files of the same names are replaced, all others stay. The file ``record`` is moved first, so
+    that ``check_target`` accepts the folder again if the process is killed in between.
     """
     folder = Path(folder).resolve()
     make_folder(folder)
@@ -72,21 +53,20 @@ def check_target(
     folder: str | Path,
     record: str,
     keys: Collection[str],
-    files: Collection[str] = (),
     others: Collection[str] = (),
 ) -> None:
-    """Make sure that a folder may be written to: it is new, empty, or our own.
+    """Check that results may be written to ``folder``, which is not made yet.
 
-    Our own holds the ``record``, a JSON object with these ``keys``, or nothing but what has the
-    names of ``others``. None of the ``files`` that will be written may be a folder.
+    It must be new, empty, hold a ``record`` of earlier results (a JSON object that has ``keys``),
+    or hold only files named in ``others``, which an interrupted command leaves.
 
     Raises:
-      InvalidInput: it is a file, a stranger's folder, or cannot be written.
+      InvalidInput: the folder holds something else, or is not writable.
     """
     folder = path_of(folder).resolve()
     if folder.exists() and not folder.is_dir():
-        raise InvalidInput(f"{folder}: is no folder; one is needed")
-    if folder.is_dir() and (folder / record).is_file():
+        raise InvalidInput(f"{folder}: is a file; a folder is needed")
+    if (folder / record).is_file():
         if not _has_keys(folder / record, keys):
             raise InvalidInput(
                 f"{folder}: its {record} is damaged or of another program; choose another folder"
@@ -98,83 +78,75 @@ def check_target(
                 f"{folder}: is not empty and has no {record} but {foreign[0]}; "
                 "choose another folder"
             )
-    for name in (record, *files):
-        if (folder / name).is_dir():
-            raise InvalidInput(f"{folder / name}: is a folder, where a file is to be written")
-    make_folder(folder if folder.is_dir() else folder.parent, LEAST_ROOM)
-
-
-def path_of(value: Any) -> Path:
-    """A path, of text or of a path.
-
-    Raises:
-      InvalidInput: it is neither.
-    """
-    if not isinstance(value, str | os.PathLike) or not str(value) or "\0" in str(value):
-        raise InvalidInput(f"path {value!r}: text or a path is needed")
-    try:
-        str(value).encode()
-        Path(value).is_dir()
-    except UnicodeEncodeError:
-        raise InvalidInput(f"path {value!r}: is not of Unicode's letters") from None
-    except OSError as problem:
-        raise InvalidInput(f"path {value!s:.40}...: {problem.strerror}") from None
-    return Path(value)
-
-
-def strict_json(text: str) -> Any:
-    """What a text of JSON says, in which there is no NaN and no infinity.
-
-    Raises:
-      ValueError: it is none.
-    """
-
-    def refuse(word):
-        raise ValueError(word)
-
-    return json.loads(text, parse_constant=refuse)
-
-
-def json_digest(value: Any) -> str:
-    """Of what JSON can say, by which an altered letter is noticed."""
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
-
-
-def _has_keys(path, keys):
-    """Whether a file is a JSON object with these keys."""
-    try:
-        value = strict_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return False
-    return isinstance(value, dict) and set(keys) <= set(value)
+    make_folder(folder if folder.is_dir() else folder.parent)
 
 
 def check_file(path: str | Path, *suffixes: str) -> Path:
-    """The path of a file that a job will write, its folder made before the job.
+    """The path of a file to be written, its folder made.
 
     Raises:
-      InvalidInput: it is a folder, ends otherwise, or its folder is not writable.
+      InvalidInput: it is a folder, has none of the ``suffixes``, or its folder is not writable.
     """
     path = path_of(path)
     if path.suffix not in suffixes or path.is_dir():
         raise InvalidInput(f"{path}: must name a file that ends in {' or '.join(suffixes)}")
-    make_folder(path.parent, LEAST_ROOM)
+    make_folder(path.parent)
     return path
 
 
-def make_folder(folder: Path, room: int = 0) -> None:
-    """Make a folder that a job will write to, and see that it takes so many bytes.
+def make_folder(folder: Path) -> None:
+    """Make a folder, with its parents, and check that it is writable.
 
     Raises:
       InvalidInput: it cannot be made, or is not writable.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        raise InvalidInput(f"{folder}: cannot be made ({problem.strerror})") from None
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise InvalidInput(f"{folder}: is not writable ({error.strerror})") from None
+
+
+def path_of(value: object) -> Path:
+    """A path from text or from a path.
+
+    Raises:
+      InvalidInput: it is neither, is empty, or not a valid name in the file system.
+    """
+    if not isinstance(value, str | os.PathLike) or not str(value):
+        raise InvalidInput(f"path {value!r}: text or a path is needed")
     try:
-        with tempfile.TemporaryFile(dir=folder) as probe:
-            probe.write(bytes(room))
-            probe.flush()
-    except OSError as problem:
-        raise InvalidInput(f"{folder}: is not writable ({problem.strerror})") from None
+        str(value).encode()
+        Path(value).lstat()
+    except (FileNotFoundError, NotADirectoryError, PermissionError):
+        pass  # refused, or made, where it is used
+    except (OSError, ValueError) as error:  # too long, not Unicode, or with a null character
+        name = f"{str(value)[:40]!r}"
+        raise InvalidInput(f"path {name}: no valid file name, {error.args[-1]}") from None
+    return Path(value)
+
+
+def strict_json(text: str) -> Any:
+    """The value of a JSON text, in which NaN and infinity are not allowed.
+
+    Raises:
+      ValueError: it is not JSON.
+    """
+
+    def refuse(word):
+        raise ValueError(f"{word} is not JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def json_digest(value: object) -> str:
+    """SHA-256 of a JSON value, by which later changes of it are detected."""
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
+
+
+def _has_keys(path, keys):
+    try:
+        value = strict_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(value, dict) and set(keys) <= set(value)

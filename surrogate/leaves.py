@@ -1,31 +1,27 @@
-"""Arrays of a pytree in one file by equinox: nothing but numbers is ever unpacked."""
+"""Files of a JSON header and the arrays of a pytree, written by equinox without pickling."""
 
-import io
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import jax
-import numpy as np
 from jaxtyping import PyTree
 
 from surrogate.errors import InvalidInput
 from surrogate.files import whole_file
 
-LONGEST_HEADER = 1 << 20
+LONGEST_HEADER = 1 << 20  # bytes
 
 
-def write_leaves(path: str | Path, tree: PyTree, header: Any = None) -> None:
-    """Write a line of JSON and the arrays behind it, whole or not at all."""
+def write_leaves(path: str | Path, tree: PyTree, header: object = None) -> None:
+    """Write a line of JSON and the arrays of a pytree behind it, atomically."""
     with whole_file(path) as part, part.open("wb") as file:
         file.write(json.dumps(header, sort_keys=True).encode() + b"\n")
         eqx.tree_serialise_leaves(file, tree)
 
 
 def read_header(path: Path, what: str) -> Any:
-    """The line of JSON.
+    """The JSON value in the first line.
 
     Raises:
       InvalidInput: there is none; the message begins with ``what``.
@@ -38,31 +34,18 @@ def read_header(path: Path, what: str) -> Any:
 
 
 def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
-    """The arrays, in shapes and types as those of ``like``; the file's size is looked at first.
-
-    ``like`` may hold shapes alone, in place of arrays.
+    """The arrays, as a pytree like ``like``, whose leaves are arrays or their ShapeDtypeStructs.
 
     Raises:
-      InvalidInput: the file is damaged, or its arrays are others; it begins with ``what``.
+      InvalidInput: the file is damaged, or its arrays have other shapes or types; the message
+        begins with ``what``.
     """
     try:
         with path.open("rb") as file:
-            header = len(file.readline(LONGEST_HEADER))
-            fits = path.stat().st_size == header + _size(like)
-            tree = eqx.tree_deserialise_leaves(file, like) if fits else None
-    except (OSError, ValueError, RuntimeError, EOFError):
-        raise InvalidInput(f"{what} {path}: damaged") from None
-    if tree is None:
-        raise InvalidInput(f"{what} {path}: damaged, or its arrays are of other shapes")
+            file.readline(LONGEST_HEADER)
+            tree = eqx.tree_deserialise_leaves(file, like)
+            if file.read(1):
+                raise ValueError("more than the arrays")
+    except (OSError, ValueError, RuntimeError, EOFError, MemoryError):
+        raise InvalidInput(f"{what} {path}: damaged, or its arrays are of other shapes") from None
     return tree
-
-
-def _size(tree):
-    """Bytes that the arrays take in a file."""
-    total = 0
-    for leaf in jax.tree.leaves(tree):
-        dtype, header = np.dtype(leaf.dtype), io.BytesIO()
-        words = {"descr": dtype.str, "fortran_order": False, "shape": leaf.shape}
-        np.lib.format.write_array_header_1_0(header, words)
-        total += header.tell() + math.prod(leaf.shape) * dtype.itemsize
-    return total

@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: what, how far, how long, the current state."""
+"""Progress of long computations on stderr."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -12,9 +12,9 @@ Update = Callable[[float, str], None]
 
 @contextmanager
 def progress_bar(title: str, shown: bool = True) -> Iterator[Callable[..., None]]:
-    """A bar; call it with the fraction done and a word on the state.
+    """Show a progress bar; yields a function of the fraction done and a text on the state.
 
-    Where stderr is not a terminal, every new state is a line.
+    Where stderr is not a terminal, every new text is printed as a line instead.
     """
     console = Console(stderr=True)
     columns = (

@@ -1,4 +1,4 @@
-"""What a result was made with."""
+"""Versions of the packages that a result was made with."""
 
 import importlib.metadata
 
@@ -12,5 +12,5 @@ def versions() -> dict[str, str]:
 
 
 def package_version() -> str:
-    """This package's own."""
+    """The version of this package."""
     return importlib.metadata.version("drag-surrogates")

@@ -1,4 +1,4 @@
-"""Pages of surrogates: one that ships, of eight modes, without a cylinder, in space."""
+"""Pages of surrogates: one that ships, of eight modes, without a cylinder, in 3-D."""
 
 import functools
 import json
@@ -15,7 +15,7 @@ from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import held_out_samples
 
-NAMES = ("pretrained", "eight modes", "no cylinder", "in space")
+NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D")
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
 REYNOLDS = 20.0  # where the least drag is asked for
 
@@ -27,7 +27,7 @@ def surrogate_of(name):
     betas = {f"beta{k}": (-0.15, 0.15) for k in (2, 3, 4, 5, 6, 7, 9, 12)}
     if name == "eight modes":
         return untrained(Scene(family=Family(aspect=(1, 4), **betas)))
-    if name == "in space":
+    if name == "in 3-D":
         return untrained(Scene(dimension=3, reynolds=(0.1, 100)))
     family = Family(aspect=(2, 4), beta2=(-0.3, 0.3), beta5=(-0.1, 0.1))
     return untrained(Scene(Tunnel(12), (0.01, 200), family))

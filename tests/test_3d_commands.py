@@ -5,8 +5,7 @@ import json
 import pytest
 from correlations import ellipsoid, oberbeck
 
-from shapeopt.commands import optimise as optimise_command
-from shapeopt.commands import solve as solve_command
+from shapeopt.commands import optimize_shape, solve_drag
 from surrogate import InvalidInput
 
 # so few cells per D that there is no coarser grid for an error estimate: quicker
@@ -14,10 +13,10 @@ BODY = ["--dimension", "3", "--aspect", "1.5", "--flatness", "1.4", "--cells", "
 
 
 def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
-    row = solve_command.main([*BODY, "--reynolds", "10", "--gradient", "--json"])["results"][0]
+    row = solve_drag.main([*BODY, "--reynolds", "10", "--gradient", "--json"])["results"][0]
     assert set(row["gradient"]) == {"aspect", "flatness", "beta2", "beta3", "beta4", "reynolds"}
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["scene"]["dimension"] == 3
-    row = solve_command.main([*BODY, "--settling", "2.65,1e-6,1e-6", "--json"])["results"][0]
+    row = solve_drag.main([*BODY, "--settling", "2.65,1e-6,1e-6", "--json"])["results"][0]
     assert row["settling_reynolds"] < 1e-6 < 1e-3 == row["reynolds"]
     stokes = oberbeck(ellipsoid(1.5, 1.4), row["settling_reynolds"])
     assert row["settling_cd"] == pytest.approx(stokes, rel=0.04)
@@ -28,14 +27,14 @@ def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
     [
         ("--dimension 3 --aspect 0.5 --reynolds 1,150", "beyond 113"),
         ("--dimension 3 --naca 0012 --reynolds 10", "goes with --aspect"),
-        ("--dimension 3 --aspect 1", "or --settling in its place"),
+        ("--dimension 3 --aspect 1", "or --settling instead"),
         ("--dimension 3 --aspect 1 --settling 2,3", "density ratio,viscosity,size"),
         ("--aspect 1 --settling 2.65,1e-6,1e-4", "settling"),
     ],
 )
 def test_solve_drag_refuses_what_makes_no_sense_in_3d(words, message):
     with pytest.raises(InvalidInput, match=message):
-        solve_command.main(words.split())
+        solve_drag.main(words.split())
 
 
 def test_a_scene_file_with_a_flatness_outside_its_family_is_refused(tmp_path):
@@ -43,4 +42,4 @@ def test_a_scene_file_with_a_flatness_outside_its_family_is_refused(tmp_path):
     scene.write_text("flatness = 3\n")
     words = ["--surrogate", "none", "--scene", str(scene), "--reynolds", "10", "--out", "x"]
     with pytest.raises(InvalidInput, match="no key 'flatness'"):
-        optimise_command.main(words)
+        optimize_shape.main(words)

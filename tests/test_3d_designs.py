@@ -97,16 +97,16 @@ def test_every_row_of_bodies_has_its_own_colour_scale(slender, tmp_path):
 
 @pytest.mark.slow
 def test_pictures_of_a_3d_run(network, slender, tmp_path):
-    from shapeopt.commands import render
+    from shapeopt.commands import render_shapes
 
     save_run(tmp_path / "run", optimise(Problem(slender, 20.0), load(network)))
-    render.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "pair.png")])
+    render_shapes.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "pair.png")])
     shown = [pixels(tmp_path / "pair.png")[1]]
     run = ["--runs", str(tmp_path / "run")]
-    render.main([*run, "--surface", "--out", str(tmp_path / "friction.png")])
+    render_shapes.main([*run, "--surface", "--out", str(tmp_path / "friction.png")])
     shown.append(pixels(tmp_path / "friction.png")[1])
     assert np.mean(np.any(shown[0] != shown[1], axis=-1)) > 0.01  # the bodies have other colours
-    render.main([*run, "--surface", "--out", str(tmp_path / "turn.gif")])
+    render_shapes.main([*run, "--surface", "--out", str(tmp_path / "turn.gif")])
     frames = imageio.imread(tmp_path / "turn.gif")
     assert len(frames) == TURNS
     for one, other in itertools.pairwise(frames[:: TURNS // 4]):

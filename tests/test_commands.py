@@ -79,6 +79,15 @@ def test_solve_drag(capsys):
     assert result["scene"]["fidelity"]["name"] == "draft"
 
 
+def test_negative_numbers_of_every_form_are_values(capsys):
+    arguments = ["--surrogate", "pretrained", "--reynolds", "20", "--aspect", "2", "--beta2"]
+    drags = [
+        answer(capsys, "predict_drag", *arguments, value)["results"][0]["cd"]
+        for value in ("-0.05", "-5e-2")
+    ]
+    assert drags[0] == drags[1]
+
+
 def test_solve_drag_of_contours(capsys, tmp_path):
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ellipse = np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=1)
@@ -106,7 +115,6 @@ def test_train_predict_optimise_render(capsys, trained, tmp_path):
         assert row["in_trained_range"]
         assert row["cd"] == pytest.approx(row["cd_flow"], rel=0.1)
         assert row["error"] == pytest.approx(abs(row["cd"] / row["cd_flow"] - 1))
-        assert row["status"] in ("accurate", "degraded")
 
     out = tmp_path / "run"
     arguments = ["--surrogate", trained, "--reynolds", "20", "--out", out, "--max-length", "1.6"]
@@ -205,6 +213,25 @@ def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
     assert again["drags"] == result["drags"]
 
 
+@pytest.mark.parametrize("script", sorted(path.name for path in (ROOT / "scripts").glob("*.py")))
+def test_help_tells_examples_and_statuses(script, capsys):
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module(script.removesuffix(".py")).main(["--help"])
+    text = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert f"python scripts/{script}" in text
+    for status in ("0 done", "2 bad input", "3 not converged", "4 not written", "130 interrupted"):
+        assert status in " ".join(text.split())
+
+
+def test_help_explains_the_training_methods(capsys):
+    with pytest.raises(SystemExit):
+        importlib.import_module("train_surrogate").main(["--help"])
+    text = capsys.readouterr().out
+    for name in ("differentiable physics", "scale-invariant physics", "half-inverse gradients"):
+        assert name in text
+
+
 def test_entry_point(capsys, monkeypatch):
     """The installed package's one command gives the same answers and refusals."""
     from shapeopt.commands.entry import COMMANDS, main
@@ -250,11 +277,11 @@ MISTAKES = {  # and what the answer must say
     "solve_drag --naca 0012 --beta2 0.2 --reynolds 10": "--beta2 to --beta12 go with --aspect",
     "solve_drag --aspect 2 --keep-size --reynolds 10": "--keep-size: goes with",
     "march_flow --aspect 1 --reynolds 20 --time 0 --out {folder}/x": "--time 0: from 5 to 2000",
-    "march_flow --aspect 1 --reynolds 0.01 --out {folder}/x": "--reynolds 0.01: a march",
+    "march_flow --aspect 1 --reynolds 0.01 --out {folder}/x": "--reynolds 0.01: from 1",
     "march_flow --aspect 20 --reynolds 20 --out {folder}/x": "can be marched",
     "render_shapes --runs {damaged} --out {folder}/y.png": "must name a file that ends",
     "solve_drag --reynolds 10": "body: give exactly one of --aspect",
-    f"solve_drag {BODY}": "--reynolds: give it, or --settling in its place",
+    f"solve_drag {BODY}": "--reynolds: give it, or --settling instead",
     f"solve_drag {BODY} --reynolds 10 --stream pipe": "stream 'pipe'",
     f"solve_drag {BODY} --reynolds 10 --stream tunnel:1.5": "tunnel:1.5 leaves less than half a",
     f"solve_drag {BODY} --reynolds 10 --cells 3": "--cells 3: a whole number from",

@@ -59,17 +59,17 @@ def test_page_says_what_it_knows(name):
     assert f"{100 * record['drag_error_mean']:.2f} %" in text
     assert f"{100 * record['drag_error_max']:.2f} %" in text
     assert f"{record['held_out']} unseen bodies" in text
-    assert f"TrainingResult by the method {record['method']} on Re" in text
+    assert f"Trained by the method {record['method']} on Re" in text
     low, high = surrogate_of(name).scene.reynolds
     assert f"Re {low:g} to {high:g}, aspect" in text
 
 
 def test_page_names_stream_and_reference():
     assert "an unbounded stream" in page(surrogate_of("pretrained"))
-    assert "It knows no" not in page(surrogate_of("pretrained"))
+    assert "Its family has no" not in page(surrogate_of("pretrained"))
     text = page(surrogate_of("no cylinder"))
     assert "a slip-walled tunnel of height 12 D" in text
-    assert "It knows no cylinder: its bodies are compared with the 2:1 ellipse." in text
+    assert "Its family has no cylinder: bodies are compared with the 2:1 ellipse." in text
     assert '<button id="round" type="button">2:1 ellipse</button>' in text
 
 

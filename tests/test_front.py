@@ -1,4 +1,4 @@
-"""The front door: what it shows, two drag models alike in everything, what they refuse."""
+"""The public API: its names, the common interface of both drag models, what they refuse."""
 
 import dataclasses
 import functools
@@ -26,7 +26,7 @@ both = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
 BODY = np.array([2.0, 0.125, -0.0625, 0.03125])  # exact in any kind of floating-point number
 
 
-def test_front_door_shows_what_there_is():
+def test_public_names():
     assert sorted(dir(surrogate)) == sorted(NAMES.split())
     assert all(hasattr(surrogate, name) for name in dir(surrogate))
     assert surrogate.__version__ == importlib.metadata.version("drag-surrogates")
@@ -127,7 +127,7 @@ BODIES = {
 
 
 @both
-def test_numbers_of_every_kind_are_numbers(model):
+def test_numbers_of_every_kind_are_numbers(model, unchecked):
     expected = float(model.drag(BODY, 20.0))
     for kind, reynolds in NUMBERS.items():
         assert float(model.drag(BODY, reynolds)) == expected, kind
@@ -170,7 +170,7 @@ BODIES_THAT_ARE_NONE = {
 
 @both
 @pytest.mark.parametrize("bad", REYNOLDS_THAT_ARE_NONE)
-def test_reynolds_numbers_that_are_none_are_refused(model, bad):
+def test_reynolds_numbers_that_are_none_are_refused(model, bad, unchecked):
     value, words = REYNOLDS_THAT_ARE_NONE[bad]
     with pytest.raises(InvalidInput, match=words):
         model.drag(BODY, value)
@@ -178,14 +178,14 @@ def test_reynolds_numbers_that_are_none_are_refused(model, bad):
 
 @both
 @pytest.mark.parametrize("bad", BODIES_THAT_ARE_NONE)
-def test_bodies_that_are_none_are_refused(model, bad):
+def test_bodies_that_are_none_are_refused(model, bad, unchecked):
     value, words = BODIES_THAT_ARE_NONE[bad]
     with pytest.raises(InvalidInput, match=words):
         model.drag(value, 20.0)
 
 
 @pytest.mark.parametrize("bad", [*REYNOLDS_THAT_ARE_NONE, *BODIES_THAT_ARE_NONE])
-def test_solve_refuses_what_drag_refuses(bad):
+def test_solve_refuses_what_drag_refuses(bad, unchecked):
     body, reynolds = BODY, 20.0
     if bad in BODIES_THAT_ARE_NONE:
         body, words = BODIES_THAT_ARE_NONE[bad]

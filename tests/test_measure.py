@@ -50,7 +50,7 @@ ENVELOPE = ["command", "versions", "machine", "date", "seconds", "result"]
 
 @pytest.mark.parametrize("name", TIMED)
 def test_study_runs_and_keeps_its_record(name, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr("shapeopt.commands.march.FRAMES", 4)
+    monkeypatch.setattr("shapeopt.commands.march_flow.FRAMES", 4)
     found = importlib.import_module(name).STUDY
     record = study.carry_out(found, ["--tiny", "--json", "--out", str(tmp_path)])
     printed = json.loads(capsys.readouterr().out.splitlines()[-1])

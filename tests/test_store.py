@@ -76,11 +76,11 @@ def test_files_of_the_users_own_stay(folder):
     ]
 
 
-def test_strangers_folders_and_files_are_refused(tmp_path):
+def test_folders_with_other_files_and_files_are_refused(tmp_path):
     (tmp_path / "thesis.txt").write_text("do not delete")
     with pytest.raises(InvalidInput, match=r"not empty and has no surrogate\.json but thesis"):
         save(tmp_path, load("pretrained"))
-    with pytest.raises(InvalidInput, match="is no folder"):
+    with pytest.raises(InvalidInput, match="a folder is needed"):
         save(tmp_path / "thesis.txt", load("pretrained"))
     assert (tmp_path / "thesis.txt").read_text() == "do not delete"
     with pytest.raises(InvalidInput, match="no such folder"):
@@ -219,3 +219,14 @@ def test_golden_pretrained_surrogate_on_unseen_bodies():
     assert float(errors.mean()) < 0.0005, errors
     assert float(errors.max()) < 0.003, errors
     assert net.scene.family == Family()
+
+
+def test_an_altered_scene_is_detected(folder):
+    path = folder / "surrogate.json"
+    record = json.loads(path.read_text())
+    path.write_text(json.dumps(record | {"scene": record["scene"] | {"stream": "tunnel:4"}}))
+    with pytest.raises(InvalidInput, match="scene is not what was saved"):
+        load(folder)
+    path.write_text(json.dumps(record | {"method": np.nan}))
+    with pytest.raises(InvalidInput, match="unreadable"):
+        load(folder)

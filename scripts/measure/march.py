@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from study import Result, Study, run_study, words
 
-from shapeopt.commands.march import main as march
+from shapeopt.commands.march_flow import main as march
 
 SETTLED = (
     "Re {reynolds:g}: Cd {cd:.4f} at the end; the steady flow has {cd_steady:.4f} ({gap:+.2%})"

@@ -1,1 +1,1 @@
-"""The commands: each reads its arguments, calls the library and prints what came of it."""
+"""The commands, one module each: parse the arguments, call the library, print the result."""

@@ -1,4 +1,4 @@
-"""Arguments that several commands share: bodies, scenes, problems."""
+"""Options that several commands share: bodies, scenes, optimisation problems."""
 
 import argparse
 
@@ -18,46 +18,45 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
-REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in space {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
+REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
 def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2) -> list[float]:
-    """Reynolds numbers for which a steady laminar flow is a fair answer."""
+    """Parse comma-separated Reynolds numbers, each within the range that the solver answers."""
     return [check_reynolds(value, allow_unsteady, dimension) for value in numbers(text)]
 
 
 def add_family_arguments(parser: Parser) -> None:
-    """--aspect, --flatness, --beta2, ..., --beta12."""
+    """Add --aspect, --flatness and --beta2 to --beta12, the parameters of a family body."""
     for name, low, high, neutral, meaning, *_ in PARAMETERS.values():
         usual = f" ({neutral:g})" if name != "aspect" else ""
-        help_ = f"{meaning}, {low:g} to {high:g}{usual}"
-        parser.add_argument(f"--{name}", type=float, help=help_)
+        parser.add_argument(f"--{name}", type=float, help=f"{meaning}, {low:g} to {high:g}{usual}")
 
 
 def family_named(arguments: argparse.Namespace) -> dict[str, float]:
-    """The family's parameters by name: the usual ones, and what else was given."""
+    """The family's parameters by name: those of the default family, and all others given."""
     given = {name: getattr(arguments, name) for name in PARAMETERS}
-    return {
-        n: value or 0.0
-        for n, value in given.items()
-        if n in Body2D.default_ranges or value is not None
-    }
+    usual = Body2D.default_ranges
+    return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 
 def add_body_arguments(parser: Parser) -> None:
-    """A family body, a contour or a NACA section, at incidence."""
+    """Add the options of a body: of a family, a contour or a NACA section, at incidence."""
     add_family_arguments(parser)
-    parser.add_argument("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
-    parser.add_argument("--naca", help="NACA 4-digit section, as 0012")
-    parser.add_argument(
-        "--incidence", type=float, default=0.0, help="nose up in degrees, -180 to 180 (0)"
-    )
-    parser.add_argument("--keep-size", action="store_true", help="do not scale a contour")
+    add = parser.add_argument
+    add("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
+    add("--naca", help="NACA 4-digit section, as 0012")
+    add("--incidence", type=float, default=0.0, help="nose up in degrees, -180 to 180 (0)")
+    add("--keep-size", action="store_true", help="do not scale a contour")
 
 
 def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
-    """The body that was asked for."""
+    """The body that the options describe.
+
+    Raises:
+      InvalidInput: there is none, or options contradict each other.
+    """
     given = [name for name in ("aspect", "contour", "naca") if getattr(arguments, name) is not None]
     if len(given) != 1:
         raise InvalidInput("body: give exactly one of --aspect, --contour and --naca")
@@ -66,7 +65,7 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
             raise InvalidInput("--keep-size: goes with --contour or --naca")
         return family_shape(family_named(arguments), arguments.incidence, dimension)
     if dimension == 3:
-        raise InvalidInput("--dimension 3: goes with --aspect; a contour is of the plane")
+        raise InvalidInput("--dimension 3: goes with --aspect; a contour is 2-D")
     if any(getattr(arguments, name) for name in PARAMETERS if name != "aspect"):
         raise InvalidInput("body: --flatness and --beta2 to --beta12 go with --aspect")
     if arguments.contour is None:
@@ -74,63 +73,37 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
     points = read_contour(arguments.contour)
     try:
         return contour_shape(points, arguments.incidence, arguments.keep_size)
-    except InvalidInput as problem:
-        raise InvalidInput(f"{arguments.contour}: {problem}") from None
+    except InvalidInput as error:
+        raise InvalidInput(f"{arguments.contour}: {error}") from None
 
 
 def add_problem_arguments(parser: Parser) -> None:
-    """Surrogate or scene, objective and constraints."""
-    parser.add_argument(
-        "--surrogate",
-        default="pretrained",
-        help="a folder, pretrained[:METHOD], or none (pretrained)",
-    )
-    parser.add_argument("--scene", help="TOML file, with --surrogate none")
-    parser.add_argument(
-        "--fidelity", help="draft, standard or fine, with --surrogate none (standard)"
-    )
-    parser.add_argument(
-        "--reynolds", required=True, help=f"one, or several as 1,10,40: {REYNOLDS_HELP}"
-    )
-    parser.add_argument("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
-    parser.add_argument(
-        "--spread", type=float, help="of Re: deviation of log Re, or half width over Re (0)"
-    )
-    parser.add_argument(
-        "--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)"
-    )
-    parser.add_argument(
-        "--tolerance",
-        type=float,
-        help="deviation of the shape parameters, in shares of their ranges (0)",
-    )
-    parser.add_argument(
-        "--cvar", type=float, help="0.9: mean of the worst tenth of the cases (0: of all)"
-    )
-    parser.add_argument("--cases", type=int, help="drawn of the uncertainty, 2 to 4096 (32)")
-    parser.add_argument("--seed", type=int, help="of the cases, from 0 (0)")
-    parser.add_argument("--max-length", type=float, help="longest chord in D (no bound)")
-    parser.add_argument(
-        "--min-thickness", type=float, help="least greatest thickness in D (no bound)"
-    )
-    parser.add_argument(
-        "--max-thickness", type=float, help="most of it, in space of the height, in D (no bound)"
-    )
-    parser.add_argument("--thickness-at", help="x/c:least thickness in D, as 0.25:0.5,0.75:0.3")
-    parser.add_argument(
-        "--min-radius", type=float, help="least radius of curvature in D (no bound)"
-    )
-    parser.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
-    parser.add_argument(
-        "--trust",
-        type=float,
-        default=0.0,
-        help="share of each range to keep off its edges, below 0.5 (0)",
+    """Add the options of an optimisation problem: model, objective and constraints."""
+    add = parser.add_argument
+    add("--surrogate", default="pretrained", help="folder, pretrained[:METHOD] (default) or none")
+    add("--scene", help="TOML file, with --surrogate none")
+    add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
+    add("--reynolds", required=True, help=f"one, or several as 1,10,40: {REYNOLDS_HELP}")
+    add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
+    add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
+    add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
+    add("--tolerance", type=float, help="of the shape: deviation over range, truncated at 2 (0)")
+    add("--cvar", type=float, help="CVaR level; 0.9: mean over the worst tenth of cases (0: all)")
+    add("--cases", type=int, help="samples of the uncertainty, 2 to 4096 (32)")
+    add("--seed", type=int, help="of the samples, from 0 (0)")
+    add("--max-length", type=float, help="bound on the chord in D (none)")
+    add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
+    add("--max-thickness", type=float, help="upper bound on it, 3-D: on the height, in D (none)")
+    add("--thickness-at", help="x/c:minimum thickness in D, as 0.25:0.5,0.75:0.3")
+    add("--min-radius", type=float, help="lower bound on the radius of curvature in D (none)")
+    add("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
+    add(
+        "--trust", type=float, default=0.0, help="margin at the ends of each range, < 0.5 of it (0)"
     )
 
 
 def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
-    """The surrogate, or None where the flow itself is asked for."""
+    """The surrogate, or None for ``--surrogate none``."""
     surrogate = None if arguments.surrogate == "none" else load(arguments.surrogate)
     for name in ("fidelity", "scene"):
         if surrogate and getattr(arguments, name):
@@ -139,7 +112,7 @@ def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
 
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
-    """The problem that the arguments state."""
+    """The optimisation problem that the options describe."""
     return Problem(
         surrogate.scene if surrogate else scene_of(arguments),
         _objective(arguments),
@@ -154,7 +127,7 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
-    """The scene of --scene or of --fidelity."""
+    """The scene of --scene, or the default one with --fidelity."""
     if not arguments.scene:
         return Scene(fidelity=arguments.fidelity or "standard")
     if arguments.fidelity:
@@ -162,7 +135,7 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
     return Scene.read(arguments.scene)
 
 
-def _objective(arguments) -> Objective:
+def _objective(arguments: argparse.Namespace) -> Objective:
     reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     uncertain = [name for name, value in given.items() if value is not None]
@@ -190,17 +163,16 @@ def _objective(arguments) -> Objective:
     )
 
 
-def _stations(text):
+def _stations(text: str | None) -> tuple[Station, ...]:
     try:
         pairs = [] if text is None else [word.split(":") for word in text.split(",")]
         return tuple(Station(float(x), float(thickness)) for x, thickness in pairs)
     except ValueError:
-        raise InvalidInput(
-            f"--thickness-at {text!r}: x/c:thickness, as 0.25:0.5,0.75:0.3"
-        ) from None
+        example = "x/c:thickness, as 0.25:0.5,0.75:0.3"
+        raise InvalidInput(f"--thickness-at {text!r}: {example}") from None
 
 
-def _ranges(text):
+def _ranges(text: str | None) -> dict[str, tuple[float, float]] | None:
     if text is None:
         return None
     words, ranges = text.split(","), {}
@@ -212,5 +184,5 @@ def _ranges(text):
     except ValueError:
         raise InvalidInput(f"--range {text!r}: as aspect=1:3,beta2=-0.1:0.1") from None
     if len(ranges) < len(words):
-        raise InvalidInput(f"--range {text!r}: a parameter twice")
+        raise InvalidInput(f"--range {text!r}: a parameter is given twice")
     return ranges

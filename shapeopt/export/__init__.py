@@ -1,1 +1,1 @@
-"""A body for other programs: contour, loads and solid, in files."""
+"""Files of a body for other programs."""

@@ -1,4 +1,4 @@
-"""A body for other programs: contour with its loads (.vtp, ParaView) and solid (.stl, CAD)."""
+"""Files of a body for other programs: contour (.csv), surface (.vtp, ParaView), solid (.stl)."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from surrogate.flow.surface.surface import Surface
 
 
 def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> Path:
-    """Rows of x,y in D, once around, clockwise from the nose."""
+    """Write rows of x,y in D, clockwise from the nose."""
     with whole_file(path) as part:
         np.savetxt(part, np.asarray(markers), "%.9f", ",", header="x,y", comments="")
     return Path(path)
@@ -23,7 +23,7 @@ def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> 
 def write_contour_vtp(
     markers: Float[AnyArray, "nodes 2"], path: str | Path, surface: Surface | None = None
 ) -> Path:
-    """The contour as a closed line; with its ``surface`` loads, Cp and Cf as point data."""
+    """Write the contour as a closed line, with ``surface`` also its Cp and Cf as point data."""
     mesh = outline(markers if surface is None else surface.markers)
     if surface is not None:
         mesh["Cp"], mesh["Cf"] = surface.cp, surface.cf
@@ -35,7 +35,7 @@ def write_contour_vtp(
 def write_solid_stl(
     markers: Float[AnyArray, "nodes 2"], path: str | Path, span: float = 1.0
 ) -> Path:
-    """The body extruded over ``span`` (D), closed and watertight, as binary STL."""
+    """Write the body extruded over ``span`` (in D) as a closed binary STL."""
     with whole_file(path) as part:
         solid(markers, span).save(part)
     return Path(path)
@@ -44,9 +44,9 @@ def write_solid_stl(
 def write_skin(
     shape: Shape, vtp: str | Path, stl: str | Path, solution: Solution | None = None
 ) -> None:
-    """The closed skin of a body in space as .vtp and binary STL.
+    """Write the closed surface of a 3-D body as .vtp and binary STL.
 
-    With its ``solution`` Cp and the friction vector Cf are point data of the .vtp.
+    With ``solution``, Cp and the friction vector Cf are point data of the .vtp.
     """
     mesh, areas = skin_mesh(shape)
     with whole_file(stl) as part:

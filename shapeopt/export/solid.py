@@ -1,4 +1,4 @@
-"""Bodies as meshes of pyvista, which draws and writes them without a display."""
+"""Bodies as pyvista meshes."""
 
 import os
 
@@ -16,13 +16,13 @@ Markers = Float[AnyArray, "nodes 2"]
 
 
 def polygon(markers: Markers, height: float = 0.0) -> pv.PolyData:
-    """A body's area as triangles."""
+    """The area of a 2-D body as triangles."""
     points = np.column_stack([markers, np.full(len(markers), height)])
     return pv.PolyData(points, faces=[len(points), *range(len(points))]).triangulate()
 
 
 def outline(markers: Markers, height: float = 0.0) -> pv.PolyData:
-    """A body's contour as a closed line."""
+    """The contour of a 2-D body as a closed line."""
     points = np.column_stack([markers, np.full(len(markers), height)])
     return pv.lines_from_points(points, close=True)
 
@@ -30,9 +30,10 @@ def outline(markers: Markers, height: float = 0.0) -> pv.PolyData:
 def skin_mesh(
     shape: FamilyShape, rings: int = 96, azimuths: int = 96
 ) -> tuple[pv.PolyData, np.ndarray]:
-    """The skin of a body in space as a closed mesh of triangles, normals outward.
+    """The surface of a 3-D body as a closed mesh of triangles with outward normals.
 
-    Also the area vectors at its points, which loads are asked with.
+    Returns:
+      The mesh, and area vectors at its points, shape (points, 3), for ``Solution.skin_loads``.
     """
     t = np.pi * np.arange(1, rings) / rings
     around = 2 * np.pi * np.arange(azimuths) / azimuths
@@ -52,9 +53,9 @@ def skin_mesh(
 
 
 def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:
-    """The body extruded over ``span``: a closed surface of triangles, their normals outward.
+    """A 2-D body extruded over ``span``, as a closed mesh of triangles with outward normals.
 
-    ``markers`` go once around a clockwise contour.
+    ``markers`` are the contour, clockwise.
     """
     block = polygon(markers).extrude((0, 0, float(span)), capping=True).triangulate().clean()
     return block.compute_normals(

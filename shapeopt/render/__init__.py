@@ -1,1 +1,1 @@
-"""Pictures of runs, offscreen: flows side by side, evolutions, loads, a page, files for CAD."""
+"""Pictures without a display: flows, shape histories, surface stresses, and the web page."""

@@ -1,4 +1,4 @@
-"""Pictures of bodies in space: lit, coloured by their loads, tubes of flow, a cut of vorticity."""
+"""Pictures of 3-D flows: bodies coloured by surface stress, stream tubes, a slice of vorticity."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -7,22 +7,22 @@ import numpy as np
 
 from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
-from shapeopt.render.signature import whole_picture
+from surrogate.files import whole_file
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.forces_3d import curl
 
-VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # of the flow shown, in D
+VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # x, y and z range shown, in D
 SIZE = 820, 560  # pixels of a panel
-ASIDE, AHEAD = -25.0, -68.0  # degrees: a camera beside the body, or nearly before it
-ONWARD = 0.7  # D behind the body's middle that a sheet is centred at, for its wake
+ASIDE, AHEAD = -25.0, -68.0  # azimuth of the camera in degrees: beside the body, or in front of it
+ONWARD = 0.7  # distance behind the body in D that the camera looks at, to show the wake
 TURNS, TURNING = 36, (640, 440)  # frames of a turntable, pixels
-SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines enter, in D
-AROUND = 9  # of them at each distance, behind the body
-SHARES = 2, 99.5  # per cent of the points whose loads the colours reach
+SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines start, in D
+AROUND = 9  # streamlines at each distance
+PERCENTILES = 2, 99.5  # of the surface values, ends of the colour scale
 
 
 class Load(NamedTuple):
-    """What a body is coloured by: an array of its skin, in words, by which colours."""
+    """What a body is coloured by: an array of its surface mesh, its title, and a colour map."""
 
     array: str
     title: str
@@ -36,9 +36,9 @@ FRICTION = Load("friction", "friction coefficient", "inferno")
 def render_bodies(
     rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE, azimuth: float = ASIDE
 ) -> Path:
-    """A sheet of bodies and their flows, one scale of colours a row.
+    """Draw bodies and their flows as a PNG, with one colour scale in each row.
 
-    Returns the path of the PNG, which is written whole or not at all.
+    Returns its path.
     """
     columns = max(map(len, rows))
     size = SIZE[0] * columns, SIZE[1] * len(rows)
@@ -48,7 +48,7 @@ def render_bodies(
     plotter.set_background("white", all_renderers=True)
     for i, row in enumerate(rows):
         skins = [loaded_skin(panel.solution) for panel in row]
-        ends = np.percentile(np.concatenate([skin[load.array] for skin in skins]), SHARES)
+        ends = np.percentile(np.concatenate([skin[load.array] for skin in skins]), PERCENTILES)
         for j, (panel, skin) in enumerate(zip(row, skins, strict=True)):
             plotter.subplot(i, j)
             flow = space_mesh(panel.solution)
@@ -58,24 +58,24 @@ def render_bodies(
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(azimuth, ONWARD)
-    with whole_picture(path) as part:
+    with whole_file(path) as part:
         plotter.screenshot(str(part))
     plotter.close()
     return Path(path)
 
 
 def render_turntable(panel: Panel, path: str | Path, load: Load = PRESSURE) -> Path:
-    """A GIF of a body and its flow, seen from all around, where a cut would hide it.
+    """Draw a GIF of a body and its flow, turned around the vertical axis; returns its path.
 
-    Tubes are drawn on the far side alone, as by its mirror planes it has the same on both.
+    Stream tubes are drawn behind the body only; by symmetry those in front look the same.
     """
     skin = loaded_skin(panel.solution)
     plotter = pv.Plotter(off_screen=True, window_size=TURNING)
     plotter.set_background("white")
-    with whole_picture(path) as part:
+    with whole_file(path) as part:
         plotter.open_gif(str(part), fps=10, loop=0)
         lines = _streamlines(space_mesh(panel.solution))
-        _draw_body(plotter, skin, np.percentile(skin[load.array], SHARES), load)
+        _draw_body(plotter, skin, np.percentile(skin[load.array], PERCENTILES), load)
         far, near = (_draw_tubes(plotter, side) for side in (lines, lines.reflect((0, 1, 0))))
         write_caption(plotter, panel.title, (0.03, 0.93), 10)
         for azimuth in 360 * np.arange(TURNS) / TURNS + ASIDE:
@@ -88,7 +88,7 @@ def render_turntable(panel: Panel, path: str | Path, load: Load = PRESSURE) -> P
 
 
 def loaded_skin(solution: Solution) -> pv.PolyData:
-    """The closed skin of a solved body with Cp, the friction vector Cf and its size."""
+    """The closed surface mesh of a solved body with arrays Cp, Cf (vectors) and friction = |Cf|."""
     mesh, areas = skin_mesh(solution.shape)
     mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
     mesh["friction"] = np.linalg.norm(mesh["Cf"], axis=1)
@@ -96,7 +96,7 @@ def loaded_skin(solution: Solution) -> pv.PolyData:
 
 
 def space_mesh(solution: Solution) -> pv.ImageData:
-    """Velocity over U and vorticity's size over U / D in the cells' middles, of what is shown."""
+    """Velocity over U and |vorticity| over U / D at cell centres within VIEW."""
     lattice = solution.domain.lattice.unfolded
     velocity = solution.velocity
     spin = np.asarray(curl(velocity, lattice.step[0]))
@@ -127,8 +127,8 @@ def space_mesh(solution: Solution) -> pv.ImageData:
     return mesh
 
 
-def _draw_cut(plotter, flow):
-    """The vorticity of the middle plane, drawn behind the body."""
+def _draw_cut(plotter: pv.Plotter, flow: pv.ImageData) -> None:
+    """Draw the vorticity of the plane y = 0, moved behind the body."""
     middle = flow.slice("y", origin=(0, 1e-3, 0))
     plotter.add_mesh(
         middle.translate((0, VIEW[3], 0)),
@@ -141,7 +141,7 @@ def _draw_cut(plotter, flow):
     )
 
 
-def _draw_tubes(plotter, lines):
+def _draw_tubes(plotter: pv.Plotter, lines: pv.PolyData) -> pv.Actor:
     return plotter.add_mesh(
         lines.tube(radius=0.011),
         scalars="speed",
@@ -153,8 +153,10 @@ def _draw_tubes(plotter, lines):
     )
 
 
-def _draw_body(plotter, skin, ends, load, row=0):
-    """The lit skin; bars of the same title would share one scale."""
+def _draw_body(
+    plotter: pv.Plotter, skin: pv.PolyData, ends: np.ndarray, load: Load, row: int = 0
+) -> None:
+    """Draw the surface and its colour bar; pyvista merges bars of equal titles, so they differ."""
     plotter.add_mesh(
         skin,
         scalars=load.array,
@@ -179,8 +181,8 @@ def _draw_body(plotter, skin, ends, load, row=0):
     )
 
 
-def _streamlines(flow):
-    """Lines that start in half circles upstream, beyond the body, with their speed."""
+def _streamlines(flow: pv.ImageData) -> pv.PolyData:
+    """Streamlines with their speed, from half circles upstream on the side behind the body."""
     angles = np.pi * (np.arange(AROUND) + 0.5) / AROUND
     starts = [
         (flow.bounds[0] + 0.05, radius * np.sin(angle), radius * np.cos(angle))
@@ -199,8 +201,8 @@ def _streamlines(flow):
     return lines
 
 
-def _seen_from(azimuth, onward):
-    """A camera that looks slightly down on the body, turned about the vertical by degrees."""
+def _seen_from(azimuth: float, onward: float) -> list[tuple[float, ...]]:
+    """Camera position, focus and up vector; azimuth in degrees, slightly from above."""
     angle = np.deg2rad(azimuth)
     away = 6.3 * np.array([np.sin(angle), -np.cos(angle), 0.25])
     focus = np.array([onward, 0.0, -0.12])

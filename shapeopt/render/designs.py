@@ -1,23 +1,21 @@
-"""One sheet of designs: a body for every Reynolds number and bound on the length."""
+"""A figure of optimal bodies over Reynolds number and bound on the length."""
 
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 
 from shapeopt.render.figures import FROM_ABOVE, QUIET, STYLE, draw_body, plt, save_figure
 from surrogate.body.family import Family
+from surrogate.files import JsonObject
 
 GAP = 0.35  # D, between bodies
 
 
-def plot_designs(family: Family, rows: list[dict[str, Any]], path: str | Path) -> Path:
-    """Bodies to one scale, columns by Re, rows by length; coloured by what the bound costs.
+def plot_designs(family: Family, rows: list[JsonObject], path: str | Path) -> Path:
+    """Draw bodies to one scale: columns by Re, rows by length, colour by the drag that it costs.
 
-    Flattened bodies are drawn from above too, as a line.
-
-    Returns the path of the PNG, which is written whole or not at all.
+    Bodies wider than high are also drawn from above, as a line. Returns the path of the PNG.
     """
     columns = sorted({row["reynolds"] for row in rows})
     lengths = list(dict.fromkeys(row["max_length"] for row in rows))

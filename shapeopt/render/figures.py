@@ -1,5 +1,6 @@
-"""matplotlib without a display: one style, one way to save a figure."""
+"""The style of matplotlib figures, and how they are saved."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
@@ -8,8 +9,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
+from matplotlib.typing import ColorType
 
-from shapeopt.render.signature import whole_picture
+from surrogate.files import whole_file
 
 INK, QUIET, START, OPTIMUM = "#1a1a1a", "#5f6368", "#8a8f98", "#0b5394"
 FROM_ABOVE = "; the line: from above"
@@ -26,9 +28,13 @@ STYLE = {
 
 
 def draw_body(
-    axis: plt.Axes, outline: Float[np.ndarray, "nodes 2"], flatness: float, colour, centre=(0, 0)
+    axis: plt.Axes,
+    outline: Float[np.ndarray, "nodes 2"],
+    flatness: float,
+    colour: ColorType | np.ndarray,
+    centre: Sequence[float] | np.ndarray = (0, 0),
 ) -> None:
-    """A body from the side, filled; as a line from above, where it is wider than high."""
+    """Fill a body's outline seen from the side; if flatness > 1, add a line of it from above."""
     axis.fill(*(outline + centre).T, color=colour, lw=0)
     if flatness > 1:
         above = outline * (1, flatness) + centre
@@ -36,8 +42,8 @@ def draw_body(
 
 
 def save_figure(figure: plt.Figure, path: str | Path, dpi: int = 140) -> Path:
-    """Write a figure as PNG, whole or not at all, and close it."""
-    with whole_picture(path) as part:
+    """Write a figure to a file, close it, and return the path."""
+    with whole_file(path) as part:
         figure.savefig(part, dpi=dpi)
     plt.close(figure)
     return Path(path)

@@ -1,4 +1,4 @@
-"""Meshes of flows for pyvista."""
+"""2-D flows as pyvista meshes."""
 
 import numpy as np
 from jaxtyping import Float
@@ -13,10 +13,10 @@ Velocity = Float[AnyArray, "2 nx ny"]
 
 
 def flow_mesh(lattice: Lattice, velocity: Velocity, refined: int = 1) -> pv.ImageData:
-    """Vorticity and stream function of a whole window's velocity, on the corners of its cells.
+    """Vorticity and stream function at the corners of the cells of an unfolded lattice.
 
-    The window's outermost corners, where differences wrap around, are left out; ``refined`` times
-    as many points by cubic splines make smooth lines.
+    The outermost corners, where differences wrap around, are left out. Cubic splines refine the
+    mesh by the factor ``refined``, for smooth lines.
     """
     u, v = np.asarray(velocity)
     (x, _), (_, y) = lattice.faces()

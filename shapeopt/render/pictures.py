@@ -1,4 +1,4 @@
-"""Pictures with pyvista, offscreen: flows side by side, a body's evolution, a march in time."""
+"""Pictures of 2-D flows with pyvista: flows side by side, shape histories, marches in time."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -8,9 +8,9 @@ from jaxtyping import Float
 
 from shapeopt.export.solid import outline, polygon, pv
 from shapeopt.render.mesh import flow_mesh
-from shapeopt.render.signature import whole_picture
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
+from surrogate.files import whole_file
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.solution import Solution
 
@@ -24,7 +24,7 @@ COLOURS = "RdBu_r"
 
 
 class Panel(NamedTuple):
-    """One picture of a sheet: a solved flow, and a title and a line of small print above it."""
+    """One picture of a sheet: a solved flow with a title and a note above it."""
 
     solution: Solution
     title: str
@@ -32,10 +32,10 @@ class Panel(NamedTuple):
 
 
 def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
-    """A sheet of flows: vorticity in one colour scale for all, streamlines, the body.
+    """Draw flows as a PNG: vorticity in one colour scale, streamlines, the body.
 
-    Colour goes by the square root of vorticity, so that slow and fast flows both show.
-    Returns the path of the PNG, which is written whole or not at all.
+    The colour scale is linear in the square root of vorticity, so that weak vorticity is visible.
+    Returns the path.
     """
     meshes = [[_solved_mesh(panel) for panel in row] for row in rows]
     limit = max(np.abs(mesh["vorticity"]).max() for row in meshes for mesh in row)
@@ -60,7 +60,7 @@ def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
             _draw_flow(plotter, panel, meshes[i][j], limit)
     plotter.subplot(len(rows), 0)
     _draw_bar(plotter, limit, width * columns)
-    with whole_picture(path) as part:
+    with whole_file(path) as part:
         plotter.screenshot(str(part))
     plotter.close()
     return Path(path)
@@ -72,13 +72,13 @@ def render_evolution(
     captions: list[str],
     path: str | Path,
 ) -> Path:
-    """A GIF of the body along the optimiser's path, the cylinder's outline behind it."""
+    """Draw a GIF of the body along the optimiser's path, and the cylinder; returns its path."""
     bodies = [np.asarray(family.outline(parameters, 240)) for parameters in path_of_bodies]
     cylinder = np.asarray(family.outline(family.ellipse(1.0), 240))
-    reach = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
-    view = (-reach[0], reach[0], -reach[1], reach[1] + 0.18)
+    x, y = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
+    view = (-x, x, -y, y + 0.18)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 720))
-    with whole_picture(path) as part:
+    with whole_file(path) as part:
         plotter.open_gif(str(part), fps=4, loop=0)
         last = len(bodies) - 1
         for k, (markers, caption) in enumerate(zip(bodies, captions, strict=True)):
@@ -100,12 +100,12 @@ def render_march(
     captions: list[str],
     path: str | Path,
 ) -> Path:
-    """A GIF of the vorticity of a time march: the middle third, from 3 D before the body."""
+    """Draw a GIF of vorticity of a time march: the middle third of the domain; returns its path."""
     (left, right), (low, high) = lattice.grid.domain
     edge = 2 * lattice.step[0]
     view = (max(left + edge, -3.0), right - edge, low / 3, high / 3)
     plotter = pv.Plotter(off_screen=True, window_size=_even(view, 960))
-    with whole_picture(path) as part:
+    with whole_file(path) as part:
         plotter.open_gif(str(part), fps=12, loop=0)
         for velocity, caption in zip(frames, captions, strict=True):
             plotter.clear()
@@ -119,7 +119,7 @@ def render_march(
     return Path(path)
 
 
-def _draw_flow(plotter, panel, mesh, limit):
+def _draw_flow(plotter: pv.Plotter, panel: Panel, mesh: pv.ImageData, limit: float) -> None:
     field = mesh.clip_box((*VIEW, -1, 1), invert=False)
     _colour(plotter, field, _squashed(field["vorticity"]), _squashed(limit))
     for lines in _streamlines(field, panel.solution.markers):
@@ -132,31 +132,29 @@ def _draw_flow(plotter, panel, mesh, limit):
     _look_at(plotter, (left - GAP, right + GAP, low - GAP, high + GAP + STRIP))
 
 
-def _draw_bar(plotter, limit, width):
-    """A colour bar with its numbers below and its name beside it."""
-    samples, reach = 257, 1.6
+def _draw_bar(plotter: pv.Plotter, limit: float, width: float) -> None:
+    """Draw a colour bar with its numbers below and its name to the left."""
+    samples, half = 257, 1.6
     bar = pv.ImageData(
         dimensions=(samples, 2, 1),
-        spacing=(2 * reach / (samples - 1), 0.13, 1),
-        origin=(-reach, 0, 0),
+        spacing=(2 * half / (samples - 1), 0.13, 1),
+        origin=(-half, 0, 0),
     )
     _colour(plotter, bar, np.tile(np.linspace(-1, 1, samples), 2), 1.0)
     _look_at(plotter, (-width / 2, width / 2, -0.3, BAR - 0.3))
     for share in (-1, -0.5, 0, 0.5, 1):
         value = np.sign(share) * share**2 * limit
-        write_caption(plotter, f"{value:g}", (0.5 + share * reach / width, 0.1), 11, place="center")
-    write_caption(
-        plotter, "vorticity, U / D", (0.49 - reach / width, 0.6), 11, QUIET, place="right"
-    )
+        write_caption(plotter, f"{value:g}", (0.5 + share * half / width, 0.1), 11, place="center")
+    write_caption(plotter, "vorticity, U / D", (0.49 - half / width, 0.6), 11, QUIET, place="right")
 
 
-def _solved_mesh(panel):
+def _solved_mesh(panel: Panel) -> pv.ImageData:
     solution = panel.solution
     return flow_mesh(solution.domain.lattice.unfolded, solution.velocity, refined=3)
 
 
-def _streamlines(field, markers):
-    """Lines every 0.09 U D; four more in a wake's eddies, where the stream turns back."""
+def _streamlines(field: pv.UnstructuredGrid, markers: AnyArray) -> list[pv.PolyData]:
+    """Streamlines every 0.09 U D, and four in the recirculating eddies of the wake."""
     outer = 0.09 * (np.arange(-60, 60) + 0.5)
     x, y, _ = field.points.T
     field["turned"] = -field["stream function"] * np.sign(y)
@@ -169,11 +167,12 @@ def _streamlines(field, markers):
     return [lines for lines in found if lines.n_points]
 
 
-def _squashed(vorticity):
+def _squashed(vorticity: np.ndarray | float) -> np.ndarray | float:
+    """The square root of the absolute value, with the sign."""
     return np.sign(vorticity) * np.sqrt(np.abs(vorticity))
 
 
-def _colour(plotter, mesh, values, limit):
+def _colour(plotter: pv.Plotter, mesh: pv.DataSet, values: np.ndarray, limit: float) -> None:
     plotter.add_mesh(
         mesh,
         scalars=values,
@@ -192,19 +191,19 @@ def write_caption(
     colour: str = INK,
     place: str = "left",
 ) -> None:
-    """A line of text at a place of the window, from 0 to 1, with proper minus signs."""
+    """Draw a line of text at a position in the window, from 0 to 1, with minus signs."""
     text = text.replace("-", "\N{MINUS SIGN}")
     actor = plotter.add_text(text, position=at, viewport=True, font_size=size, color=colour)
     actor.prop.justification_horizontal = place
 
 
-def _even(view, width):
-    """Window size of a view: even numbers, which video wants."""
+def _even(view: tuple[float, ...], width: int) -> tuple[int, int]:
+    """Window size in pixels for a view, even numbers as video players need."""
     left, right, low, high = view
     return width, 2 * round(width * (high - low) / (right - left) / 2)
 
 
-def _look_at(plotter, view):
+def _look_at(plotter: pv.Plotter, view: tuple[float, ...]) -> None:
     left, right, low, high = view
     plotter.set_background("white")
     plotter.view_xy()

@@ -1,7 +1,7 @@
-"""Plots of bodies: loads along the surface, and a family of optima over the Reynolds number."""
+"""Plots of runs: surface stresses, and optimal bodies over the Reynolds number."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,27 +17,23 @@ from shapeopt.render.figures import (
 )
 from shapeopt.render.sheets import standing
 from shapeopt.runs import run_body, run_scene
+from surrogate.files import JsonObject
 from surrogate.flow.surface.surface import Surface
 
+LOOKS = {"cylinder": {"color": START, "ls": (0, (5, 2))}, "optimum": {"color": OPTIMUM}}
 
-def plot_surfaces(
-    runs: list[tuple[dict[str, Any], tuple[Surface, Surface]]], path: str | Path
-) -> Path:
-    """Cp and Cf against x / c, cylinder and optimum, one row a run; the upper side stands for both.
 
-    Returns the path of the PNG, which is written whole or not at all.
+def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | Path) -> Path:
+    """Plot Cp and Cf against x / c of cylinder and optimum, one row for each run.
+
+    Only the upper side is drawn, as bodies are symmetric. Returns the path of the PNG.
     """
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
             len(runs), 2, figsize=(11, 3.9 * len(runs)), layout="constrained", squeeze=False
         )
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
-            for surface, name, look in zip(
-                surfaces,
-                ("cylinder", "optimum"),
-                ({"color": START, "ls": (0, (5, 2))}, {"color": OPTIMUM}),
-                strict=True,
-            ):
+            for surface, (name, look) in zip(surfaces, LOOKS.items(), strict=True):
                 upper = slice(0, len(surface.cp) // 2 + 1)
                 for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):
                     axis.plot(surface.station[upper], loads[upper], lw=2.2, label=name, **look)
@@ -53,19 +49,17 @@ def plot_surfaces(
         return save_figure(figure, path)
 
 
-def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
-    """The optima of several runs to one scale, in order of Re, over their drag's fall.
+def plot_family(records: list[JsonObject], path: str | Path) -> Path:
+    """Draw the optima of several runs to one scale, in order of Re, and their drag reduction.
 
-    Flattened bodies are drawn from above too, as a line.
-
-    Returns the path of the PNG, which is written whole or not at all.
+    Bodies wider than high are also drawn from above, as a line. Returns the path of the PNG.
     """
     records = sorted(records, key=lambda record: record["reynolds"])
     bodies = [np.asarray(run_scene(r).family.outline(run_body(r), 400)) for r in records]
     wide = [record["parameters"].get("flatness", 1.0) for record in records]
     sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
-    reach = np.max(sides, axis=0) * 1.06
-    reach[1] = max(reach[1], 0.53)  # the cylinder is drawn too
+    x, y = np.max(sides, axis=0) * 1.06
+    y = max(y, 0.53)  # the cylinder is drawn too
     colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.72, len(records)))
     width = max(8.0, 2.5 * len(records))
     with plt.rc_context(STYLE):
@@ -77,16 +71,16 @@ def plot_family(records: list[dict[str, Any]], path: str | Path) -> Path:
             axis = figure.add_subplot(grid[0, k])
             draw_body(axis, body, flatness, colours[k])
             axis.plot(*np.vstack([circle, circle[:1]]).T, color=START, lw=1, ls=(0, (4, 3)))
-            axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]), aspect="equal")
+            axis.set(xlim=(-x, x), ylim=(-y, y), aspect="equal")
             above = FROM_ABOVE * (flatness > 1)
             axis.set_title(f"Re {record['reynolds']:g}{above}", loc="center")
             axis.set_axis_off()
-        _draw_fall(figure.add_subplot(grid[1, :]), records, colours)
+        _draw_reduction(figure.add_subplot(grid[1, :]), records, colours)
         return save_figure(figure, path)
 
 
-def _draw_fall(axis, records, colours):
-    """Drag against the cylinder's, each optimum with its numbers."""
+def _draw_reduction(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) -> None:
+    """Plot the change of drag against the cylinder's in per cent."""
     reynolds = [record["reynolds"] for record in records]
     change = [100 * (r["cd_verified"] / r["cd_start"] - 1) for r in records]
     axis.plot(reynolds, change, color=START, lw=1.2, zorder=1)

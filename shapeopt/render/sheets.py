@@ -1,20 +1,20 @@
-"""What goes on a sheet of pictures: a run's cylinder or sphere and its optimum, both solved."""
+"""Pictures of a run: its reference body (cylinder or sphere) and its optimum, both solved."""
 
 from pathlib import Path
-from typing import Any
 
-from shapeopt.render.bodies_3d import render_bodies
+from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies
 from shapeopt.render.pictures import Panel, render_flows
 from shapeopt.runs import run_body, run_scene
+from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 
 
-def solve_run(record: dict[str, Any]) -> tuple[Solution, Solution]:
-    """The cylinder and the run's optimum, solved on the run's own grid.
+def solve_run(record: JsonObject) -> tuple[Solution, Solution]:
+    """Solve the flows of the reference body and of the run's optimum on the run's grid.
 
     Raises:
-      NotConverged: one of the flows was not found.
+      NotConverged: a flow did not converge.
     """
     scene = run_scene(record)
     bodies = scene.family.ellipse(1.0), run_body(record)
@@ -25,11 +25,11 @@ def solve_run(record: dict[str, Any]) -> tuple[Solution, Solution]:
     return start, optimum
 
 
-def before_and_after(record: dict[str, Any]) -> list[Panel]:
-    """Two panels: the cylinder, and the run's optimum.
+def before_and_after(record: JsonObject) -> list[Panel]:
+    """Panels of the reference body and of the run's optimum.
 
     Raises:
-      NotConverged: as ``solve_run``.
+      NotConverged: a flow did not converge.
     """
     start, optimum = solve_run(record)
     reynolds, gain = f"Re {record['reynolds']:g}", 100 * (optimum.drag / start.drag - 1)
@@ -41,19 +41,20 @@ def before_and_after(record: dict[str, Any]) -> list[Panel]:
     ]
 
 
-def render_panels(rows: list[list[Panel]], path: str | Path) -> Path:
-    """A sheet of solved flows, of the plane or of space; whole or not at all."""
-    dimension = rows[0][0].solution.shape.dimension
-    return (render_bodies if dimension == 3 else render_flows)(rows, path)
+def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:
+    """Draw flows, 2-D or 3-D, as a PNG and return its path; 3-D bodies are coloured by ``load``."""
+    if rows[0][0].solution.shape.dimension == 3:
+        return render_bodies(rows, path, load)
+    return render_flows(rows, path)
 
 
-def origin(record: dict[str, Any]) -> str:
-    """Which way an optimum was found, for a caption."""
+def origin(record: JsonObject) -> str:
+    """The model by which an optimum was found, for a caption."""
     if record["surrogate"] == "none":
         return "found by the flow's adjoint"
     return f"found by the surrogate {Path(record['surrogate']).name}"
 
 
-def standing(record: dict[str, Any]) -> str:
-    """Whether the flow has confirmed an optimum, for a caption."""
+def standing(record: JsonObject) -> str:
+    """Whether an optimum is verified by the flow, for a caption."""
     return "not verified" if record.get("cd_verified") is None else "verified by the flow"

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from filelock import FileLock
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_file, json_digest, locked, strict_json, whole_file
+from surrogate.files import check_file, json_digest, strict_json, whole_file
 from surrogate.flow.derivatives import DragGradient
 from surrogate.flow.flow import Flow
 from surrogate.model.inputs import scene_inputs
@@ -114,7 +115,7 @@ class Memory:
         """Add to the file, if there is one, what it lacks; several processes may share it."""
         if self.file is None:
             return
-        with locked(self.file.parent):
+        with FileLock(f"{self.file}.lock"):
             self.refresh()
             flows = [
                 [seen.parameters.tolist(), seen.reynolds, seen.drag, seen.slopes.tolist()]

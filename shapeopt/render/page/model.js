@@ -1,10 +1,10 @@
-// The surrogate, its shape gradient and the family of bodies, in plain numbers: no document here.
+// The network, its gradient and the family of bodies; independent of the document.
 function makeModel(data) {
   const { layers, trend, reach, low, high, bounds, modes, reynolds, ratios, dimension } = data;
   const width = bounds.map(([a, b]) => b - a);
-  const span = high.map((b, k) => b - low[k] || 1); // a scene of one Reynolds number has none
+  const span = high.map((b, k) => b - low[k] || 1); // 1 where the scene has one Reynolds number
 
-  // The trend's quadratic in z, and its slopes: 1, then z, then the products of its upper triangle.
+  // The quadratic trend of the scaled inputs z and its gradient; coefficients of 1, z, z_i z_j (j >= i).
   function quadratic(z) {
     const count = z.length;
     let [value, place] = [trend[0], count + 1];
@@ -20,7 +20,7 @@ function makeModel(data) {
     return { value, slopes };
   }
 
-  // Cd and its gradient in the shape parameters: one pass forward, one back.
+  // Cd and its gradient in the shape parameters, by backpropagation.
   function drag(parameters, re) {
     const inputs = [...parameters.map((x, k) => (k < ratios ? Math.log(x) : x)), Math.log(re)];
     const trace = [inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1)];
@@ -36,11 +36,11 @@ function makeModel(data) {
     }
     const { value, slopes } = quadratic(trace[0]);
     const cd = Math.exp(value + reach * output);
-    const bent = (x, k) => (k < ratios ? 1 / x : 1); // ratios count by their logarithms
+    const chain = (x, k) => (k < ratios ? 1 / x : 1); // inputs are logarithms of the ratios
     return {
       cd,
       gradient: parameters.map((x, k) => {
-        return (cd * (slopes[k] + reach * back[k]) * bent(x, k) * 2) / span[k];
+        return (cd * (slopes[k] + reach * back[k]) * chain(x, k) * 2) / span[k];
       }),
     };
   }
@@ -48,7 +48,7 @@ function makeModel(data) {
   const affine = ({ weight, bias }, x) => weight.map((row, i) => dot(row, x) + bias[i]);
   const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
-  // sin kt / sin t of every mode, a Chebyshev polynomial of cos t, at places from nose to tail.
+  // sin kt / sin t of every mode at stations t from nose to tail, by Chebyshev's recurrence.
   const waves = Array.from({ length: 181 }, (_, n) => {
     const c = Math.cos((Math.PI * n) / 180);
     const ratios = [1, 2 * c];
@@ -56,7 +56,7 @@ function makeModel(data) {
     return modes.map((k) => ratios[k - 1]);
   });
 
-  // Least y / (b sin t), and the modes where it is.
+  // The least ratio of thickness to the ellipse's, y / (b sin t), and the modes' values there.
   function thinnest(parameters) {
     const betas = parameters.slice(ratios);
     let [opening, place] = [Infinity, waves[0]];
@@ -74,7 +74,7 @@ function makeModel(data) {
   const radius = (betas, t) =>
     betas.reduce((sum, beta, k) => sum + beta * Math.sin(modes[k] * t), Math.sin(t));
 
-  // Half the length, width and height of a body in space of volume pi/6, and its centroid's cos t.
+  // 3-D: half length, width and height for volume pi/6, and cos t of the centroid.
   function solid(parameters) {
     const betas = parameters.slice(ratios);
     let [bulk, moment] = [0, 0];
@@ -94,7 +94,7 @@ function makeModel(data) {
     };
   }
 
-  // Points of the skin and its outward normals, at t from nose to tail and azimuth phi.
+  // 3-D: points of the surface and outward normals, at t from nose to tail and azimuth phi.
   function skin(parameters) {
     const [betas, { length, width, height, centre }] = [parameters.slice(ratios), solid(parameters)];
     return (t, phi) => {
@@ -106,7 +106,7 @@ function makeModel(data) {
     };
   }
 
-  // Contour, clockwise from the nose, centroid at the origin; in space as seen from the side.
+  // Contour, clockwise from the nose, centroid at the origin; 3-D: seen from the side.
   function contour(parameters, nodes) {
     const [[aspect], betas] = [parameters, parameters.slice(ratios)];
     const angles = Array.from({ length: nodes }, (_, n) => (2 * Math.PI * n) / nodes);
@@ -131,7 +131,7 @@ function makeModel(data) {
   const within = (parameters) =>
     parameters.map((x, k) => Math.min(Math.max(x, bounds[k][0]), bounds[k][1]));
 
-  // Into the ranges, and wider wherever it is too thin, by the shortest ways.
+  // Project onto the ranges and, alternately, onto the bodies that are thick enough.
   function nearest(parameters) {
     let body = within(parameters);
     for (let n = 0; n < 40; n++) {
@@ -147,7 +147,7 @@ function makeModel(data) {
 
   const roomy = (parameters) => opening(parameters) >= data.roomy;
 
-  // Projected gradient descent on log Cd in parameters scaled to [0, 1], the step grown and halved.
+  // Projected gradient descent on log Cd in parameters scaled to [0, 1], with an adaptive step.
   function descend(start, re, iterations = 600) {
     let here = start;
     let { cd, gradient } = drag(here, re);
@@ -164,7 +164,7 @@ function makeModel(data) {
     return { parameters: here, cd };
   }
 
-  // Ellipses of all aspects, and bodies spread evenly (Roberts 2018) over a family of any size.
+  // Starts: ellipses of all aspects, and a low-discrepancy sequence over the family (Roberts 2018).
   function starts(ellipses = 25, spreadOut = 600) {
     const [least, most] = bounds[0];
     let golden = 2;
@@ -179,7 +179,7 @@ function makeModel(data) {
     ];
   }
 
-  // The best of the starts and of the given body, polished by descent.
+  // The body of least drag: descent from the best of the starts and the given body.
   function leastDrag(current, re, kept = 5) {
     return [current, ...starts()]
       .map(nearest)

@@ -1,15 +1,16 @@
-"""One web page that holds a surrogate: sliders for body and Reynolds number, drag at once.
+"""A surrogate as one web page: sliders for the body and the Reynolds number, drag at once.
 
-The page needs no network and no library; its weights and its arithmetic are inside it.
+The page works offline and without libraries: it contains the network's weights, and JavaScript that
+evaluates the network and draws the body.
 """
 
 import html
 import json
 import math
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from string import Template
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -18,39 +19,25 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.body.family import Family
 from surrogate.body.parameters import PARAMETERS
-from surrogate.errors import InvalidInput
-from surrogate.files import check_file, whole_file
+from surrogate.files import JsonObject, whole_file
 from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
-GENERATOR, LOOKED_AT = b'content="drag-surrogates"', 1000  # by which a page is known as ours
 MINUS = "\N{MINUS SIGN}"
-START = 1.6  # aspect of the first body shown, over the reference's
-TALLEST = 1.4  # that is drawn with room above, over an ellipse of the least aspect
+START = 1.6  # aspect of the body shown first, over the reference body's
+TALLEST = 1.4  # greatest height that the frame fits, over the ellipse's of the least aspect
 
 
 def write_page(surrogate: Surrogate, path: str | Path) -> Path:
-    """Write the page, whole or not at all."""
+    """Write the page to a file and return its path."""
     with whole_file(path) as part:
         part.write_text(page(surrogate), encoding="utf-8")
     return Path(path)
 
 
-def check_page(path: str | Path) -> Path:
-    """The path of a page to be written.
-
-    Raises:
-      InvalidInput: it is no such path, or a page of another program is there.
-    """
-    path = check_file(path, ".html")
-    if path.is_file() and GENERATOR not in path.read_bytes()[:LOOKED_AT]:
-        raise InvalidInput(f"{path}: is of another program; choose another name")
-    return path
-
-
 def page(surrogate: Surrogate) -> str:
-    """The page as text."""
+    """The page as HTML text."""
     files = resources.files(__package__)
     parts = {
         part: (files / name).read_text(encoding="utf-8")
@@ -70,8 +57,8 @@ def page(surrogate: Surrogate) -> str:
     )
 
 
-def page_data(surrogate: Surrogate) -> dict[str, Any]:
-    """What the page's arithmetic needs: weights, scales, bounds; every number as it is here."""
+def page_data(surrogate: Surrogate) -> JsonObject:
+    """The weights, scales and bounds that the page's script needs, as a JSON object."""
     network, family = surrogate.network, surrogate.scene.family
     return {
         "layers": [
@@ -95,12 +82,12 @@ def page_data(surrogate: Surrogate) -> dict[str, Any]:
 
 
 def reference_body(family: Family) -> Float[AnyArray, " parameters"]:
-    """The body that all are compared with: cylinder or sphere, or the family's nearest to it."""
+    """The body that drags are compared with: the family's body nearest to cylinder or sphere."""
     return np.clip(family.ellipse(1.0), *family.bounds.T)
 
 
 def reference_name(family: Family) -> str:
-    """What the reference is, for a person."""
+    """The name of the reference body in the page's text."""
     body = reference_body(family)
     aspect = float(family.body_class.aspect(body))
     if np.any(body != family.ellipse(aspect)):
@@ -108,12 +95,11 @@ def reference_name(family: Family) -> str:
     return family.round_body if aspect == 1 else f"{aspect:g}:1 ellipse"
 
 
-def _frame(family):
-    """The part of the plane that is drawn, and three arrows of the stream at its left."""
+def _frame(family: Family) -> dict[str, str]:
+    """SVG attributes: the view box, and the path of three arrows of the stream at its left."""
     length, height = family.extent[0], max(family.extent[1:])
-    height = min(
-        height, TALLEST / math.sqrt(family.body_class.aspect(family.bounds.T)[0])
-    )  # most taller ones cross
+    least = float(family.body_class.aspect(family.bounds.T)[0])
+    height = min(height, TALLEST / math.sqrt(least))  # taller ones mostly cross
     left, top = -length / 2 - 0.55, -height / 2 - 0.12
     dart = "h.3m-.08 -.05l.08 .05l-.08 .05"
     return {
@@ -122,8 +108,8 @@ def _frame(family):
     }
 
 
-def _lead(surrogate):
-    """How right the numbers are, as it was measured, and what they are compared with."""
+def _lead(surrogate: Surrogate) -> str:
+    """The page's first lines: measured errors, and the reference body if it is unusual."""
     recorded, name = surrogate.recorded, reference_name(surrogate.scene.family)
     text = (
         "Every number comes from a trained network that runs in this page: "
@@ -132,12 +118,12 @@ def _lead(surrogate):
         "bodies."
     )
     if name != (usual := surrogate.scene.family.round_body):
-        text += f" It knows no {usual}: its bodies are compared with the {name}."
+        text += f" Its family has no {usual}: bodies are compared with the {name}."
     return text
 
 
-def _provenance(surrogate):
-    """What the surrogate knows."""
+def _provenance(surrogate: Surrogate) -> str:
+    """The page's last lines: definitions, method and trained ranges."""
     scene = surrogate.scene
     ranges = ", ".join(
         f"{name} {_number(low)} to {_number(high)}"
@@ -150,26 +136,25 @@ def _provenance(surrogate):
         over = f"drag over {rho}{area}, D the diameter of the sphere of the same volume"
     return (
         f"Steady laminar flow in {describe_stream(scene.stream)}; {over}, "
-        "Re = U D / \N{GREEK SMALL LETTER NU}. TrainingResult by the method "
-        f"{surrogate.recorded('method')} on {ranges}; the sliders end there. Errors are against "
-        "the flow solver."
+        "Re = U D / \N{GREEK SMALL LETTER NU}. Trained by the method "
+        f"{surrogate.recorded('method')} on {ranges}; the sliders end there. Errors are relative "
+        "to the flow solver."
     )
 
 
-def _sliders(surrogate):
-    """Reynolds number by its logarithm, then every shape parameter, from an ellipse."""
+def _sliders(surrogate: Surrogate) -> Iterator[str]:
+    """Sliders for log Re and for every shape parameter, set to an ellipse."""
     family = surrogate.scene.family
     low, high = (math.log(value) for value in surrogate.scene.reynolds)
-    yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, math.exp)
-    start = np.clip(
-        family.ellipse(START * float(family.body_class.aspect(reference_body(family)))),
-        *family.bounds.T,
-    )
+    yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, log=True)
+    aspect = START * float(family.body_class.aspect(reference_body(family)))
+    start = np.clip(family.ellipse(aspect), *family.bounds.T)
     for (name, (low, high)), value in zip(family.ranges, start, strict=True):
         yield _slider(name, PARAMETERS[name].label, low, high, value)
 
 
-def _slider(name, label, low, high, start, shown=float):
+def _slider(name: str, label: str, low: float, high: float, start: float, log: bool = False) -> str:
+    shown = math.exp if log else float
     return (
         f'<div class="slider"><label for="{name}">{label}</label>'
         f'<small id="{name}-way" class="way"></small>'
@@ -180,5 +165,5 @@ def _slider(name, label, low, high, start, shown=float):
     )
 
 
-def _number(value):
+def _number(value: float) -> str:
     return f"{value:.4g}".replace("-", MINUS)

@@ -1,4 +1,4 @@
-// The page: sliders in, drawings and numbers out. Everything it computes comes from the model.
+// The page: reads the sliders, evaluates the model, updates drawings and numbers.
 const data = JSON.parse(document.getElementById("data").textContent);
 const model = makeModel(data);
 const element = (id) => document.getElementById(id);
@@ -33,13 +33,13 @@ function update() {
   drawCurve(body, re, valid);
 }
 
-// A slider's value as it is written and spoken: of a logarithm nobody wants to hear.
+// Set a slider's value as text, for screen readers too: Re, not its logarithm.
 function tell(slider, text) {
   element(`${slider.id}-value`).textContent = text;
   slider.setAttribute("aria-valuetext", text);
 }
 
-// Which way to move a slider, and what a tenth of its range would bring to first order.
+// The direction of a slider that lowers drag, and the change for a tenth of its range (first order).
 function way({ cd, gradient }, k, value) {
   const change = (10 * gradient[k] * model.width[k]) / cd;
   if (Math.abs(change) < 0.005) return "level";
@@ -60,7 +60,7 @@ function drawBody(body, { cd, gradient }, valid) {
   element("downhill").setAttribute("d", shown ? drawn(downhill) : "");
 }
 
-// In space bodies are seen from the side, a little from ahead and above.
+// 3-D bodies are seen from the side, slightly from ahead and above.
 const [YAW, PITCH] = [0.45, 0.35];
 const [RIGHT, UP, AWAY] = [
   [Math.cos(YAW), -Math.sin(YAW), 0],
@@ -71,8 +71,8 @@ const along = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const seen = (point) => [along(point, RIGHT), along(point, UP)];
 const steps = (count, range) => Array.from({ length: count + 1 }, (_, n) => (range * n) / count);
 
-// The outlines of a body as it is drawn: in space, where its skin turns away from who looks at it.
-// Every ring of it turns away twice or, near ends that are seen whole or not at all, never.
+// The outlines of a body as drawn. 3-D: the silhouette, where normals are perpendicular to the view;
+// every ring has two such points or, near ends that are wholly visible or hidden, none.
 function silhouette(parameters) {
   if (model.dimension === 2) return [model.contour(parameters, 240)];
   const at = model.skin(parameters);
@@ -97,7 +97,7 @@ function silhouette(parameters) {
   return outlines.map((pairs) => [...pairs.map((p) => p[0]), ...pairs.map((p) => p[1]).reverse()]);
 }
 
-// What was last found on the way from where there is something to where there is nothing.
+// Bisect between an argument where `find` has a value and one where it has none; the last value.
 function lastOf(find, some, none) {
   for (let n = 0; n < 40; n++) {
     const middle = (some + none) / 2;
@@ -107,7 +107,7 @@ function lastOf(find, some, none) {
   return find(some);
 }
 
-// Rings and meridians on the side of a body that is seen.
+// Rings and meridians on the visible side of a body.
 function rings(parameters) {
   const at = model.skin(parameters);
   const across = steps(14, Math.PI).map((t) => steps(96, 2 * Math.PI).map((phi) => [t, phi]));
@@ -127,7 +127,7 @@ function visible(line, at) {
   return text;
 }
 
-// Round numbers of a logarithmic axis, as many as have room; in even steps where it is short.
+// Tick values: round numbers of a logarithmic axis, at most `room`; evenly spaced on a short axis.
 function ticks(least, most, room) {
   const inside = (value) => value >= least * (1 - 1e-9) && value <= most * (1 + 1e-9);
   const rounds = (marks) => [...Array(10).keys()].flatMap((e) => marks.map((m) => m * 10 ** (e - 4)));
@@ -171,7 +171,7 @@ function drawCurve(body, re, valid) {
     <path class="other" d="${line(curves[0])}"/>${own}`;
 }
 
-// Glide to a body, or be there at once for those who prefer it.
+// Animate the sliders to a body; at once where the user prefers reduced motion.
 let glide = 0;
 function moveTo(target) {
   const [start, mine] = [parameters(), ++glide];
@@ -196,7 +196,7 @@ function download() {
   URL.revokeObjectURL(link.href);
 }
 
-// Arrows go a hundredth of the range, page keys a tenth: with step "any" browsers disagree.
+// Arrow keys move 1/100 of the range, page keys 1/10; browsers differ for step "any".
 const STRIDES = { Arrow: 0.01, Page: 0.1, Home: Infinity, End: Infinity };
 function press(event) {
   const [, key, way] = event.key.match(/^(Arrow|Page|Home|End)(Up|Right|Down|Left|)$/) || [];

@@ -1,4 +1,4 @@
-"""Drag, lift and their gradient of one body by the flow solver.
+"""Drag, lift, moment and the gradient of the drag of one body by the flow solver.
 
 python scripts/solve_drag.py --aspect 1 --reynolds 1,10,40
 python scripts/solve_drag.py --dimension 3 --aspect 2 --flatness 1.5 --reynolds 40
@@ -6,9 +6,9 @@ python scripts/solve_drag.py --dimension 3 --aspect 0.5 --settling 2.65,1e-6,2e-
 python scripts/solve_drag.py --naca 0012 --incidence 10 --reynolds 20 --stream tunnel:8 --json
 """
 
+import argparse
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 from shapeopt.commands.arguments import (
     REYNOLDS_HELP,
@@ -19,6 +19,7 @@ from shapeopt.commands.arguments import (
 from shapeopt.commands.cli import Parser, emit, numbers
 from surrogate.body.family import Family
 from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.settling import RANGE, Particle, settle
 from surrogate.flow.solution import Solution
@@ -29,62 +30,60 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import parse_stream
 
 
-def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Parse, solve every Reynolds number, report."""
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, solve at every Reynolds number, report."""
     arguments = _parser().parse_args(argv)
     dimension = arguments.dimension
     if (arguments.reynolds is None) == (arguments.settling is None):
-        raise InvalidInput("--reynolds: give it, or --settling in its place")
+        raise InvalidInput("--reynolds: give it, or --settling instead")
     if arguments.settling is not None:
         if arguments.gradient or arguments.allow_unsteady:
             raise InvalidInput("--settling: goes without --gradient and --allow-unsteady")
         return _settling(arguments)
     reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady, dimension)
     scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
-    for value in reynolds:  # before the first is solved
+    for value in reynolds:  # all, before the first is solved
         check_reynolds(value, arguments.allow_unsteady, dimension, shape.extent)
     if arguments.gradient and (shape.parameters is None or not shape.symmetric):
-        raise InvalidInput("--gradient: is for family bodies (--aspect) at zero incidence")
+        raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
     flow, results = Flow(scene), []
     with progress_bar("body flow") as progress:
         for k, value in enumerate(reynolds):
-            found = flow.solve(
+            solution = flow.solve(
                 shape,
                 value,
                 gradient=arguments.gradient,
                 allow_unsteady=arguments.allow_unsteady,
             )
-            results.append(_plain(found))
-            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {found.drag:.4f}")
+            results.append(_row(solution))
+            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {solution.drag:.4f}")
     result = {"results": results, "scene": scene.record}
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _settling(arguments):
-    """The terminal velocity of a particle, and its flow there."""
+def _settling(arguments: argparse.Namespace) -> JsonObject:
+    """Report the terminal velocity of a particle, and its flow there."""
     values = numbers(arguments.settling, "--settling", "2.65,1e-6,2e-4")
     if len(values) != 3:
         raise InvalidInput(f"--settling {arguments.settling}: density ratio,viscosity,size")
     particle = Particle(*values)
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
-    row = _plain(settled.solution)
-    told = {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
+    row = _row(settled.solution)
+    row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
     turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:]))
-    told |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
-    result = {"results": [row | told], "scene": scene.record}
+    row |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
+    result = {"results": [row], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"
     text = f"{verb} along its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
     text += f"Cd {drag:.5g} ({settled.flows} flow{'s'[: settled.flows - 1]})\n{_line(row)}"
     if turns:
-        text += (
-            "\nheld along its axis, that is: inertia turns a free body's shortest side to its fall"
-        )
+        text += "\nwith its axis held vertical; a free body turns its broad side to its fall"
     return emit(result, arguments.json, text)
 
 
-def _scene(arguments, reynolds) -> Scene:
+def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
     fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
         if not 4 <= arguments.cells <= 64:
@@ -95,7 +94,7 @@ def _scene(arguments, reynolds) -> Scene:
     return Scene(stream, (min(reynolds), max(reynolds)), family, fidelity)
 
 
-def _plain(s: Solution) -> dict[str, Any]:
+def _row(s: Solution) -> JsonObject:
     return {
         "reynolds": s.reynolds,
         "cd": s.drag,
@@ -116,19 +115,19 @@ def _plain(s: Solution) -> dict[str, Any]:
     }
 
 
-def _line(r: dict[str, Any]) -> str:
+def _line(r: JsonObject) -> str:
     error, lift = r["estimated_error"], f"Cl {r['cl']:.4f}"
     if r["estimated_lift_error"]:
         lift += f" +- {r['estimated_lift_error']:.4f}"
-    trust = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
+    estimate = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     if r["sufficient"]:
-        trust += f", {r['sufficient']} would do"
+        estimate += f", {r['sufficient']} would do"
     if r["cd_extrapolated"]:
-        trust += f", extrapolated Cd {r['cd_extrapolated']:.4f}"
+        estimate += f", extrapolated Cd {r['cd_extrapolated']:.4f}"
     line = (
         f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
         f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "
-        f"{r['green_applications']} applications of G, {r['wall_s']:.2f} s, {r['status']}: {trust}"
+        f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {r['status']}: {estimate}"
     )
     if r["gradient"]:
         slopes = (f"{name}: {value:+.5f}" for name, value in r["gradient"].items())
@@ -136,25 +135,21 @@ def _line(r: dict[str, Any]) -> str:
     return line
 
 
-def _parser():
+def _parser() -> Parser:
     parser = Parser(__doc__)
     add_body_arguments(parser)
-    parser.add_argument("--reynolds", help=f"one or several, as 1,10,40: {REYNOLDS_HELP}")
-    parser.add_argument(
-        "--settling",
-        help="in space: RATIO,NU,D for the terminal velocity along the axis; density over the "
-        "fluid's, kinematic viscosity in m^2/s, diameter of the sphere of equal volume in m",
+    settling = (
+        "3-D: terminal velocity for RATIO,NU,D: density over the fluid's, kinematic viscosity "
+        "in m^2/s, diameter of the sphere of equal volume in m"
     )
-    parser.add_argument("--dimension", type=int, choices=(2, 3), default=2, help="3: in space (2)")
-    parser.add_argument(
-        "--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D"
-    )
-    parser.add_argument("--fidelity", default="standard", help="draft, standard (default) or fine")
-    parser.add_argument("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
-    parser.add_argument("--gradient", action="store_true", help="dCd/d(parameters, Re)")
-    parser.add_argument(
-        "--allow-unsteady",
-        action="store_true",
-        help="past the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies",
-    )
+    add = parser.add_argument
+    add("--reynolds", help=f"one, or several as 1,10,40: {REYNOLDS_HELP}")
+    add("--settling", help=settling)
+    add("--dimension", type=int, choices=(2, 3), default=2, help="2-D or 3-D flow (2)")
+    add("--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D")
+    add("--fidelity", default="standard", help="draft, standard (default) or fine")
+    add("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
+    add("--gradient", action="store_true", help="dCd/d(parameters, Re)")
+    unsteady = "beyond the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies"
+    add("--allow-unsteady", action="store_true", help=unsteady)
     return parser

@@ -1,22 +1,21 @@
-"""The designs of a surrogate over Reynolds number and length, as one sheet of bodies.
+"""Draw the optimal bodies of a surrogate over Reynolds number and maximum length.
 
 python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out sheet.png
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 from shapeopt.commands.cli import Parser, emit, numbers
 from shapeopt.render.designs import plot_designs
-from shapeopt.render.signature import check_picture
 from shapeopt.search.sheet import designs_over
+from surrogate.files import JsonObject, check_file
 from surrogate.model.store import load
 
 
-def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Parse, design all in one call, draw."""
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, optimise all bodies in one batch, draw them."""
     arguments = _parser().parse_args(argv)
-    out, surrogate = check_picture(arguments.out, ".png"), load(arguments.surrogate)
+    out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
     reynolds = sorted(numbers(arguments.reynolds))
     lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2"))
     rows, seconds = designs_over(surrogate, reynolds, lengths, arguments.min_thickness)
@@ -25,18 +24,17 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, "\n".join([*map(_line, rows), f"-> {out}"]))
 
 
-def _line(row):
+def _line(row: JsonObject) -> str:
     bound = "any length" if row["max_length"] is None else f"length <= {row['max_length']:g} D"
     return f"Re {row['reynolds']:<6g} {bound:16} Cd {row['cd']:.4f}  {row['excess']:+.2%}"
 
 
-def _parser():
+def _parser() -> Parser:
     parser = Parser(__doc__)
-    parser.add_argument(
-        "--surrogate", default="pretrained", help="a folder, or pretrained[:METHOD] (pretrained)"
-    )
-    parser.add_argument("--reynolds", required=True, help="one or several: 1,3,10,40")
-    parser.add_argument("--max-length", required=True, help="bounds on the chord in D: 1.2,1.5,2")
-    parser.add_argument("--min-thickness", type=float, help="of every body in D (no bound)")
-    parser.add_argument("--out", required=True, help="the sheet, .png")
+    add = parser.add_argument
+    add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
+    add("--reynolds", required=True, help="one, or several as 1,3,10,40")
+    add("--max-length", required=True, help="bounds on the chord in D, as 1.2,1.5,2")
+    add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
+    add("--out", required=True, help="picture, .png")
     return parser

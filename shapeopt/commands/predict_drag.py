@@ -1,11 +1,10 @@
-"""Drag of a family body by a trained surrogate; --verify solves its flow as well.
+"""Drag of a family body by a trained surrogate, with --verify also by the flow solver.
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,13 +19,14 @@ from shapeopt.commands.arguments import (
 from shapeopt.commands.cli import Parser, emit
 from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
 
 
-def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Parse, predict, report."""
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, predict, report."""
     arguments = _parser().parse_args(argv)
     if arguments.aspect is None:
         raise InvalidInput("body: --aspect is needed")
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> dict[str, Any]:
+def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> JsonObject:
     def drag(body):
         return surrogate.drag(body, reynolds, extrapolate=True)
 
@@ -68,37 +68,32 @@ def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> d
     }
 
 
-def _verify(surrogate: Surrogate, parameters: np.ndarray, row: dict[str, Any]) -> dict[str, Any]:
-    """The body's flow: on the scene's grid where it was trained, else on one that fits."""
-    body = parameters
+def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> JsonObject:
+    """Solve the flow: on the scene's grid inside the trained ranges, else on one for the body."""
+    scene, body = surrogate.scene, parameters
     if not row["in_trained_range"]:
-        body = family_shape(
-            surrogate.scene.family.named(parameters), dimension=surrogate.scene.dimension
-        )
-    found = Flow(surrogate.scene).solve(body, row["reynolds"], allow_unsteady=True)
+        body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
+    solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
     return {
-        "cd_flow": found.drag,
-        "error": abs(row["cd"] / found.drag - 1),
-        "status": found.status,
-        "estimated_error": found.estimated_error,
+        "cd_flow": solution.drag,
+        "error": abs(row["cd"] / solution.drag - 1),
+        "status": solution.status,
+        "estimated_error": solution.estimated_error,
     }
 
 
-def _line(r: dict[str, Any]) -> str:
+def _line(r: JsonObject) -> str:
     line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
     if "cd_flow" in r:
-        line += f"  by the flow {r['cd_flow']:.4f} ({r['status']}), {100 * r['error']:.3f} % off"
+        line += f"  by the flow {r['cd_flow']:.4f} ({r['status']}), error {100 * r['error']:.3f} %"
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 
 
-def _parser():
+def _parser() -> Parser:
     parser = Parser(__doc__)
-    parser.add_argument(
-        "--surrogate", default="pretrained", help="a folder, or pretrained[:METHOD] (pretrained)"
-    )
+    parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
     add_family_arguments(parser)
-    parser.add_argument(
-        "--reynolds", required=True, help=f"one or several, as 1,10,40: {REYNOLDS_HELP}"
-    )
+    reynolds = f"one, or several as 1,10,40: {REYNOLDS_HELP}"
+    parser.add_argument("--reynolds", required=True, help=reynolds)
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
     return parser

@@ -1,4 +1,4 @@
-"""Shape of least drag, by a trained surrogate or by the flow's adjoint, verified.
+"""Shape of least drag, by a trained surrogate or by the flow's adjoint, verified by the flow.
 
 python scripts/optimize_shape.py --surrogate pretrained --reynolds 40 --out out/re40
 python scripts/optimize_shape.py --surrogate none --scene tunnel.toml --reynolds 40 --out out/flow
@@ -8,43 +8,45 @@ python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --r
     --max-thickness 0.5 --out out/flat
 python scripts/optimize_shape.py --reynolds 20 --spread 0.3 --cvar 0.9 --out out/robust
 
-Several Reynolds numbers: the weighted mean of Cd over the cylinder's Cd at that Re. With --spread
-or --tolerance: the mean of Cd, or of its worst share with --cvar; cases outside the trained
-range of Re are cut off. All cd_* are then values of that objective; "cases" lists the drags.
+The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at
+that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar
+over the worst of them. Reynolds numbers are truncated to the scene's range. All cd_* are then
+values of that objective, and "cases" lists the drags.
 """
 
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 from shapeopt.commands.arguments import add_problem_arguments, problem_of, surrogate_of
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.together import add_devices, use_devices
+from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
 from surrogate.errors import InvalidInput
-from surrogate.files import path_of
+from surrogate.files import JsonObject, path_of
 from surrogate.flow.flow import Flow
 from surrogate.progress import progress_bar
 
 
-def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Parse, optimise, verify, save."""
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, optimise, verify, save."""
     arguments = _parser().parse_args(argv)
     devices = use_devices(arguments.devices)
     check_run_folder(arguments.out)
     surrogate = surrogate_of(arguments)
     if surrogate is None and arguments.until == "surrogate":
-        raise InvalidInput("--until surrogate: there is none; --surrogate none ends on the flow")
+        raise InvalidInput(
+            "--until surrogate: needs a surrogate; --surrogate none optimises on the flow"
+        )
     if arguments.memory and surrogate is not None and arguments.until != "flow":
-        raise InvalidInput("--memory: keeps flows, which --until flow or --surrogate none asks for")
+        raise InvalidInput("--memory: goes with --until flow or --surrogate none")
     if arguments.memory and _within(arguments.memory, arguments.out):
-        raise InvalidInput("--memory: lies in the folder of the run, --out; name a place beside it")
+        raise InvalidInput("--memory: is in the folder --out; choose a file outside it")
     problem = problem_of(arguments, surrogate)
-    candidates(problem)  # refuses what cannot be met before any work is done
+    candidates(problem)  # raises InvalidInput where the constraints contradict each other
     model = surrogate or Flow(problem.scene)
     on_flow = surrogate is None or arguments.until == "flow"
     if on_flow:
@@ -55,8 +57,8 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         if on_flow:
 
             def report(body, flows):
-                told = f"{flows} flows: {body.value:.4f}, KKT residual {body.kkt_residual:.1e}"
-                progress(0.5 - 0.45 / (1 + flows / 8), told)
+                state = f"{flows} flows: {body.value:.4f}, KKT residual {body.kkt_residual:.1e}"
+                progress(0.5 - 0.45 / (1 + flows / 8), state)
 
             design = designer.design(problem, report)
         else:
@@ -64,13 +66,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
         verified = design.verified
         progress(1.0, f"{verified.objective:.4f} verified")
-    try:
-        record = save_run(arguments.out, design, surrogate, arguments.surrogate)
-    except (OSError, InvalidInput):  # what was found is told all the same
-        found = problem.scene.family.named(design.parameters)
-        told = {"parameters": found, "cd_verified": verified.objective}
-        emit(told, arguments.json, f"not written: {found}, Cd {verified.objective:.4f} verified")
-        raise
+    record = save_run(arguments.out, design, surrogate, arguments.surrogate)
     hidden = ("scene", "path", "command", "surrogate")
     result = {key: value for key, value in record.items() if key not in hidden}
     return emit(result, arguments.json, _text(record, problem, arguments.out))
@@ -80,7 +76,8 @@ def _within(file: str, folder: str) -> bool:
     return path_of(file).resolve().parent == path_of(folder).resolve()
 
 
-def _text(r: dict[str, Any], problem: Problem, out: str) -> str:
+def _text(r: JsonObject, problem: Problem, out: str) -> str:
+    """The result for a person."""
     gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
     side = "below" if gain >= 0 else "above"
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
@@ -104,19 +101,13 @@ def _text(r: dict[str, Any], problem: Problem, out: str) -> str:
     return "\n".join(lines)
 
 
-def _parser():
+def _parser() -> Parser:
     parser = Parser(__doc__)
     add_problem_arguments(parser)
-    parser.add_argument(
-        "--until",
-        choices=["surrogate", "flow"],
-        help="end at the surrogate's own optimum (default), or at the flow's",
-    )
-    parser.add_argument(
-        "--memory",
-        help="JSON file of flows and adjoints: every design that ends on the flow adds its"
-        " own and needs fewer",
-    )
+    until = "end at the surrogate's optimum (default), or at the flow's"
+    parser.add_argument("--until", choices=["surrogate", "flow"], help=until)
+    memory = "JSON file of solved flows and adjoints, which later designs use and extend"
+    parser.add_argument("--memory", help=memory)
     parser.add_argument("--out", required=True, help="folder of the run")
-    add_devices(parser)
+    add_device_argument(parser)
     return parser

@@ -1,0 +1,88 @@
+"""Train a drag surrogate; the same command resumes an interrupted training.
+
+python scripts/train_surrogate.py --method sip --preset quick --out out/sip
+python scripts/train_surrogate.py --method hig --scene tunnel.toml --samples 64 --out out/hig --json
+python scripts/train_surrogate.py --method hig --preset full --devices 16 --out out/hig
+
+Methods:
+  dp          differentiable physics: Adam on a loss on the flow, by the solver's adjoint
+  sip         scale-invariant physics: regression on labels that Newton steps of the solver improve
+  hig         half-inverse gradients: updates by a half inverted Jacobian of the residuals
+  supervised  supervised regression: each sample's flow is solved once and the network fitted
+
+On several machines: the same command on each, with --coordinator HOST:PORT --processes N
+--process K added, or under Slurm or Open MPI without these.
+"""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.distributed import (
+    add_distributed_arguments,
+    exit_when_disconnected,
+    initialise,
+    needs_supervision,
+    supervise,
+)
+from surrogate.devices import choose_devices
+from surrogate.files import JsonObject
+from surrogate.model.store import check_surrogate_folder
+from surrogate.processes import first
+from surrogate.scene.scene import Scene
+from surrogate.training.forecast import forecast
+from surrogate.training.plan import METHODS, PRESETS, SAMPLES_HELP, make_plan
+from surrogate.training.train import carry_out
+
+
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, train, save, and compare the cost with its forecast."""
+    a = _parser().parse_args(argv)
+    if needs_supervision(a):
+        supervise("train", sys.argv[1:] if argv is None else argv)
+        return {}
+    count = initialise(a)
+    scene = Scene.read(a.scene) if a.scene else None
+    plan = make_plan(scene, a.method, a.preset, a.samples, a.seed, a.budget_seconds, a.published)
+    out, devices = Path(a.out), choose_devices(count, a.lanes)
+    check_surrogate_folder(out)
+    foreseen = forecast(plan)
+    seconds = plan.budget_s or foreseen.flow_s / devices.count + foreseen.network_s
+    if first():
+        print(plan.scene.explain(plan.samples + plan.held_out), file=sys.stderr)
+        print(
+            f"This training: about {foreseen.green_applications:,.0f} convolutions (G) and "
+            f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows on one device, "
+            f"{foreseen.network_s:.0f} s of network) on {devices.count} device"
+            f"{'' if devices.count == 1 else 's'}.",
+            file=sys.stderr,
+        )
+    with exit_when_disconnected():
+        record = carry_out(plan, out, first(), devices).record
+    keys = ("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s")
+    result = {key: record[key] for key in (*keys, "weights", "compile_s")}
+    result |= {"out": str(out), "foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
+    text = (
+        f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
+        f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
+        f"{result['green_applications']} convolutions (forecast "
+        f"{foreseen.green_applications:.0f}), {record['setup_s'] + result['train_s']:.1f} s "
+        f"(forecast {seconds:.1f}) and {record['compile_s']:.1f} s of compiling -> {out}"
+    )
+    return emit(result, a.json, text) if first() else result
+
+
+def _parser() -> Parser:
+    parser = Parser(__doc__)
+    add = parser.add_argument
+    add("--method", required=True, help=f"{', '.join(METHODS)} (explained below)")
+    add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
+    add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
+    add("--preset", default="quick", choices=list(PRESETS), help="samples and iterations (quick)")
+    add("--budget-seconds", type=float, help="train for this time instead, from 1 s")
+    add("--published", action="store_true", help="the method as published, not at its best")
+    add("--seed", type=int, default=0, help="of samples and weights, from 0 (0)")
+    add("--out", required=True, help="folder of the surrogate")
+    add_distributed_arguments(parser)
+    return parser

@@ -1,0 +1,89 @@
+"""Writing results: other people's folders are refused, files named by --out are replaced."""
+
+import json
+
+import pytest
+from pictures import pixels
+
+from shapeopt import Problem, load_run, optimise, save_run
+from shapeopt.commands import explore, march_flow, optimize_shape, payoff_command, render_shapes
+from surrogate import InvalidInput, Scene, load
+from surrogate.files import whole_file
+
+
+@pytest.fixture(scope="module")
+def designed():
+    net = load("pretrained")
+    return optimise(Problem(net.scene, 20.0), net)
+
+
+@pytest.mark.parametrize("name", ["contour.csv", "notes.txt", "run.json"])
+def test_a_folder_without_a_run_in_it_is_refused(designed, tmp_path, name):
+    (tmp_path / name).write_text('{"scripts": "other"}')
+    with pytest.raises(InvalidInput, match="choose another folder"):
+        save_run(tmp_path, designed)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name).read_text() == '{"scripts": "other"}'
+
+
+def test_march_and_payoff_refuse_folders_with_other_files(tmp_path):
+    (tmp_path / "thesis.txt").write_text("other")
+    words = ["--aspect", "1", "--reynolds", "20", "--out", str(tmp_path)]
+    with pytest.raises(InvalidInput, match=r"thesis\.txt"):
+        march_flow.main(words)
+    (tmp_path / "payoff" / "run-0").mkdir(parents=True)
+    (tmp_path / "payoff" / "run-0" / "notes.txt").write_text("other")
+    with pytest.raises(InvalidInput, match=r"run-0: is not empty"):
+        payoff_command.main(["--out", str(tmp_path / "payoff")])
+
+
+def test_the_memory_file_must_be_outside_the_run(tmp_path):
+    words = ["--until", "flow", "--reynolds", "20", "--out", f"{tmp_path}/a"]
+    with pytest.raises(InvalidInput, match="choose a file outside it"):
+        optimize_shape.main([*words, "--memory", f"{tmp_path}/a/memory.json"])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"path": []}, {"path": [[2.0, 0.9, 0.0, 0.0]]}, {"surrogate": 5}, {"cd_verified": "abc"},
+     {"cd_start": -1.0}, {"cases": 5}, {"reynolds": 1e9}],
+    ids=str,
+)  # fmt: skip
+def test_an_altered_run_is_refused(designed, tmp_path, change):
+    save_run(tmp_path / "run", designed)
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
+    (tmp_path / "run" / "run.json").write_text(json.dumps(record | change))
+    with pytest.raises(InvalidInput, match="damaged or of another program"):
+        load_run(tmp_path / "run")
+
+
+def test_a_symbolic_link_is_written_through(tmp_path):
+    (tmp_path / "kept.json").write_text("old")
+    (tmp_path / "link.json").symlink_to(tmp_path / "kept.json")
+    with whole_file(tmp_path / "link.json") as part:
+        part.write_text("new")
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "kept.json").read_text() == "new"
+
+
+@pytest.mark.parametrize("name", ["photo.png", "film.gif"])
+def test_a_picture_replaces_the_file_it_is_named_after(designed, tmp_path, name):
+    save_run(tmp_path / "run", designed, verify=False)
+    (tmp_path / name).write_bytes(b"old")
+    render_shapes.main(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / name)])
+    pixels(tmp_path / name)
+    assert {path.name for path in tmp_path.iterdir()} == {"run", name}
+
+
+def test_a_page_replaces_the_file_it_is_named_after(tmp_path):
+    (tmp_path / "page.html").write_text("<html>old</html>")
+    explore.main(["--out", str(tmp_path / "page.html")])
+    assert "<svg" in (tmp_path / "page.html").read_text()
+
+
+def test_a_scene_replaces_the_file_it_is_named_after_but_no_folder(tmp_path):
+    (tmp_path / "scene.toml").write_text("old")
+    Scene().write(tmp_path / "scene.toml")
+    assert Scene.read(tmp_path / "scene.toml") == Scene()
+    with pytest.raises(InvalidInput, match="is a folder"):
+        Scene().write(tmp_path)

@@ -1,0 +1,192 @@
+"""Invalid input is refused by the library in one line; numbers of every type are accepted."""
+
+import dataclasses
+from decimal import Decimal
+from fractions import Fraction
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise, save_run, verify
+from shapeopt.payoff.queries import query_stream
+from surrogate import (
+    Family,
+    Flow,
+    InvalidInput,
+    Particle,
+    Scene,
+    contour_shape,
+    family_shape,
+    load,
+    naca4,
+    save,
+    train,
+)
+from surrogate.scene.fidelity import Fidelity
+from surrogate.training.samples import training_samples
+
+BODY = [2.0, 0.1, 0.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def net():
+    return load("pretrained")
+
+
+@pytest.fixture(scope="module")
+def designed(net):
+    return optimise(Problem(net.scene, 20.0), net)
+
+
+T = np.linspace(0, 2 * np.pi, 80, endpoint=False)
+ROUND = np.stack([np.cos(T), 0.5 * np.sin(T)], axis=1)
+CROSSING = [2.0, 0.9, 0.0, 0.0]
+INVALID_BODIES = [
+    [2.0, 0.1, 0.0],
+    [*BODY, 0.0],
+    "abcd",
+    None,
+    {"aspect": 2},
+    [2.0, "0.1", 0, 0],
+    [BODY],
+]
+
+
+@pytest.mark.parametrize("bad", INVALID_BODIES, ids=str)
+def test_invalid_bodies_are_refused(net, designed, bad, unchecked):
+    flow = Flow(Scene(fidelity="draft"))
+    for function in (net.beyond, net.knows, flow.slope):
+        with pytest.raises(InvalidInput):
+            function(bad, 20.0)
+    with pytest.raises(InvalidInput):
+        verify(designed.problem, bad)
+
+
+def test_slope_and_labels_check_bodies_and_reynolds_numbers(unchecked):
+    flow = Flow(Scene(fidelity="draft"))
+    for body, reynolds in (
+        ([-1.0, 0.1, 0, 0], 20.0),
+        (BODY, -1.0),
+        (BODY, 200.0),
+        (CROSSING, 20.0),
+        ([9.0, 0.0, 0.0, 0.0], 20.0),
+        (BODY, np.nan),
+    ):
+        with pytest.raises(InvalidInput):
+            flow.slope(body, reynolds)
+        with pytest.raises(InvalidInput):
+            flow.labels(np.array([body]), np.array([reynolds]))
+    with pytest.raises(InvalidInput, match="1 bodies"):
+        flow.labels(np.array([BODY]), np.array([1.0, 2.0]))
+
+
+@pytest.mark.parametrize("bad", [0, -1, "20", None, [10, 20], np.bool_(True), np.nan, 10**400])
+def test_invalid_reynolds_numbers_are_refused(net, bad, unchecked):
+    with pytest.raises(InvalidInput):
+        net.beyond(BODY, bad)
+
+
+def test_traced_batches_are_refused_with_a_hint_to_vmap(net):
+    for model in (net, Flow(Scene(fidelity="draft"))):
+        with pytest.raises(InvalidInput, match=r"jax\.vmap"):
+            jax.jit(model.drag)(jnp.array([BODY]), jnp.array([20.0]))
+        with pytest.raises(InvalidInput, match=r"\(4,\)"):
+            jax.jit(model.drag)(jnp.array(BODY[:3]), jnp.asarray(20.0))
+
+
+WRONG_TYPES = {
+    "optimise": lambda net: optimise("x", net),
+    "stations": lambda net: Problem(net.scene, 20.0, stations=[(0.5, 0.3)]),
+    "within": lambda net: Problem(net.scene, 20.0, within="aspect"),
+    "list of numbers": lambda net: Weighted(10, 40),
+    "no aspect": lambda net: family_shape({"beta2": 0.1}),
+    "no parameter": lambda net: family_shape({"aspect": 2, "beta13": 0.1}),
+    "path": lambda net: load(5),
+    "density": lambda net: Particle("heavy", 1e-6, 1e-4),
+    "viscosity": lambda net: Particle(2.0, 1e-300, 1e-4),
+    "shape": lambda net: contour_shape(np.ones((12, 2)) * 1j),
+    "points": lambda net: contour_shape(np.ones((0, 2))),
+    "masked": lambda net: contour_shape(np.ma.masked_less(ROUND, 0.5)),
+    "aspect, beta2": lambda net: net.scene.family.parameters({}),
+    "aspect '2'": lambda net: net.scene.family.parameters({"aspect": "2"}),
+    "dimension 4": lambda net: family_shape({"aspect": 2}, 0, 4),
+    "count -1": lambda net: net.scene.family.sample(jax.random.key(0), -1),
+    "fidelity": lambda net: Fidelity(None, 8, 3, 4, 4),
+    "range of aspect": lambda net: Family(aspect=np.array(5)),
+    "Reynolds range": lambda net: Scene(reynolds=np.array(40)),
+    "a list of numbers": lambda net: Weighted(np.array(5.0), np.array(1.0)),
+    "preset": lambda net: train(preset=[]),
+    "dimension array": lambda net: Scene(dimension=np.array([2, 3])),
+    "until": lambda net: optimise(Problem(net.scene, 20), net, until=np.array(["a", "b"])),
+    "points -5": lambda net: naca4("0012", -5),
+    "NewtonSettings": lambda net: Flow(net.scene, settings="x"),
+    "too long": lambda net: load("x" * 5000),
+    "pretrained:sip": lambda net: load("pretrained:nope"),
+    "path ''": lambda net: load(""),
+    "no valid file name": lambda net: load("\udcff"),
+    "number": lambda net: net.drag(BODY, np.array("20")),
+    "body": lambda net: net.drag(jax.random.key(0), 20.0),
+    "traced as key": lambda net: jax.jit(lambda key: net.drag(key, 20.0))(jax.random.key(0)),
+    "one number": lambda net: net.drag(BODY, np.array(True)),
+    "must be numbers": lambda net: net.drag([2.0, False, 0, 0], 20.0),
+    "jax.numpy array": lambda net: jax.grad(lambda a: net.drag([a, 0.1, 0, 0], 20.0))(2.0),
+    "complex128": lambda net: jax.jit(net.drag)(jnp.array(BODY) + 1j, 20.0),
+    "'20'": lambda net: jax.jit(lambda body: net.drag(body, "20"))(jnp.array(BODY)),
+    "'2'": lambda net: jax.jit(lambda re: net.drag(["2", "0", "0", "0"], re))(20.0),
+    "cylinder": lambda net: verify(Problem(net.scene, 20), BODY, cylinder=[np.inf]),
+    "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
+    "path ": lambda net: Scene.read(b"x"),
+    "save": lambda net: save("x", None),
+    "save_run": lambda net: save_run("x", None),
+    "four digits": lambda net: naca4(12),
+    "bodies 'x'": lambda net: net.scene.explain("x"),
+    "real numbers": lambda net: contour_shape([[1, 2], [3]]),
+}
+
+
+@pytest.mark.parametrize("words", WRONG_TYPES)
+def test_wrong_types_are_refused_in_one_line(net, words, unchecked):
+    with pytest.raises(InvalidInput, match=words.strip()) as refusal:
+        WRONG_TYPES[words](net)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_numbers_of_every_type_are_accepted(net, unchecked):
+    plain = float(net.drag(BODY, 20.0))
+    for body, reynolds in (
+        ([Decimal(2), Fraction(1, 10), 0, np.float32(0)], Fraction(20)),
+        (np.array(BODY), np.float16(20)),
+        ((2, np.array(0.1), jnp.array(0.0), 0), np.int8(20)),
+    ):
+        assert net.drag(body, reynolds) == pytest.approx(plain, rel=1e-12)
+    exact = {"max_length": Fraction(9, 5), "trust": Decimal("0.01")}
+    stations = (Station(Fraction(1, 2), Decimal("0.3")),)
+    problem = Problem(net.scene, Robust(Decimal(20), LogNormal(Decimal("0.2")), cases=4), **exact)
+    assert optimise(dataclasses.replace(problem, stations=stations), net).kkt_residual < 1e-3
+
+
+def test_a_body_that_crosses_itself_has_drag_nan_under_jit(net):
+    crossing = jnp.array([1.0, -0.3, -0.15, -0.1])  # within the trained ranges
+    with pytest.raises(InvalidInput, match="cross"):
+        net.drag(crossing, 20.0)
+    for extrapolate in (False, True):
+        drag = jax.jit(lambda body, e=extrapolate: net.drag(body, 20.0, extrapolate=e))
+        assert np.isnan(drag(crossing))
+        assert np.isfinite(drag(jnp.array(BODY)))
+
+
+def test_huge_weights_are_normalised(net):
+    scenarios = Weighted((10, 40), (1e308, 1e308)).scenarios(net.scene)
+    assert scenarios.weight == pytest.approx([0.5, 0.5])
+
+
+def test_a_family_whose_bodies_all_cross_is_refused_for_few_samples_too():
+    family = Family(aspect=(1, 3), beta2=(0.9, 1.0))
+    with pytest.raises(InvalidInput, match="nearly all"):
+        training_samples(Scene(family=family), 0, 4)
+
+
+def test_a_stream_of_no_queries_is_empty(net):
+    assert query_stream(net.scene, 0, 0) == []
