@@ -13,7 +13,7 @@ import rivals
 import run
 import study
 from elements import PLANE, solve_by_elements
-from studies import literature
+from studies import optima
 from study import Run, Study, Table, columns
 
 from surrogate import Family, InvalidInput
@@ -41,7 +41,7 @@ LONG = {
     "trust",
     "trust_space",
 }  # they start processes, or compile for long
-TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in run.NAMES]
+TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in sorted(run.NAMES)]
 
 
 @pytest.mark.parametrize("name", TIMED)
@@ -78,7 +78,7 @@ class Counted:
 
     def __init__(self, monkeypatch, interrupted=None):
         self.measured, self.interrupted = [], interrupted
-        monkeypatch.setattr(run, "NAMES", ["squares"])
+        monkeypatch.setattr(run, "NAMES", {"squares": "squares"})
         monkeypatch.setattr(run, "load_study", lambda name: self.study)
         show = columns("x {x} | square {square:.1f}")
         cases = [{"x": x, "body": object()} for x in (1.0, 2.0, np.nan)]
@@ -213,13 +213,13 @@ def symmetric(x, y):
 def test_front_of_a_wedge_is_its_angle(degrees):
     x = np.linspace(0, 1, 501)
     markers = symmetric(x, np.tan(np.radians(degrees / 2)) * np.minimum(x, (1 - x) / 4))
-    assert literature.front_angles(markers) == pytest.approx((degrees, degrees))
+    assert optima.front_angles(markers) == pytest.approx((degrees, degrees))
 
 
 def test_front_of_a_lens_is_continued_to_its_tip():
     """Two circular arcs that meet at a right angle: the tangent behind the tip is flatter."""
     x = np.linspace(-1, 1, 2001)
-    tangent, wedge = literature.front_angles(symmetric(x, np.sqrt(2 - x**2) - 1))
+    tangent, wedge = optima.front_angles(symmetric(x, np.sqrt(2 - x**2) - 1))
     assert wedge == pytest.approx(86.8, abs=0.2)
     assert 65 < tangent < 75
 
@@ -227,18 +227,18 @@ def test_front_of_a_lens_is_continued_to_its_tip():
 def test_slender_ellipses_have_sharper_fronts():
     family = Family()
     bodies = [family.markers(family.ellipse(aspect), 4000) for aspect in (2.0, 3.0, 4.0)]
-    wedges = [literature.front_angles(np.asarray(markers))[1] for markers in bodies]
+    wedges = [optima.front_angles(np.asarray(markers))[1] for markers in bodies]
     assert wedges == sorted(wedges, reverse=True)
 
 
 def test_a_line_agrees_within_its_tolerance():
-    assert literature.line("", 1.04, 1.0, 0.05, "")["agrees"] == "yes"
-    assert literature.line("", 0.94, 1.0, 0.05, "")["agrees"] == "no"
+    assert optima.line("", 1.04, 1.0, 0.05, "")["agrees"] == "yes"
+    assert optima.line("", 0.94, 1.0, 0.05, "")["agrees"] == "no"
 
 
 @pytest.mark.slow
 def test_comparison_with_the_literature():
-    table = literature.STUDY.tables[0]
+    table = optima.STUDIES["literature"].tables[0]
     found = [row for case in table.chosen(Run()) for row in table.rows(Run(), case)]
     rows = {row["quantity"]: row for row in found}
     where = next(name.partition(":")[0] for name in rows if "tunnel" in name)
@@ -246,6 +246,6 @@ def test_comparison_with_the_literature():
     cylinder = sum(
         rows[f"{where}: cylinder, {part} drag"]["ours"] for part in ("pressure", "friction")
     )
-    assert cylinder == pytest.approx(sum(literature.CYLINDER), rel=1e-3)
+    assert cylinder == pytest.approx(sum(optima.CYLINDER), rel=1e-3)
     for name in (f"{where}: aspect", "Re 40, body-fitted adjoint: gain, %"):
         assert rows[name]["agrees"] == "yes"

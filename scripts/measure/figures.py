@@ -3,44 +3,45 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from study import Row, values
+from study import Result, Row, values
 
 from shapeopt.render.figures import STYLE, plt, save_figure
 
-
-class Line(NamedTuple):
-    """Points (x, y) with a label and matplotlib's settings."""
-
-    points: Sequence[tuple[float, float]]
-    label: str | None
-    look: Mapping[str, Any] = {"marker": "o", "ms": 3}
+Lines = Sequence[tuple[str | None, Sequence[tuple[float, float]], Mapping[str, Any]]]
 
 
-class Panel(NamedTuple):
-    """Lines in one pair of axes."""
+def lines(
+    x: str, y: str, by: str | None, labels: tuple[str, str], panel: str = "", key: str = "rows"
+) -> Callable[[Result, Path], None]:
+    """A picture of column ``y`` over ``x``, a line per value of ``by``, axes per ``panel``."""
 
-    lines: Sequence[Line]
-    xlabel: str
-    title: str = ""
+    def draw(result: Result, path: Path) -> None:
+        panels: dict[str, dict[str, Any]] = {}
+        for row in result[key]:
+            if row.get(y) is not None:
+                part = f"{labels[0]}; {panel} {row[panel]}" if panel else labels[0]
+                points = panels.setdefault(part, {}).setdefault(row.get(by), [])
+                points.append((row[x], row[y]))
+        drawn = [(part, [(*line, {}) for line in found.items()]) for part, found in panels.items()]
+        draw_lines(drawn, labels[1], path)
+
+    return draw
 
 
-def draw_lines(panels: Sequence[Panel], ylabel: str, path: Path) -> None:
-    """Panels side by side with common vertical axes, all logarithmic, and one legend."""
+def draw_lines(panels: Sequence[tuple[str, Lines]], ylabel: str, path: Path) -> None:
+    """Logarithmic axes side by side, each with its label and lines: (label, points, settings)."""
     with plt.rc_context(STYLE):
-        size = (4.6 * len(panels) + 2.4, 4.4)
-        figure, axes = plt.subplots(
-            1, len(panels), figsize=size, layout="constrained", sharey=True, squeeze=False
-        )
-    for axis, panel in zip(axes[0], panels, strict=True):
-        for points, label, look in panel.lines:
-            axis.loglog(*zip(*points, strict=True), label=label, **look)
-        axis.set(xlabel=panel.xlabel, title=panel.title)
+        size = {"figsize": (4.6 * len(panels) + 2.4, 4.4), "layout": "constrained"}
+        figure, axes = plt.subplots(1, len(panels), sharey=True, squeeze=False, **size)
+    for axis, (xlabel, drawn) in zip(axes[0], panels, strict=True):
+        for label, points, look in drawn:
+            axis.loglog(*zip(*points, strict=True), label=label, **{"marker": "o", "ms": 3} | look)
+        axis.set(xlabel=xlabel)
         axis.xaxis.set_minor_formatter("")
     axes[0, 0].set(ylabel=ylabel)
     axes[0, 0].yaxis.set_minor_formatter("")
-    axes[0, 0].yaxis.set_major_formatter("{x:g}")
     handles = axes[0, 0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside right center", frameon=False)
     save_figure(figure, path)

@@ -34,7 +34,23 @@ HERE = Path(__file__).parent
 RESULTS = HERE / "results"
 PICTURES = HERE.parents[1] / ".pictures"  # of the results that the project keeps
 OPTIONAL = ("pyvista", "scikit-learn", "ngsolve")  # recorded where they are installed
-NAMES = sorted(path.stem for path in (HERE / "studies").glob("*.py"))
+MODULES = {  # the studies of every module
+    "accuracy": "flow gradients precision march",
+    "accuracy_3d": "flow_3d corners extrapolated",
+    "designs": "designs scenarios foreseen",
+    "devices": "devices trainings_on_devices",
+    "dimension": "dimension",
+    "extremes": "extremes",
+    "machines": "shards streams",
+    "methods": "seeds safeguards stability hig",
+    "onset": "onset",
+    "optima": "literature least",
+    "settling": "settling",
+    "speed": "speed space_speed space_rival network",
+    "training": "training training_space",
+    "trust": "trust trust_space",
+}
+NAMES = {name: module for module, names in MODULES.items() for name in names.split()}
 MAPS = 30_000  # memory maps of a process; Linux grants 65530, a compiled solver takes hundreds
 SHARE = 0.3  # of the machine's memory
 
@@ -46,8 +62,8 @@ def load_study(name: str) -> Study:
       InvalidInput: There is none.
     """
     if name not in NAMES:
-        raise InvalidInput(f"study {name!r}: one of {', '.join(NAMES)}")
-    return importlib.import_module(f"studies.{name}").STUDY
+        raise InvalidInput(f"study {name!r}: one of {', '.join(sorted(NAMES))}")
+    return importlib.import_module(f"studies.{NAMES[name]}").STUDIES[name]
 
 
 def main(argv: Sequence[str] | None = None) -> Result:
@@ -56,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> Result:
     named = bool(argv) and not argv[0].startswith("-")
     study = load_study(argv[0]) if named else Study(())
     parser = Parser(__doc__)
-    parser.add_argument("study", choices=NAMES, metavar="STUDY", help=", ".join(NAMES))
+    parser.add_argument("study", choices=NAMES, metavar="STUDY", help=", ".join(sorted(NAMES)))
     parser.add_argument("--tiny", action="store_true", help="seconds long; numbers mean nothing")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the record")
     for flag, settings in study.options.items():

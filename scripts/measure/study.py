@@ -1,6 +1,7 @@
 """A study: its tables, each with its cases, the measurement of one case, and its columns."""
 
 import dataclasses
+import itertools
 import math
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -50,7 +51,7 @@ class Table:
     """Rows that are measured in the same way.
 
     Args:
-      cases: The cases of a run. A case is a dict of named values.
+      cases: The cases, or a function of the run that returns them. A case is a dict.
       measure: ``measure(run, **case)`` returns the measured values of one case, or a list of
         such dicts. A row is the case and what was measured.
       show: Markdown of the rows; see ``columns`` and ``maps``. By default none.
@@ -58,7 +59,7 @@ class Table:
       tiny: Which of the cases a tiny run measures: the "first", the "last" or "all".
     """
 
-    cases: Callable[[Run], Iterable[Row]]
+    cases: Callable[[Run], Iterable[Row]] | Sequence[Row]
     measure: Callable[..., Row | list[Row]]
     show: Show = lambda rows: ""
     key: str = "rows"
@@ -66,7 +67,8 @@ class Table:
 
     def chosen(self, run: Run) -> list[Row]:
         """The cases that this run measures."""
-        return list(self.cases(run))[SCALES[self.tiny if run.tiny else "all"]]
+        found = self.cases(run) if callable(self.cases) else self.cases
+        return list(found)[SCALES[self.tiny if run.tiny else "all"]]
 
     def rows(self, run: Run, case: Row) -> list[Row]:
         """Measure one case; what JSON cannot hold of it is left out of the rows."""
@@ -81,22 +83,28 @@ class Study:
 
     Args:
       tables: The tables, in the order in which they are measured and shown.
-      text: Markdown that follows the tables.
+      text: Markdown that follows the tables, or its form to be filled with the result.
       extra: ``extra(run, result)`` returns values of the result besides the tables.
       draw: ``draw(result, path)`` draws the picture of the study.
       options: Flags of the command, with argparse's settings.
     """
 
     tables: Sequence[Table]
-    text: Callable[[Result], str] = lambda result: ""
+    text: Callable[[Result], str] | str = ""
     extra: Callable[[Run, Result], Result] = lambda run, result: {}
     draw: Callable[[Result, Path], Any] | None = None
     options: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
 
     def markdown(self, result: Result) -> str:
         """All tables, the text, and which package is not installed."""
+        text = words(self.text, **result) if isinstance(self.text, str) else self.text(result)
         parts = [table.show(result[table.key]) for table in self.tables if result.get(table.key)]
-        return "\n\n".join(filter(None, [*parts, self.text(result), result.get("unavailable", "")]))
+        return "\n\n".join(filter(None, [*parts, text, result.get("unavailable", "")]))
+
+
+def cases(**axes: Iterable[Any]) -> list[Row]:
+    """All combinations of the values, the last varying fastest."""
+    return [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
 
 
 def columns(text: str) -> Show:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 from study import Row
@@ -17,7 +16,6 @@ from study import Row
 from surrogate import Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
 
 SILENT = 2.0  # times the error tolerance: an error that a drag called accurate must not have
-ACCELERATOR = {"choices": ["gpu", "cpu"], "help": "measure there; cpu tries the same script"}
 
 
 def solved(
@@ -108,14 +106,3 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         return probe.getsockname()[1]
-
-
-def drag_cost(scene: Scene, body: Sequence[float], reynolds: float, repeats: int) -> Row:
-    """Cells of the scene's grid, and seconds and memory of a compiled drag."""
-    flow, query = Flow(scene), (jnp.asarray(body), jnp.asarray(reynolds))
-    compiled = jax.jit(flow.drag).lower(*query).compile()
-    return {
-        "cells": int(np.prod(flow.domain.lattice.shape)),
-        "seconds": medians([lambda: compiled(*query)], repeats)[0],
-        "megabytes": megabytes(compiled),
-    }

@@ -1,20 +1,23 @@
-"""What more devices bring: flows per second, batch sizes, and a model of the scaling beyond."""
+"""What more devices bring: flows per second, a model of the scaling beyond, whole trainings."""
 
 import json
 import os
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from figures import Line, Panel, draw_lines
-from study import Result, Row, Run, Study, Table, columns, words
-from tools import ACCELERATOR, free_port, platform_of
+from figures import lines
+from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
+from tools import free_port, platform_of
 
-from surrogate import NotConverged
+from surrogate import NotConverged, Scene, load
 
-CHILD = Path(__file__).parents[1] / "flows_on_devices.py"
+SCRIPTS = Path(__file__).parents[2]
+CHILD, TRAIN = SCRIPTS / "measure" / "flows_on_devices.py", SCRIPTS / "train_surrogate.py"
 WAYS = {  # devices of a process, processes, whether each process has one core
     "one device, all cores": (1, 1, False),
     "one device, one core": (1, 1, True),
@@ -30,23 +33,19 @@ NUMBERS = 40  # that are gathered per body: tractions, slopes, flags
 BANDWIDTH = 1e9  # bytes per second, of a plain network
 
 
-def cases(run: Run) -> Iterator[Row]:
+def batches(run: Run) -> list[Row]:
     """Every grid on all devices, then larger batches on the first."""
     accelerator = run.options["accelerator"]
-    ways = ACCELERATED if accelerator else WAYS
+    ways = tuple(ACCELERATED if accelerator else WAYS)
     if run.tiny:
-        yield {"fidelity": "draft", "way": list(ways)[-1], "lanes": 1}
-        return
-    for fidelity in BODIES:
-        for way in ways:
-            yield {"fidelity": fidelity, "way": way, "lanes": 1}
-    for fidelity in BODIES if accelerator else ("draft",):
-        for lanes in GPU_LANES if accelerator else CPU_LANES:
-            yield {"fidelity": fidelity, "way": next(iter(ways)), "lanes": lanes}
+        return cases(fidelity=["draft"], way=ways[-1:], lanes=[1])
+    grids, lanes = (BODIES, GPU_LANES) if accelerator else (["draft"], CPU_LANES)
+    one = cases(fidelity=BODIES, way=ways, lanes=[1])
+    return one + cases(fidelity=grids, way=ways[:1], lanes=lanes)
 
 
-def measure(run: Run, fidelity: str, way: str, lanes: int) -> Row:
-    """Solve the same bodies in processes of their own."""
+def flows(run: Run, fidelity: str, way: str, lanes: int) -> Row:
+    """Flows per second of the same bodies, in processes of their own."""
     accelerator = run.options["accelerator"]
     devices, processes, one_core = (WAYS | ACCELERATED)[way]
     asked = {
@@ -60,19 +59,32 @@ def measure(run: Run, fidelity: str, way: str, lanes: int) -> Row:
         "coordinator": f"localhost:{free_port()}",
         "accelerator": accelerator,
     }
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     children = [
-        subprocess.Popen(
-            [sys.executable, str(CHILD), json.dumps(asked | {"process": process})],
-            env=os.environ | platform_of(accelerator),
-            **pipes,
-        )
+        _start([str(CHILD), json.dumps(asked | {"process": process})], platform_of(accelerator))
         for process in range(processes)
     ]
-    said = [child.communicate() for child in children]
-    if any(child.returncode for child in children):
-        raise NotConverged(f"flows on devices: {said[0][1].strip().splitlines()[-1]}")
-    return json.loads(said[0][0].strip().splitlines()[-1])
+    first, *_ = [_last_line(way, child) for child in children]
+    return first
+
+
+def _start(argv: list[str], environment: Row, cores: int | None = None) -> subprocess.Popen:
+    """A Python process, on the first cores only where their number is given."""
+    chosen = ",".join(map(str, sorted(os.sched_getaffinity(0))[:cores]))
+    bound = ["taskset", "-c", chosen] if cores else []
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([*bound, sys.executable, *argv], env=os.environ | environment, **pipes)
+
+
+def _last_line(name: str, child: subprocess.Popen) -> Row | None:
+    """The JSON object that a process prints last.
+
+    Raises:
+      NotConverged: The process failed.
+    """
+    said, problem = child.communicate()
+    if child.returncode:
+        raise NotConverged(f"{name}: {problem.strip().splitlines()[-1]}")
+    return json.loads(said.strip().splitlines()[-1]) if said.strip() else None
 
 
 def model(run: Run, result: Result) -> Result:
@@ -82,8 +94,7 @@ def model(run: Run, result: Result) -> Result:
     random in equal numbers; the results of all bodies are gathered on all devices once.
     """
     works = [row.pop("green_applications") for row in result["rows"]]
-    work = np.array(works[0])
-    drawn = np.random.default_rng(0).choice(work, MANY)
+    drawn = np.random.default_rng(0).choice(np.array(works[0]), MANY)
     rate, scaling = result["rows"][0]["flows_per_s"], []
     for count in COUNTS:
         shares = np.array_split(drawn, count)
@@ -91,10 +102,10 @@ def model(run: Run, result: Result) -> Result:
         solving, telling = MANY / rate / count * (1 + waste), MANY * NUMBERS * 8 / BANDWIDTH
         row = {"devices": count, "waste": waste, "solving_s": solving, "telling_s": telling}
         scaling.append(row | {"gain": MANY / rate / (solving + telling)})
-    return {"work": work.tolist(), "scaling": scaling}
+    return {"work": works[0], "scaling": scaling}
 
 
-def text(result: Result) -> str:
+def model_text(result: Result) -> str:
     """The work per body, then the model."""
     form = (
         "A body takes {mean:.0f} convolutions with G on average and {most} at most. From that, a "
@@ -103,25 +114,68 @@ def text(result: Result) -> str:
         "gathered ({kilobytes:.0f} kB at {bandwidth:.0e} bytes per second). The network's steps "
         "run on one device and take as long as there."
     )
-    work = np.array(result["work"])
+    work = {"mean": np.mean(result["work"]), "most": max(result["work"])}
     sizes = {"bodies": MANY, "kilobytes": MANY * NUMBERS * 8 / 1e3, "bandwidth": BANDWIDTH}
-    told = words(form, mean=work.mean(), most=int(work.max()), **sizes)
-    scaling = columns(
-        "devices {devices} | idle work {waste:.0%} | solving {solving_s:.2f} s"
-        " | gathering {telling_s:.4f} s | speedup {gain:.0f}"
-    )
-    return f"{told}\n\n{scaling(result['scaling'])}"
+    return f"{words(form, **work, **sizes)}\n\n{SCALING(result['scaling'])}"
 
 
-def draw(result: Result, path: Path) -> None:
-    """The model over devices."""
-    gains = [(row["devices"], row["gain"]) for row in result["scaling"]]
-    ideal = [(count, count) for count, _ in gains]
-    lines = [Line(gains, "model"), Line(ideal, "no idle work", {"color": "0.6", "ls": "--"})]
-    draw_lines([Panel(lines, "devices")], "speedup", path)
+def trainings(run: Run) -> Iterator[Row]:
+    """Devices, cores that the process may use (all where None), and the accelerator."""
+    yield {"way": "one device, all cores"}
+    yield {"way": "one device, one core", "cores": 1}
+    yield {"way": "two devices", "devices": 2}
+    if accelerator := run.options["accelerator"]:
+        yield {"way": "one accelerator", "accelerator": accelerator}
 
 
-COLUMNS = "grid {fidelity} | devices {way} | batch size per device {lanes}"
-COLUMNS += " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_lane:.0f}"
-TABLE = Table(cases, measure, columns(COLUMNS), tiny="all")
-STUDY = Study([TABLE], text, model, draw, {"--accelerator": ACCELERATOR})
+def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
+    """HIG's full training in a process of its own, with nothing compiled before."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        scene, out = folder / "scene.toml", folder / "surrogate"
+        Scene(fidelity=run.pick(TINY, "standard")).write(scene)
+        argv = [str(TRAIN), "--method", "hig", "--scene", str(scene), "--devices", str(devices)]
+        argv += run.pick(["--preset", "quick", "--samples", "8"], ["--preset", "full"])
+        cold = {"XDG_CACHE_HOME": str(folder / "compiled")} | platform_of(accelerator)
+        start = time.perf_counter()
+        said = _last_line(way, _start([*argv, "--out", str(out), "--json"], cold, cores))
+        seconds, trained = time.perf_counter() - start, load(out)
+    record = trained.record
+    return {
+        "seconds": seconds,
+        "flows_and_steps_s": record["setup_s"] + record["train_s"],
+        "compile_s": record["compile_s"],
+        "waiting": record["waiting"] / record["green_applications"],
+        "error_mean": said["drag_error_mean"],
+        "weights": np.asarray(trained.network.weights),
+    }
+
+
+def difference(run: Run, result: Result) -> Result:
+    """The largest difference of a weight from those of the first training."""
+    weights = [np.array(row.pop("weights")) for row in result["rows"]]
+    for row, mine in zip(result["rows"], weights, strict=True):
+        row["weights_off"] = float(np.abs(mine - weights[0]).max())
+    return {}
+
+
+FLOWS = columns(
+    "grid {fidelity} | devices {way} | batch size per device {lanes}"
+    " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_lane:.0f}"
+)
+SCALING = columns(
+    "devices {devices} | idle work {waste:.0%} | solving {solving_s:.2f} s"
+    " | gathering {telling_s:.4f} s | speedup {gain:.0f}"
+)
+TRAININGS = columns(
+    "devices {way} | flows and steps {flows_and_steps_s:.0f} s | compilation {compile_s:.0f} s"
+    " | total, with held-out flows {seconds:.0f} s | idle work {waiting:.1%}"
+    " | mean error {error_mean:.3%} | difference of weights {weights_off:.0e}"
+)
+SPEEDUP = lines("devices", "gain", None, ("devices", "speedup (model)"), key="scaling")
+OPTIONS = {"--accelerator": {"choices": ["gpu", "cpu"], "help": "measure there; cpu tries it out"}}
+TABLE = Table(trainings, training, TRAININGS, tiny="last")
+STUDIES = {
+    "devices": Study([Table(batches, flows, FLOWS)], model_text, model, SPEEDUP, OPTIONS),
+    "trainings_on_devices": Study([TABLE], extra=difference, options=OPTIONS),
+}

@@ -6,12 +6,11 @@ import functools
 import itertools
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import jax
 import numpy as np
-from figures import Line, Panel, draw_lines
+from figures import lines
 from rivals import Solved, rivals
 from studies.training import solved_samples, timed_fit
 from study import TINY, Result, Row, Run, Study, Table, columns, values
@@ -37,7 +36,7 @@ def family_of(parameters: int) -> Family:
     return Family(**dict(Family().ranges), **betas)
 
 
-def cases(run: Run) -> Iterator[Row]:
+def models(run: Run) -> Iterator[Row]:
     """Models, each of growing numbers of bodies."""
     for parameters in run.pick((4,), (4, 7, 11)):
         yield {"parameters": parameters, "method": GROWING, "bodies": 0}
@@ -124,18 +123,6 @@ def _points(rows: Sequence[Row], parameters: int, method: str) -> list[tuple[int
     return [(row["bodies"], row["mean"]) for row in mine]
 
 
-def draw(result: Result, path: Path) -> None:
-    """Mean error against bodies, one panel per number of parameters."""
-    rows, panels = result["rows"], []
-    for count in values(rows, "parameters"):
-        lines = [
-            Line([(x, 100 * y) for x, y in _points(rows, count, method)], method)
-            for method in (KRIGING, *METHODS)
-        ]
-        panels.append(Panel(lines, "bodies", f"{count} shape parameters"))
-    draw_lines(panels, "mean drag error, %", path)
-
-
 def text(result: Result) -> str:
     """Bodies that each mean error takes."""
     kinds = [(goal, method) for goal in GOALS for method in (KRIGING, *METHODS)]
@@ -161,10 +148,13 @@ def _bodies(pairs: Sequence[tuple[int, float]], goal: float) -> str:
     return f"> {pairs[-1][0]}"
 
 
-COLUMNS = "parameters {parameters} | method {method} | bodies {bodies} | mean error {mean:.3%}"
-COLUMNS += " | largest {max:.2%} | G {work} | seconds of the fit {fit_s:.1f}"
-COLUMNS += " | flows per design {flows:.1f} | of the last half {late:.1f}"
-COLUMNS += " | largest KKT residual {kkt:.0e} | designs not found {failed}"
+COLUMNS = columns(
+    "parameters {parameters} | method {method} | bodies {bodies} | mean error {mean:.3%}"
+    " | largest {max:.2%} | G {work} | seconds of the fit {fit_s:.1f}"
+    " | flows per design {flows:.1f} | of the last half {late:.1f}"
+    " | largest KKT residual {kkt:.0e} | designs not found {failed}"
+)
+ERRORS = lines("bodies", "mean", "method", ("bodies", "mean drag error"), "parameters")
 OPTIONS = {"--queries": {"type": int, "default": 6, "help": "designs by each model of 64 bodies"}}
-TABLE = Table(cases, measure, columns(COLUMNS), tiny="all")
-STUDY = Study([TABLE], text, draw=draw, options=OPTIONS)
+TABLE = Table(models, measure, COLUMNS, tiny="all")
+STUDIES = {"dimension": Study([TABLE], text, draw=ERRORS, options=OPTIONS)}

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Iterator
+from itertools import product
 
 from figures import draw_maps
 from study import TINY, Result, Row, Run, Study, Table, maps, place, words
@@ -12,48 +13,43 @@ from surrogate import FIDELITIES, Fidelity, InvalidInput, NotConverged
 
 OUTCOMES = {"accurate": "#4c9f70", "degraded": "#f2b134", "not converged": "#e08e58"}
 OUTCOMES |= {"refused": "#b8bec9", "silently wrong": "#d81b60"}
-REYNOLDS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
+NUMBERS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
 ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
-def cases(run: Run) -> Iterator[Row]:
+def extremes(run: Run) -> Iterator[Row]:
     """Ellipses over Re, over cells, over the domain, and in tunnels."""
+    standard, replace = FIDELITIES["standard"], dataclasses.replace
     if run.tiny:
         for a in (1.0, 20.0):
-            yield _case("tiny", f"aspect {a:g}", "Re 1", a, 1.0, TINY)
+            yield _ellipse("tiny", f"aspect {a:g}", "Re 1", a, 1.0, TINY)
         return
-    standard = FIDELITIES["standard"]
-    for name in ("draft", "standard"):
-        for a in ASPECTS:
-            for re in REYNOLDS:
-                yield _case(name, f"aspect {a:g}", f"Re {re:g}", a, re, FIDELITIES[name])
-    for n in (4, 6, 8, 12, 16, 24, 32):
-        for a in ASPECTS:
-            level = dataclasses.replace(standard, cells=n)
-            yield _case("cells per D, Re 10", f"n = {n}", f"aspect {a:g}", a, 10.0, level)
-    for u, d, h in ((2.5, 2.5, 4), (3, 4, 5), (4, 8, 8), (6, 12, 8)):
-        level = dataclasses.replace(standard, upstream=u, downstream=d, height=h)
-        for re in REYNOLDS:
-            yield _case("window, cylinder", f"{u} + {d} by {h}", f"Re {re:g}", 1.0, re, level)
-    for h in (1.5, 2.3, 3.0, 6.0, 100.0):
-        for re in REYNOLDS:
-            case = _case("tunnel, cylinder", f"H = {h:g}", f"Re {re:g}", 1.0, re, standard)
-            yield case | {"stream": f"tunnel:{h}"}
+    for name, a, re in product(("draft", "standard"), ASPECTS, NUMBERS):
+        yield _ellipse(name, f"aspect {a:g}", f"Re {re:g}", a, re, FIDELITIES[name])
+    for n, a in product((4, 6, 8, 12, 16, 24, 32), ASPECTS):
+        level = replace(standard, cells=n)
+        yield _ellipse("cells per D, Re 10", f"n = {n}", f"aspect {a:g}", a, 10.0, level)
+    for (u, d, h), re in product(((2.5, 2.5, 4), (3, 4, 5), (4, 8, 8), (6, 12, 8)), NUMBERS):
+        level = replace(standard, upstream=u, downstream=d, height=h)
+        yield _ellipse("window, cylinder", f"{u} + {d} by {h}", f"Re {re:g}", 1.0, re, level)
+    for h, re in product((1.5, 2.3, 3.0, 6.0, 100.0), NUMBERS):
+        at = "tunnel, cylinder", f"H = {h:g}", f"Re {re:g}"
+        yield _ellipse(*at, 1.0, re, standard) | {"stream": f"tunnel:{h}"}
 
 
-def _case(panel: str, row: str, column: str, aspect: float, re: float, level: Fidelity) -> Row:
+def _ellipse(panel: str, row: str, column: str, aspect: float, re: float, level: Fidelity) -> Row:
     return place(panel, row, column) | {"aspect": aspect, "reynolds": re, "fidelity": level}
 
 
-def measure(run, aspect, reynolds, fidelity, stream="unbounded", **_) -> Row:
+def outcome(run, aspect, reynolds, fidelity, stream="unbounded", **_) -> Row:
     """Outcome, drag, its estimated error, and its error against the fine grid."""
-    outcome, cd, estimate = _solve(aspect, reynolds, fidelity, stream, True)
+    found, cd, estimate = _solve(aspect, reynolds, fidelity, stream, True)
     fine = run.fidelity("fine")
     truth = None if cd is None else _solve(aspect, reynolds, fine, stream, False)[1]
     error = relative_error(cd, truth)
-    if outcome == "accurate" and abs(error or 0.0) > SILENT * fidelity.promise:
-        outcome = "silently wrong"
-    return {"outcome": outcome, "cd": cd, "estimated_error": estimate, "error": error}
+    if found == "accurate" and abs(error or 0.0) > SILENT * fidelity.promise:
+        found = "silently wrong"
+    return {"outcome": found, "cd": cd, "estimated_error": estimate, "error": error}
 
 
 @functools.cache
@@ -77,7 +73,7 @@ def cell(row: Row) -> str:
     return words(form.get(row["outcome"], "{error:+.2%}"), **row)
 
 
-def text(result: Result) -> str:
+def extremes_text(result: Result) -> str:
     """How many drags are called accurate and are not."""
     rows = result["fields"]
     silent = sum(row["outcome"] == "silently wrong" for row in rows)
@@ -86,10 +82,11 @@ def text(result: Result) -> str:
 
 
 def draw(result, path):
-    def error(row):
-        return "" if row["error"] is None else words("{error:+.1%}", **row)
+    """Maps of the outcomes."""
+    form = {True: "", False: "{error:+.1%}"}
+    rows = result["fields"]
+    draw_maps(rows, lambda row: words(form[row["error"] is None], **row), OUTCOMES, path)
 
-    draw_maps(result["fields"], error, OUTCOMES, path)
 
-
-STUDY = Study([Table(cases, measure, maps(cell), "fields", "all")], text, draw=draw)
+TABLE = Table(extremes, outcome, maps(cell), "fields", "all")
+STUDIES = {"extremes": Study([TABLE], extremes_text, draw=draw)}

@@ -10,6 +10,7 @@ from typing import Any
 
 from elements import AXISYMMETRIC, at_rest, ngsolve, solve_by_continuation
 from meshes import Elements
+from scipy.optimize import root_scalar
 from study import Row, Run, Study, Table, columns
 from tools import name_of
 
@@ -26,7 +27,7 @@ MESH = Elements(order=3, box=40.0, wall=0.06, near=0.2, wake=0.6)
 COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
 SHIFT = 0.05  # of eigenvalues, U / D: the mode that begins to grow is the nearest to it
 START = 1.3, 1.2  # Re over the limit; there the mode stands out from those that decay
-CLOSE = 3e-3  # relative, of Re
+CLOSE = 3e-3  # of Re, over the limit
 SECANTS, INVERSES = 8, 300  # at most
 TOLERANCE = 1e-6  # of an eigenvalue, U / D
 
@@ -40,17 +41,17 @@ def measure(run: Run, body: str, parameters: Mapping[str, float]) -> Row:
     return {"slenderness": extent[0] / max(extent[1:]), "limit": limit, "onset": onset}
 
 
-def critical(growth: Callable[[float], float], start: float) -> float:
-    """Re at which the growth rate is zero, by the secant method."""
-    last, re = (share * start for share in START)
-    before = growth(last)
-    for _ in range(SECANTS):
-        rate = growth(re)
-        after = re - rate * (re - last) / (rate - before)
-        last, before, re = re, rate, after
-        if abs(re / last - 1) < CLOSE:
-            return re
-    raise NotConverged(f"onset: not found near Re {re:.3g}")
+def critical(growth: Callable[[float], float], limit: float) -> float:
+    """Re at which the growth rate is zero, by the secant method.
+
+    Raises:
+      NotConverged: It is not found.
+    """
+    first, second = (share * limit for share in START)
+    found = root_scalar(growth, x0=first, x1=second, xtol=CLOSE * limit, maxiter=SECANTS)
+    if not found.converged:
+        raise NotConverged(f"onset: not found near Re {found.root:.3g}")
+    return found.root
 
 
 def growth_of(body: Mapping[str, float], elements: Elements) -> Callable[[float], float]:
@@ -109,8 +110,9 @@ def _rate(ng: Any, space: Any, shifted: Any, mass: Any) -> float:
     raise NotConverged("onset: no eigenvalue was found")
 
 
-COLUMNS = "body {body} | length over width {slenderness:.2f} | critical Re {onset:.1f}"
-CASES = [{"body": name_of(body), "parameters": body} for body in BODIES]
-STUDY = Study(
-    [Table(lambda run: CASES, measure, columns(f"{COLUMNS} | refused above {{limit:.1f}}"))]
+COLUMNS = columns(
+    "body {body} | length over width {slenderness:.2f} | critical Re {onset:.1f}"
+    " | refused above {limit:.1f}"
 )
+CASES = [{"body": name_of(body), "parameters": body} for body in BODIES]
+STUDIES = {"onset": Study([Table(CASES, measure, COLUMNS)])}

@@ -1,7 +1,7 @@
 """Terminal velocities of particles: by the flow, by Stokes's law, by the drag curve of spheres."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from scipy.optimize import brentq
 from study import TINY, Row, Run, Study, Table, columns
@@ -21,22 +21,17 @@ PARTICLES = {  # parameters of the family, density ratio, size
 }
 
 
-def cases(run: Run) -> Iterator[Row]:
+def particles(run: Run) -> Iterator[Row]:
     """Spheres of many sizes, then other bodies, which fall or rise along their axis."""
     spheres = [("sphere of quartz", ({"aspect": 1.0}, QUARTZ, size)) for size in SPHERES]
     for name, (body, density, size) in [*spheres, *PARTICLES.items()]:
         yield {"name": name, "size": 1e6 * size, "parameters": body, "density": density}
 
 
-def measure(
-    run: Run, name: str, size: float, parameters: Mapping[str, float], density: float
-) -> Row:
+def measure(run, size, parameters, density, **_) -> Row:
     """Re and velocity (mm/s), and the errors of the two laws for the sphere of its volume."""
-    fidelity = run.pick(TINY, "standard")
-    flow, particle = (
-        Flow(Scene(dimension=3, reynolds=RANGE, fidelity=fidelity)),
-        Particle(density, WATER, 1e-6 * size),
-    )
+    scene = Scene(dimension=3, reynolds=RANGE, fidelity=run.pick(TINY, "standard"))
+    flow, particle = Flow(scene), Particle(density, WATER, 1e-6 * size)
     settled = settle(flow, family_shape(parameters, dimension=3), particle)
     return {
         "reynolds": settled.reynolds,
@@ -68,7 +63,9 @@ def _by_curve(particle: Particle) -> float:
     return math.exp(brentq(excess, math.log(1e-12), math.log(RANGE[1])))
 
 
-COLUMNS = "particle {name} | size, um {size:g} | Re {reynolds:.3g} | velocity, mm/s {velocity:.4g}"
-COLUMNS += " | error of Stokes's law {stokes:+.1%} | of the sphere's drag curve {curve:+.1%}"
-COLUMNS += " | estimated error of Cd {estimate:.2%} | flows {flows}"
-STUDY = Study([Table(cases, measure, columns(COLUMNS), tiny="last")])
+COLUMNS = columns(
+    "particle {name} | size, um {size:g} | Re {reynolds:.3g} | velocity, mm/s {velocity:.4g}"
+    " | error of Stokes's law {stokes:+.1%} | of the sphere's drag curve {curve:+.1%}"
+    " | estimated error of Cd {estimate:.2%} | flows {flows}"
+)
+STUDIES = {"settling": Study([Table(particles, measure, COLUMNS, tiny="last")])}

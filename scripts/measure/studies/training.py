@@ -1,4 +1,4 @@
-"""What training costs and what it gives: every method and its rivals on the same bodies.
+"""What training costs and what it gives, in 2-D and 3-D: all methods and rivals on the same bodies.
 
 Kriging needs scikit-learn: pip install -e '.[bench]'.
 """
@@ -12,32 +12,31 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-from figures import Line, Panel, draw_lines
+from figures import draw_lines
 from rivals import Fit, Solved, rivals
-from studies.gradients import adjoint_slopes, distance
-from study import TINY, Result, Row, Run, Study, Table, columns, values
+from studies.accuracy import adjoint_slopes, distance
+from study import TINY, Result, Row, Run, Study, Table, cases, columns, values
 from tools import cold_cache
 
 from shapeopt.search.memory import Memory
-from surrogate import Flow, NotConverged, Surrogate
+from surrogate import Flow, Scene, Surrogate
 from surrogate.checks import whole_number
 from surrogate.flow.steps import FlowBatch
 from surrogate.model.inputs import scene_inputs
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
-from surrogate.training.methods.method import Method
-from surrogate.training.plan import PRESETS, Plan, compared_plans
+from surrogate.training.plan import METHODS, PRESETS, Plan, compared_plans, make_plan
 from surrogate.training.samples import Samples, held_out_samples, training_samples
 from surrogate.training.train import train_all
 
+SCENE = Path(__file__).parents[2] / "space.toml"
 MARKS = (0.01, 0.003, 0.001)  # mean errors whose cost is shown
 SHARES = (0.0625, 0.125, 0.25, 0.5, 1.0)  # of the samples, on which rivals are fitted
 GRADIENTS = 64  # held-out bodies whose shape gradients are compared
 
-SETUPS: dict[tuple, TrainingSetup] = {}
 
-
-def cases(run: Run) -> list[Row]:
-    return [{"seed": seed} for seed in range(whole_number("--seeds", run.options["seeds"], 1, 20))]
+def seeds(run: Run) -> list[Row]:
+    """From 0 on."""
+    return cases(seed=range(whole_number("--seeds", run.options["seeds"], 1, 20)))
 
 
 def measure(run: Run, seed: int) -> list[Row]:
@@ -50,30 +49,20 @@ def measure(run: Run, seed: int) -> list[Row]:
         return compared(plans, folder if seed == 0 else folder / f"seed{seed}")
 
 
+def measure_3d(run: Run, bodies: int) -> list[Row]:
+    """In 3-D, each method at its best."""
+    plans = {method: make_plan(Scene.read(SCENE), method, "full", bodies) for method in METHODS}
+    with tempfile.TemporaryDirectory() as scratch:
+        if run.tiny:
+            return compared({name: shrunk(plan) for name, plan in plans.items()}, Path(scratch))
+        return compared(plans, run.options["surrogates"])
+
+
 def shrunk(plan: Plan) -> Plan:
     """The plan of a tiny training."""
     scene = dataclasses.replace(plan.scene, fidelity=TINY)
     small = {"samples": 8, "held_out": 4, "iterations": 2, "report_every": 1}
     return dataclasses.replace(plan, scene=scene, **small)
-
-
-def setup_of(plan: Plan) -> TrainingSetup:
-    """Samples, held-out flows and first weights, made once for trainings on the same bodies."""
-    key = plan.scene, plan.samples, plan.held_out
-    if key not in SETUPS:
-        SETUPS[key] = make_setup(plan)
-    return SETUPS[key]
-
-
-def attempt(plan: Plan, method: Method) -> Row:
-    """Errors and work of a training; ``outcome`` is "trained" unless it fails or stops early."""
-    try:
-        trained = run_training(plan, setup_of(plan), method=method)
-    except NotConverged as problem:
-        return {"outcome": str(problem)}
-    last, outcome = trained.history[-1], trained.stopped or "trained"
-    errors = {"mean": last.error_mean, "max": last.error_max, "outcome": outcome}
-    return errors | {"work": last.green_applications, "failed": last.failed}
 
 
 def compared(plans: Mapping[str, Plan], folder: Path) -> list[Row]:
@@ -173,20 +162,17 @@ def _errors(truth: Truth, drags: np.ndarray, gradients: np.ndarray, history: lis
 
 def draw(result: Result, path: Path) -> None:
     """Mean drag error of every history: over the work of all seeds, over the time of the first."""
-    rows, panels = result["rows"], ([], [])
+    rows, work, time = result["rows"], [], []
     for row in rows:
         first = row["seed"] == rows[0]["seed"]
-        colour = f"C{values(rows, 'method').index(row['method'])}"
-        dashed = {"ls": "--", "marker": "o"} if row.get("seconds") is None else {}
-        for lines, column in zip(panels, (2, 1), strict=True):
-            points = [(p[column], 100 * p[3]) for p in row["history"] if p[column] > 0]
-            if points and (first or column == 2):
-                label = row["method"] if first else None
-                lines.append(Line(points, label, {"color": colour, "ms": 3} | dashed))
-    axes = "convolutions with G", "seconds of training (first seed)"
-    draw_lines(
-        [Panel(*each) for each in zip(panels, axes, strict=True)], "mean drag error, %", path
-    )
+        look = {"color": f"C{values(rows, 'method').index(row['method'])}", "marker": None}
+        look |= {"ls": "--", "marker": "o"} if row.get("seconds") is None else {}
+        for drawn, column in ((work, 2), (time, 1)) if first else ((work, 2),):
+            points = [(p[column], p[3]) for p in row["history"] if p[column] > 0]
+            if points:
+                drawn.append((row["method"] if first else None, points, look))
+    panels = [("convolutions with G", work), ("seconds of training (first seed)", time)]
+    draw_lines(panels, "mean drag error", path)
 
 
 def summary(result: Result) -> list[Row]:
@@ -236,4 +222,9 @@ OPTIONS = {
     "--preset": {"default": "full", "choices": list(PRESETS)},
     "--surrogates": {"type": Path, "default": Path("out/full"), "help": "folder of the trainings"},
 }
-STUDY = Study([Table(cases, measure, show)], draw=draw, options=OPTIONS)
+OPTIONS_3D = {"--surrogates": OPTIONS["--surrogates"] | {"default": Path("out/space_full")}}
+BODIES_3D = cases(bodies=[192])  # as many as of the surrogate that ships
+STUDIES = {
+    "training": Study([Table(seeds, measure, show)], draw=draw, options=OPTIONS),
+    "training_space": Study([Table(BODIES_3D, measure_3d, show)], draw=draw, options=OPTIONS_3D),
+}
