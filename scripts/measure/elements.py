@@ -26,7 +26,7 @@ CORNERS = 1e-9  # compressibility, so that corner elements without free velociti
 
 
 class ElementResult(NamedTuple):
-    """Cd of a body, number of unknowns, and seconds from the finished mesh to the Cd."""
+    """Cd of a body, unknowns, and seconds from the finished mesh to the Cd."""
 
     cd: float
     unknowns: int

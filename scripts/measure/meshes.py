@@ -29,25 +29,16 @@ def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
         face.faces.maxh = width
         return face
 
-    outline = np.asarray(body.draw(400))
+    outline, extent = np.asarray(body.draw(400)), elements.box
     skin = _spline(occ, outline)
     skin.name, skin.maxh = "body", elements.wall
-    extent, (nose, _), (tail, high) = elements.box, outline.min(axis=0), outline.max(axis=0)
+    (nose, _), (tail, high) = outline.min(axis=0), outline.max(axis=0)
     near = box(nose - 1, tail + 2, high + 1, elements.near)
     wake = box(tail + 2, extent, high + 2, elements.wake)
     far = box(-extent, extent, extent, extent / 8)
     whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
-    for edge in whole.edges:
-        x, r, _ = edge.center
-        if r < 1e-6:
-            edge.name = "axis"
-        elif x > extent - 1e-6:
-            edge.name = "outlet"
-        elif max(-x, r) > extent - 1e-6:
-            edge.name = "stream"
-    mesh = ng.Mesh(occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25))
-    mesh.Curve(elements.order)
-    return mesh
+    _name_sides(whole.edges, extent, ("axis",))
+    return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
 
 
 def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
@@ -59,36 +50,39 @@ def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
         solid.maxh = width
         return solid
 
-    skin = _solid(occ, body)
+    (length, width, height), extent = body.reach, elements.box
+    upper = occ.MoveTo(-length, 0).Rectangle(2 * length, height).Face()
+    half = upper * occ.Face(occ.Wire([_spline(occ, np.asarray(body.draw(100)))]))
+    solid = half.Revolve(occ.Axis((0, 0, 0), occ.X), 360)
+    skin = occ.gp_GTrsf(mat=[1, 0, 0, 0, width / height, 0, 0, 0, 1])(solid)
     for face in skin.faces:
         face.name, face.maxh = "body", elements.wall
     length, width, height = body.reach / 2
     near = box(-length - 1, length + 2, (width + 1, height + 1), elements.near)
-    wake = box(length + 2, elements.box, (width + 2, height + 2), elements.wake)
-    far = box(-elements.box, elements.box, (elements.box, elements.box), elements.box / 6)
+    wake = box(length + 2, extent, (width + 2, height + 2), elements.wake)
+    far = box(-extent, extent, (extent, extent), extent / 6)
     whole = occ.Glue([near - skin, wake, far - near - wake])
-    for face in whole.faces:
-        (x, y, z), extent = face.center, elements.box - 1e-6
-        if x > extent:
-            face.name = "outlet"
-        elif max(-x, y, z) > extent:
-            face.name = "stream"
-        elif y < 1e-6:
-            face.name = "flank"
-        elif z < 1e-6:
-            face.name = "floor"
-    mesh = ng.Mesh(occ.OCCGeometry(whole).GenerateMesh(grading=0.3))
-    mesh.Curve(elements.order)
-    return mesh
+    _name_sides(whole.faces, extent, ("flank", "floor"))
+    return _mesh(ng, occ.OCCGeometry(whole).GenerateMesh(grading=0.3), elements)
 
 
-def _solid(occ: Any, body: Shape) -> Any:
-    """The body: its outline turned round the axis, then stretched to its width."""
-    length, width, height = body.reach
-    upper = occ.MoveTo(-length, 0).Rectangle(2 * length, height).Face()
-    half = upper * occ.Face(occ.Wire([_spline(occ, np.asarray(body.draw(100)))]))
-    solid = half.Revolve(occ.Axis((0, 0, 0), occ.X), 360)
-    return occ.gp_GTrsf(mat=[1, 0, 0, 0, width / height, 0, 0, 0, 1])(solid)
+def _name_sides(sides: Any, extent: float, mirrors: tuple[str, ...]) -> None:
+    """Name the outlet, the other sides of the box, and the planes of symmetry."""
+    for side in sides:
+        x, *across = list(side.center)[: 1 + len(mirrors)]
+        if x > extent - 1e-6:
+            side.name = "outlet"
+        elif max(-x, *across) > extent - 1e-6:
+            side.name = "stream"
+        elif min(across) < 1e-6:
+            side.name = mirrors[np.argmin(across)]
+
+
+def _mesh(ng: Any, mesh: Any, elements: Elements) -> Any:
+    """A mesh with curved elements at the body."""
+    curved = ng.Mesh(mesh)
+    curved.Curve(elements.order)
+    return curved
 
 
 def _spline(occ: Any, outline: np.ndarray) -> Any:

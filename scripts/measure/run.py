@@ -33,7 +33,6 @@ from surrogate.versions import versions
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"
 PICTURES = HERE.parents[1] / ".pictures"  # of the results that the project keeps
-OPTIONAL = ("pyvista", "scikit-learn", "ngsolve")  # recorded where they are installed
 MODULES = {  # the studies of every module
     "accuracy": "flow gradients precision march",
     "accuracy_3d": "flow_3d corners extrapolated",
@@ -51,6 +50,7 @@ MODULES = {  # the studies of every module
     "trust": "trust trust_space",
 }
 NAMES = {name: module for module, names in MODULES.items() for name in names.split()}
+OPTIONAL = ("pyvista", "scikit-learn", "ngsolve")  # recorded where they are installed
 MAPS = 30_000  # memory maps of a process; Linux grants 65530, a compiled solver takes hundreds
 SHARE = 0.3  # of the machine's memory
 
@@ -69,8 +69,7 @@ def load_study(name: str) -> Study:
 def main(argv: Sequence[str] | None = None) -> Result:
     """Run a study; its record."""
     argv = sys.argv[1:] if argv is None else argv
-    named = bool(argv) and not argv[0].startswith("-")
-    study = load_study(argv[0]) if named else Study(())
+    study = load_study(argv[0]) if argv and not argv[0].startswith("-") else Study(())
     parser = Parser(__doc__)
     parser.add_argument("study", choices=NAMES, metavar="STUDY", help=", ".join(sorted(NAMES)))
     parser.add_argument("--tiny", action="store_true", help="seconds long; numbers mean nothing")
@@ -84,8 +83,8 @@ def main(argv: Sequence[str] | None = None) -> Result:
     checkpoint = Checkpoint(out / f".{name}.json", {"command": command, "versions": versions()})
     with contextlib.ExitStack() as stack:  # the bar appears when the study first speaks
         bar = functools.cache(lambda: stack.enter_context(progress_bar(name)))
-        told = Run(tiny, options, lambda done, state="": bar()(done, state))
-        result, seconds = measure(study, told, checkpoint)
+        scale = Run(tiny, options, lambda done, state="": bar()(done, state))
+        result, seconds = measure(study, scale, checkpoint)
     record = keep(name, result, command, seconds, out)
     checkpoint.path.unlink(missing_ok=True)
     if study.draw:
@@ -115,15 +114,15 @@ class Checkpoint:
 def measure(study: Study, run: Run, checkpoint: Checkpoint) -> tuple[Result, float]:
     """Measure every case of every table; the result, and the seconds that it took."""
     jobs = [(table, case) for table in study.tables for case in table.chosen(run)]
-    for k, job in enumerate(jobs[len(checkpoint.cases) :], len(checkpoint.cases)):
-        run.progress(k / len(jobs), _label(job[1]))
-        checkpoint.add(_measured(run, *job))
+    for k, (table, case) in list(enumerate(jobs))[len(checkpoint.cases) :]:
+        shown = [f"{x:g}" if isinstance(x, float) else x for x in case.values()]
+        run.progress(k / len(jobs), ", ".join(str(x) for x in shown if isinstance(x, str | int)))
+        checkpoint.add(_measured(run, table, case))
         if _crowded():
             jax.clear_caches()
     result: Result = {table.key: [] for table in study.tables}
     for (table, _), case in zip(jobs, checkpoint.cases, strict=True):
         result[table.key] += case["rows"]
-    for case in checkpoint.cases:
         result |= {"unavailable": case["unavailable"]} if "unavailable" in case else {}
     start, seconds = time.perf_counter(), sum(case["seconds"] for case in checkpoint.cases)
     result |= study.extra(run, result)
@@ -138,12 +137,6 @@ def _measured(run: Run, table: Table, case: Row) -> Row:
     except Unavailable as reason:
         found = {"rows": [], "unavailable": str(reason)}
     return found | {"seconds": time.perf_counter() - start}
-
-
-def _label(case: Row) -> str:
-    """The numbers and texts of a case, for the progress bar."""
-    shown = {name: value for name, value in case.items() if isinstance(value, str | int | float)}
-    return ", ".join(v if isinstance(v, str) else f"{k} {v:g}" for k, v in shown.items())
 
 
 def _crowded() -> bool:
@@ -176,7 +169,7 @@ def keep(
     return record
 
 
-def _machine():
+def _machine() -> Row:
     """Processor, cores, memory, system; and the accelerator, where JAX uses one."""
     listing, device = Path("/proc/cpuinfo"), jax.devices()[0]
     named = re.search(r"model name\s*: (.*)", listing.read_text() if listing.is_file() else "")

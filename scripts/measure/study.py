@@ -6,7 +6,7 @@ import math
 import string
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import jax
 import numpy as np
@@ -16,10 +16,10 @@ from surrogate import Fidelity, InvalidInput, Scene
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5)  # of tiny runs: every part of a flow, in seconds
 SCALES = {"first": slice(1), "last": slice(-1, None), "all": slice(None)}
+PLAIN = str | int | float | None | Mapping | list | tuple | np.ndarray | np.generic | Fidelity
 Row = dict[str, Any]
 Result = dict[str, Any]
 Show = Callable[[Sequence[Row]], str]
-T = TypeVar("T")
 
 
 class Unavailable(InvalidInput):
@@ -37,7 +37,7 @@ class Run:
     options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     progress: Callable[[float, str], None] = lambda done, state: None
 
-    def pick(self, tiny: T, whole: T) -> T:
+    def pick(self, tiny: Any, whole: Any) -> Any:
         """The value for the scale of this run."""
         return tiny if self.tiny else whole
 
@@ -71,7 +71,7 @@ class Table:
         return list(found)[SCALES[self.tiny if run.tiny else "all"]]
 
     def rows(self, run: Run, case: Row) -> list[Row]:
-        """Measure one case; what JSON cannot hold of it is left out of the rows."""
+        """Measure one case; values that JSON cannot hold are left out of the rows."""
         found = self.measure(run, **case)
         kept = {name: value for name, value in case.items() if isinstance(value, PLAIN)}
         return [plain(kept | row) for row in (found if isinstance(found, list) else [found])]
@@ -109,12 +109,11 @@ def cases(**axes: Iterable[Any]) -> list[Row]:
 
 def columns(text: str) -> Show:
     """A table of rows from "head {format} | head {format}", one column each."""
-    cut = [
-        (part[: part.index("{")].strip(), part[part.index("{") :].strip())
-        for part in text.split("|")
-    ]
+    cut = [(part[: part.index("{")].strip(), part[part.index("{") :]) for part in text.split("|")]
     heads = [head for head, _ in cut]
-    return lambda rows: markdown(heads, [[words(form, **row) for _, form in cut] for row in rows])
+    return lambda rows: markdown(
+        heads, [[words(form.strip(), **row) for _, form in cut] for row in rows]
+    )
 
 
 def maps(cell: Callable[[Row], str]) -> Show:
@@ -131,6 +130,11 @@ def maps(cell: Callable[[Row], str]) -> Show:
         return "\n\n".join(parts)
 
     return show
+
+
+def panel(name: str, row: str, column: str, found: Iterable[Row]) -> list[Row]:
+    """The cases with their places in ``maps``, whose forms are filled with the case."""
+    return [x | place(words(name, **x), words(row, **x), words(column, **x)) for x in found]
 
 
 def place(panel: str, row: str, column: str) -> Row:
@@ -150,17 +154,12 @@ class _Words(string.Formatter):
     def format_field(self, value, spec):
         if value is None:
             return "-"
-        if spec.endswith("%"):
-            return f"{100 * value:{spec[:-1]}f} %"
-        return super().format_field(value, spec)
+        return f"{100 * value:{spec[:-1]}f} %" if spec.endswith("%") else format(value, spec)
 
 
 def words(form: str, **named: Any) -> str:
     """``form`` filled in; a missing value is a dash, and a per cent sign follows a space."""
     return _Words().vformat(form, (), named)
-
-
-PLAIN = str | int | float | None | Mapping | list | tuple | np.ndarray | np.generic | Fidelity
 
 
 def plain(value: Any) -> Any:

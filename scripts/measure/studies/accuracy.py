@@ -2,15 +2,13 @@
 
 import contextlib
 import functools
-import itertools
 import sys
 import tempfile
-from collections.abc import Iterator
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from study import TINY, Result, Row, Run, Study, Table, cases, columns, maps, place, words
+from study import TINY, Result, Row, Run, Study, Table, cases, columns, maps, panel, words
 from tools import medians, solved
 
 from shapeopt.commands.march import main as march
@@ -31,36 +29,37 @@ REFERENCES = {
 CYLINDER = {"aspect": 1.0}
 SLENDER = {"aspect": 4.0, "beta2": 0.2, "beta3": 0.1, "beta4": 0.05}
 FINEST = Fidelity("finest", 40, 10, 24, 16, wake=0.3)
+DOMAINS = ((3, 5, 6), (4, 8, 8), (6, 12, 8), (8, 16, 12))  # upstream, downstream, height
 LARGEST = Fidelity("largest", 10, 10, 24, 16, wake=0.0)
 
 
-def flows(run: Run) -> Iterator[Row]:
+def flows(run: Run) -> list[Row]:
     """Every fidelity against elements and over its range; then cells and domain alone."""
+    at, few = "Re {reynolds:g}", (1.0, 10.0, 40.0)
     if run.tiny:
-        yield _flow("accuracy", "tiny", 1.0, TINY, REFERENCES["unbounded"][1.0])
-        yield _flow("order", "tiny", 1.0, TINY, TINY)
-        return
-    few = (1.0, 10.0, 40.0)
-    for name, level in FIDELITIES.items():
-        for stream, drags in REFERENCES.items():
-            for re, drag in drags.items():
-                yield _flow("accuracy", f"{name}, {stream}", re, level, drag) | {"stream": stream}
-        for aspect, re in itertools.product((0.5, 1.0, 2.0, 5.0), (0.5, 5.0, 45.0)):
-            row = f"{name}, aspect {aspect:g}"
-            yield _flow("range", row, re, level, FINEST) | {"body": {"aspect": aspect}}
-    bodies = {"cylinder": CYLINDER, "slender body": SLENDER}
-    for name, cells, re in itertools.product(bodies, (8, 12, 16, 24), few):
-        grids = (Fidelity("order", n, 3, 5, 5, wake=0.0) for n in (cells, 40))
-        yield _flow("order", f"{name}, n = {cells}", re, *grids) | {"body": bodies[name]}
-    for domain, re in itertools.product(((3, 5, 6), (4, 8, 8), (6, 12, 8), (8, 16, 12)), few):
-        level = Fidelity("window", 10, *domain, wake=0.0)
-        yield _flow("window", "{} + {} by {}".format(*domain), re, level, LARGEST)
-
-
-def _flow(panel: str, row: str, re: float, level: Fidelity, truth: float | Fidelity) -> Row:
-    """A flow with the drag that it should have, or with the fidelity that tells it."""
-    at = place(panel, row, f"Re {re:g}")
-    return at | {"reynolds": re, "fidelity": level, "truth": truth}
+        truths = cases(fidelity=[TINY], reynolds=[1.0], truth=[REFERENCES["unbounded"][1.0], TINY])
+        return panel("accuracy", "tiny", at, truths[:1]) + panel("order", "tiny", at, truths[1:])
+    levels = FIDELITIES.values()
+    known = [
+        {"fidelity": level, "stream": stream, "reynolds": re, "truth": drag}
+        for level in levels
+        for stream, drags in REFERENCES.items()
+        for re, drag in drags.items()
+    ]
+    ellipses = [{"aspect": aspect} for aspect in (0.5, 1.0, 2.0, 5.0)]
+    wide = {"reynolds": (0.5, 5.0, 45.0), "truth": [FINEST]}
+    *grids, fine = (Fidelity("order", n, 3, 5, 5, wake=0.0) for n in (8, 12, 16, 24, 40))
+    fixed = {"fidelity": grids, "reynolds": few, "truth": [fine]}
+    domains = [Fidelity("window", 10, *sizes, wake=0.0) for sizes in DOMAINS]
+    size = "{fidelity.upstream:g} + {fidelity.downstream:g} by {fidelity.height:g}"
+    aspect, n = "{fidelity.name}, aspect {body[aspect]:g}", "{fidelity.cells}"
+    return [
+        *panel("accuracy", "{fidelity.name}, {stream}", at, known),
+        *panel("range", aspect, at, cases(fidelity=levels, body=ellipses, **wide)),
+        *panel("order", f"cylinder, n = {n}", at, cases(**fixed)),
+        *panel("order", f"slender body, n = {n}", at, cases(body=[SLENDER], **fixed)),
+        *panel("window", size, at, cases(fidelity=domains, reynolds=few, truth=[LARGEST])),
+    ]
 
 
 def flow_error(run, reynolds, fidelity, truth, body=CYLINDER, stream="unbounded", **_) -> Row:

@@ -2,11 +2,9 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterator
-from itertools import product
 
 from figures import draw_maps
-from study import TINY, Result, Row, Run, Study, Table, maps, place, words
+from study import TINY, Result, Row, Run, Study, Table, cases, maps, panel, words
 from tools import SILENT, relative_error, solved
 
 from surrogate import FIDELITIES, Fidelity, InvalidInput, NotConverged
@@ -17,28 +15,29 @@ NUMBERS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
 ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
-def extremes(run: Run) -> Iterator[Row]:
+def extremes(run: Run) -> list[Row]:
     """Ellipses over Re, over cells, over the domain, and in tunnels."""
     standard, replace = FIDELITIES["standard"], dataclasses.replace
+    at = "aspect {aspect:g}", "Re {reynolds:g}"
     if run.tiny:
-        for a in (1.0, 20.0):
-            yield _ellipse("tiny", f"aspect {a:g}", "Re 1", a, 1.0, TINY)
-        return
-    for name, a, re in product(("draft", "standard"), ASPECTS, NUMBERS):
-        yield _ellipse(name, f"aspect {a:g}", f"Re {re:g}", a, re, FIDELITIES[name])
-    for n, a in product((4, 6, 8, 12, 16, 24, 32), ASPECTS):
-        level = replace(standard, cells=n)
-        yield _ellipse("cells per D, Re 10", f"n = {n}", f"aspect {a:g}", a, 10.0, level)
-    for (u, d, h), re in product(((2.5, 2.5, 4), (3, 4, 5), (4, 8, 8), (6, 12, 8)), NUMBERS):
-        level = replace(standard, upstream=u, downstream=d, height=h)
-        yield _ellipse("window, cylinder", f"{u} + {d} by {h}", f"Re {re:g}", 1.0, re, level)
-    for h, re in product((1.5, 2.3, 3.0, 6.0, 100.0), NUMBERS):
-        at = "tunnel, cylinder", f"H = {h:g}", f"Re {re:g}"
-        yield _ellipse(*at, 1.0, re, standard) | {"stream": f"tunnel:{h}"}
-
-
-def _ellipse(panel: str, row: str, column: str, aspect: float, re: float, level: Fidelity) -> Row:
-    return place(panel, row, column) | {"aspect": aspect, "reynolds": re, "fidelity": level}
+        return panel("tiny", *at, cases(fidelity=[TINY], aspect=(1.0, 20.0), reynolds=[1.0]))
+    levels = [FIDELITIES[name] for name in ("draft", "standard")]
+    grids = [replace(standard, cells=n) for n in (4, 6, 8, 12, 16, 24, 32)]
+    domains = [
+        replace(standard, upstream=u, downstream=d, height=h)
+        for u, d, h in ((2.5, 2.5, 4), (3, 4, 5), (4, 8, 8), (6, 12, 8))
+    ]
+    cylinder, tunnels = {"aspect": [1.0], "reynolds": NUMBERS}, (1.5, 2.3, 3.0, 6.0, 100.0)
+    size = "{fidelity.upstream:g} + {fidelity.downstream:g} by {fidelity.height:g}"
+    cells = cases(fidelity=grids, aspect=ASPECTS, reynolds=[10.0])
+    walls = cases(fidelity=[standard], stream=[f"tunnel:{h}" for h in tunnels], **cylinder)
+    walls = [case | {"height": float(case["stream"].removeprefix("tunnel:"))} for case in walls]
+    return [
+        *panel("{fidelity.name}", *at, cases(fidelity=levels, aspect=ASPECTS, reynolds=NUMBERS)),
+        *panel("cells per D, Re 10", "n = {fidelity.cells}", at[0], cells),
+        *panel("window, cylinder", size, at[1], cases(fidelity=domains, **cylinder)),
+        *panel("tunnel, cylinder", "H = {height:g}", at[1], walls),
+    ]
 
 
 def outcome(run, aspect, reynolds, fidelity, stream="unbounded", **_) -> Row:

@@ -11,7 +11,7 @@ import numpy as np
 from figures import draw_maps
 from studies.accuracy import adjoint_slopes
 from studies.training import GRADIENTS, Truth, learned, shrunk, timed_fit
-from study import Row, Run, Study, Table, cases, columns, maps, place, words
+from study import Row, Run, Study, Table, cases, columns, maps, panel, words
 from tools import medians, megabytes
 
 from surrogate import Flow, NotConverged, Scene
@@ -52,6 +52,7 @@ USUAL = {  # iterations of a short training, batch, step size
     "hig": (12, 16, {"eta": 1.0}),
     "supervised": (16, 8, {"learning_rate": 3e-3}),
 }
+FACTORS, BATCHES = (0.01, 0.1, 1.0, 10.0, 100.0), (1, 4, 16, 64, 256)
 SHARES = {"trained": 0.1, "slow": 0.9, "stalled": 1.1, "diverged": math.inf}  # of the first error
 COLOURS = {"trained": "#4c9f70", "slow": "#b8d8a0", "stalled": "#e8c468"}
 COLOURS |= {"diverged": "#e08e58", "blew up": "#c8553d"}
@@ -101,42 +102,42 @@ def variant(run, method, settings, **_) -> Row:
     return attempt(shrunk(plan) if run.tiny else plan, MAKERS[method](**settings))
 
 
-def short_trainings(run: Run) -> Iterator[Row]:
-    """One setting at a time; rows are methods, columns values."""
-    for tau in (1e-12, 1e-8, 1e-5, 1e-3, 1e-2, 1e-1):
-        yield _short("truncation tau", f"{tau:g}", "hig", tau=tau)
-    for kappa in (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0):
-        yield _short("exponent kappa", f"{kappa:g}", "hig", kappa=kappa)
-    for name, (_, _, step) in USUAL.items():
-        for factor in (0.01, 0.1, 1.0, 10.0, 100.0):
-            changed = {key: factor * size for key, size in step.items()}
-            yield _short("step size, times", f"{factor:g}", name, **changed)
-        for batch in (1, 4, 16, 64, 256):
-            large = {"vectors": 128} if name == "hig" and batch > 64 else {}
-            yield _short("batch (of 256)", f"{batch}", name, samples=256, batch=batch, **large)
-        for low, high in ((10.0, 20.0), (1.0, 40.0), (0.1, 45.0)):
-            yield _short("Reynolds range", f"{low:g} to {high:g}", name, reynolds=(low, high))
-        for precision in ("float32", "float64"):
-            yield _short("weights", precision, name)
+def short_trainings(run: Run) -> list[Row]:
+    """One setting at a time."""
+    taus, kappas = (1e-12, 1e-8, 1e-5, 1e-3, 1e-2, 1e-1), (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0)
+    ranges = [(10.0, 20.0), (1.0, 40.0), (0.1, 45.0)]
+    hig, name = {"method": ["hig"]}, "{method}"
+    every = {"method": list(USUAL)}
+    return [
+        *panel("truncation tau", name, "{tau:g}", cases(**hig, tau=taus)),
+        *panel("exponent kappa", name, "{kappa:g}", cases(**hig, kappa=kappas)),
+        *panel("step size, times", name, "{factor:g}", cases(**every, factor=FACTORS)),
+        *panel("batch (of 256)", name, "{batch}", cases(**every, samples=[256], batch=BATCHES)),
+        *panel("Reynolds range", name, "{re[0]:g} to {re[1]:g}", cases(**every, re=ranges)),
+        *panel("weights", name, "{precision}", cases(**every, precision=("float32", "float64"))),
+    ]
 
 
-def _short(panel: str, value: str, name: str, samples=64, reynolds=(1.0, 40.0), **changes) -> Row:
+def _short(name: str, samples=64, re=(1.0, 40.0), factor=1.0, precision="", **changes):
     """A short training; small batches get more steps, up to three times as many."""
-    iterations, usual, _ = USUAL[name]
-    changes = {"batch": usual} | changes
+    iterations, usual, step = USUAL[name]
+    changes = {"batch": usual} | {key: factor * size for key, size in step.items()} | changes
+    if name == "hig" and changes["batch"] > 64:
+        changes["vectors"] = 128
     more = np.clip(usual / changes["batch"], 1.0, 3.0)
-    plan = make_plan(Scene(reynolds=reynolds, fidelity="draft"), name, "quick", samples)
+    plan = make_plan(Scene(reynolds=re, fidelity="draft"), name, "quick", samples)
     short = {"held_out": 16, "iterations": round(iterations * more), "report_every": 1}
-    plan = dataclasses.replace(plan, **short)
-    return place(panel, name, value) | {"plan": plan, "changes": changes}
+    method = MAKERS[name](**changes)
+    return dataclasses.replace(plan, **short), rounded(method) if precision == "float32" else method
 
 
-def short_training(run: Run, row: str, column: str, plan: Plan, changes: Row, **_: Any) -> Row:
+def short_training(run, panel, row, column, method, **changes) -> Row:
     """The outcome of the training from the same weights."""
-    plan, method = shrunk(plan) if run.tiny else plan, MAKERS[row](**changes)
+    plan, changed = _short(method, **changes)
+    plan = shrunk(plan) if run.tiny else plan
     setup = setup_of(plan)
     before = float(drag_errors(setup.network, setup.held_out, setup.labels.drag).mean())
-    found = attempt(plan, rounded(method) if column == "float32" else method)
+    found = attempt(plan, changed)
     outcome = "blew up"
     if found["outcome"] == "trained":
         share = found["mean"] / before
