@@ -9,15 +9,21 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import jax
 import numpy as np
 from figures import lines
 from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
-from tools import free_port, platform_of
+from tools import free_port, medians, platform_of
 
-from surrogate import NotConverged, Scene, load
+from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
+from surrogate.cache import use_compilation_cache
+from surrogate.devices import choose_devices, partition_bodies
+from surrogate.flow.steps import batch_solver, estimated_cost
+from surrogate.processes import first, join
+from surrogate.training.samples import training_samples
 
 SCRIPTS = Path(__file__).parents[2]
-CHILD, TRAIN = SCRIPTS / "measure" / "flows_on_devices.py", SCRIPTS / "train_surrogate.py"
+CHILD = ("-m", "studies.devices")  # this file as a program
 WAYS = {  # devices of a process, processes, whether each process has one core
     "one device, all cores": (1, 1, False),
     "one device, one core": (1, 1, True),
@@ -60,11 +66,11 @@ def flows(run: Run, fidelity: str, way: str, lanes: int) -> Row:
         "accelerator": accelerator,
     }
     children = [
-        _start([str(CHILD), json.dumps(asked | {"process": process})], platform_of(accelerator))
+        _start([*CHILD, json.dumps(asked | {"process": process})], platform_of(accelerator))
         for process in range(processes)
     ]
-    first, *_ = [_last_line(way, child) for child in children]
-    return first
+    told = [_last_line(way, child) for child in children]
+    return json.loads(told[0])
 
 
 def _start(argv: list[str], environment: Row, cores: int | None = None) -> subprocess.Popen:
@@ -72,11 +78,12 @@ def _start(argv: list[str], environment: Row, cores: int | None = None) -> subpr
     chosen = ",".join(map(str, sorted(os.sched_getaffinity(0))[:cores]))
     bound = ["taskset", "-c", chosen] if cores else []
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*bound, sys.executable, *argv], env=os.environ | environment, **pipes)
+    argv = [*bound, sys.executable, *argv]
+    return subprocess.Popen(argv, env=os.environ | environment, cwd=SCRIPTS / "measure", **pipes)
 
 
-def _last_line(name: str, child: subprocess.Popen) -> Row | None:
-    """The JSON object that a process prints last.
+def _last_line(name: str, child: subprocess.Popen) -> str:
+    """The last line that a process prints.
 
     Raises:
       NotConverged: The process failed.
@@ -84,7 +91,7 @@ def _last_line(name: str, child: subprocess.Popen) -> Row | None:
     said, problem = child.communicate()
     if child.returncode:
         raise NotConverged(f"{name}: {problem.strip().splitlines()[-1]}")
-    return json.loads(said.strip().splitlines()[-1]) if said.strip() else None
+    return said.strip().rpartition("\n")[2]
 
 
 def model(run: Run, result: Result) -> Result:
@@ -134,11 +141,21 @@ def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
         folder = Path(scratch)
         scene, out = folder / "scene.toml", folder / "surrogate"
         Scene(fidelity=run.pick(TINY, "standard")).write(scene)
-        argv = [str(TRAIN), "--method", "hig", "--scene", str(scene), "--devices", str(devices)]
+        argv = [
+            str(SCRIPTS / "train_surrogate.py"),
+            "--method",
+            "hig",
+            "--scene",
+            str(scene),
+            "--devices",
+            str(devices),
+        ]
         argv += run.pick(["--preset", "quick", "--samples", "8"], ["--preset", "full"])
         cold = {"XDG_CACHE_HOME": str(folder / "compiled")} | platform_of(accelerator)
         start = time.perf_counter()
-        said = _last_line(way, _start([*argv, "--out", str(out), "--json"], cold, cores))
+        said = json.loads(
+            _last_line(way, _start([*argv, "--out", str(out), "--json"], cold, cores))
+        )
         seconds, trained = time.perf_counter() - start, load(out)
     record = trained.record
     return {
@@ -157,6 +174,32 @@ def difference(run: Run, result: Result) -> Result:
     for row, mine in zip(result["rows"], weights, strict=True):
         row["weights_off"] = float(np.abs(mine - weights[0]).max())
     return {}
+
+
+def child(asked: Row) -> Row:
+    """Solve the same bodies a few times, in one of the processes of ``flows``."""
+    if asked["one_core"]:
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[asked["process"] % len(cores)]})
+    if asked["accelerator"] is None:
+        jax.config.update("jax_num_cpu_devices", asked["devices"])
+    if asked["processes"] > 1:
+        join(asked["coordinator"], asked["processes"], asked["process"])
+    use_compilation_cache()
+    flow = Flow(Scene(fidelity=FIDELITIES[asked["fidelity"]]))
+    samples = training_samples(flow.scene, 0, asked["bodies"])
+    devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])
+    partition = partition_bodies(devices, estimated_cost(*samples))
+    given = devices.share((partition, *map(np.asarray, samples)))
+    solve, found = batch_solver(flow, devices).lower(*given).compile(), []
+    seconds = medians([lambda: found.append(solve(*given)) or found[-1]], asked["rounds"])[0]
+    memory = solve.memory_analysis().temp_size_in_bytes
+    return {
+        "flows_per_s": asked["bodies"] / seconds,
+        "green_applications": np.asarray(found[-1].green_applications).tolist(),
+        "mib_per_lane": memory / devices.lanes / 2**20,
+        "device": jax.devices()[0].device_kind,
+    }
 
 
 FLOWS = columns(
@@ -179,3 +222,8 @@ STUDIES = {
     "devices": Study([Table(batches, flows, FLOWS)], model_text, model, SPEEDUP, OPTIONS),
     "trainings_on_devices": Study([TABLE], extra=difference, options=OPTIONS),
 }
+
+if __name__ == "__main__":
+    answer = child(json.loads(sys.argv[1]))
+    if first():
+        print(json.dumps(answer))
