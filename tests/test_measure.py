@@ -192,6 +192,18 @@ def test_words_of_numbers():
     assert study.words("{x:+.1%}, {y:.0f}", x=0.0123, y=None) == "+1.2 %, -"
 
 
+def test_tables_of_columns_and_of_maps():
+    rows = study.panel("at {x}", "a", "b {y}", study.cases(x=(1, 2), y=(3, 4)))
+    assert [(row["panel"], row["column"]) for row in rows[1:3]] == [
+        ("at 1", "b 4"),
+        ("at 2", "b 3"),
+    ]
+    crossed = study.maps(lambda row: f"{row['x'] * row['y']}")(rows)
+    assert crossed.split("\n\n")[1].splitlines()[2] == "| a    | 6   | 8   |"
+    table = columns("both {x}{y} | missing {z:.1f}")(rows[:1])
+    assert table.splitlines()[0::2] == ["| both | missing |", "| 13   | -       |"]
+
+
 def test_without_optional_packages_studies_say_so(tmp_path, capsys, monkeypatch):
     for package in ("ngsolve", "sklearn"):
         monkeypatch.setitem(sys.modules, package, None)

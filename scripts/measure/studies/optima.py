@@ -81,15 +81,11 @@ def line(quantity: str, ours: float, published: float, tolerance: float, why: st
     return {"quantity": quantity, **numbers, "agrees": agrees, "why": why}
 
 
-def _gain(start: Solution, found: Solution) -> float:
-    return 100 * (1 - found.drag / start.drag)
-
-
 def _lens(where: str, aspect: float, start: Solution, found: Solution, why: str) -> Iterator[Row]:
     """Aspect to a quarter, the gain to half a percent of the drag, drags to 5 %."""
     gain = 100 * (1 - sum(LENS) / sum(CYLINDER))
     yield line(f"{where}: aspect", aspect, ASPECT, 0.25, FLAT)
-    yield line(f"{where}: gain, %", _gain(start, found), gain, 0.5, SMALL)
+    yield line(f"{where}: gain, %", 100 * (1 - found.drag / start.drag), gain, 0.5, SMALL)
     for name, ours, published, reason in (
         ("cylinder, pressure drag", start.drag_pressure, CYLINDER[0], PRESSURE),
         ("cylinder, friction drag", start.drag_friction, CYLINDER[1], FRICTION_WHY),
@@ -109,7 +105,7 @@ def _front(re: float, start: Solution, found: Solution) -> Iterator[Row]:
     yield line(f"Re {re:g}: front, continued to the tip, deg", wedge, WEDGES[re], 10, why)
     if re in GAINS:
         name = f"Re {re:g}, body-fitted adjoint: gain, %"
-        yield line(name, _gain(start, found), GAINS[re], 0.5, MODES)
+        yield line(name, 100 * (1 - found.drag / start.drag), GAINS[re], 0.5, MODES)
 
 
 def front_angles(markers: Float[np.ndarray, "nodes 2"]) -> tuple[float, float]:

@@ -123,6 +123,7 @@ def rival(run: Run, reynolds: float) -> Row:
 
 
 def flat_solvers(run: Run) -> list[Row]:
+    """Flows and meshes for the flattened body."""
     flows = [run.fidelity(name, 3) for name in ("draft", "standard", "fine")]
     coarse = BOX._replace(box=6.0, wall=0.4, near=0.8, wake=2.0)
     return cases(solver=run.pick((TINY, coarse), (*flows, *FLAT_MESHES)))
@@ -148,6 +149,7 @@ def flat_errors(run: Run, result: Result) -> Result:
 
 
 def round_solvers(run: Run) -> list[Row]:
+    """Flows and meshes for the spheroid, at every Re."""
     flows = [run.fidelity(name, 3) for name in ("draft", "standard")]
     tiny = cases(reynolds=[1.0], solver=(TINY, TINY_ELEMENTS._replace(wall=0.4)))
     return run.pick(tiny, cases(reynolds=REYNOLDS, solver=(*flows, *MESHES)))

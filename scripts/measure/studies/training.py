@@ -35,27 +35,20 @@ GRADIENTS = 64  # held-out bodies whose shape gradients are compared
 
 
 def seeds(run: Run) -> list[Row]:
-    """From 0 on."""
     return cases(seed=range(whole_number("--seeds", run.options["seeds"], 1, 20)))
 
 
-def measure(run: Run, seed: int) -> list[Row]:
-    """Train what is not trained yet, fit the rivals."""
-    plans = compared_plans(None, run.pick("quick", run.options["preset"]), seed=seed)
+def measure(run: Run, seed: int = 0, bodies: int | None = None) -> list[Row]:
+    """Train what is not trained yet, fit the rivals; with ``bodies`` in 3-D, methods at best."""
+    if bodies:
+        plans = {name: make_plan(Scene.read(SCENE), name, "full", bodies) for name in METHODS}
+    else:
+        plans = compared_plans(None, run.pick("quick", run.options["preset"]), seed=seed)
     with tempfile.TemporaryDirectory() as scratch:
         if run.tiny:
             return compared({name: shrunk(plan) for name, plan in plans.items()}, Path(scratch))
         folder = run.options["surrogates"]
-        return compared(plans, folder if seed == 0 else folder / f"seed{seed}")
-
-
-def measure_3d(run: Run, bodies: int) -> list[Row]:
-    """In 3-D, each method at its best."""
-    plans = {method: make_plan(Scene.read(SCENE), method, "full", bodies) for method in METHODS}
-    with tempfile.TemporaryDirectory() as scratch:
-        if run.tiny:
-            return compared({name: shrunk(plan) for name, plan in plans.items()}, Path(scratch))
-        return compared(plans, run.options["surrogates"])
+        return compared(plans, folder / f"seed{seed}" if seed else folder)
 
 
 def shrunk(plan: Plan) -> Plan:
@@ -226,5 +219,5 @@ OPTIONS_3D = {"--surrogates": OPTIONS["--surrogates"] | {"default": Path("out/sp
 BODIES_3D = cases(bodies=[192])  # as many as of the surrogate that ships
 STUDIES = {
     "training": Study([Table(seeds, measure, show)], draw=draw, options=OPTIONS),
-    "training_space": Study([Table(BODIES_3D, measure_3d, show)], draw=draw, options=OPTIONS_3D),
+    "training_space": Study([Table(BODIES_3D, measure, show)], draw=draw, options=OPTIONS_3D),
 }
