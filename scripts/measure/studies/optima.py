@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import root_scalar
-from study import Result, Row, Run, Study, Table, columns, words
+from study import Result, Row, Run, Study, Table, cases, columns, words
 from tools import name_of, solved
 
 from shapeopt import Problem, optimise
@@ -52,17 +52,15 @@ HEIGHT = 0.55  # D, the bound
 CELLS = 10, 16, 24  # per D
 TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, promise=0.1)
 TINY_RANGES = {"dimension": 3, "aspect": (1.5, 3.0)}
-PUBLISHED = [  # the first is measured by a tiny run
-    {"reynolds": 1.0, "stream": "unbounded"},
-    {"reynolds": 1.0, "stream": "tunnel"},
-    {"reynolds": 0.1, "stream": "unbounded"},
-    {"reynolds": 40.0, "stream": "unbounded"},
-]
+FREE, WALLED = "unbounded", "tunnel"
+PUBLISHED = cases(reynolds=[1.0], stream=(FREE, WALLED)) + cases(
+    reynolds=(0.1, 40.0), stream=[FREE]
+)
 
 
 def beside_published(run: Run, reynolds: float, stream: str) -> list[Row]:
     """Compare the flow's own optimum and the cylinder with what is published."""
-    fidelity, free = run.fidelity("standard"), stream == "unbounded"
+    fidelity, free = run.fidelity("standard"), stream == FREE
     walls = stream if free else tunnel_with_drag(fidelity, reynolds, sum(CYLINDER))
     flow = Flow(Scene(walls, reynolds=(0.1, 40.0), fidelity=fidelity))
     best = optimise(Problem(flow.scene, reynolds=reynolds), flow).parameters
