@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from study import free_port
+from tools import free_port
 
 from shapeopt import Designer, Problem
 from surrogate import InvalidInput

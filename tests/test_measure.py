@@ -1,7 +1,6 @@
-"""The studies run, their results are whole, and the texts say what the results say."""
+"""The studies run, their records reproduce what they print, and the texts say the same."""
 
 import datetime
-import importlib
 import json
 import re
 import sys
@@ -11,17 +10,15 @@ import numpy as np
 import pytest
 import report
 import rivals
-import speed
+import run
 import study
-from conftest import SCRIPTS
-from literature import CYLINDER, front_angles, line, measure
-from plane import solve_by_plane_elements
+from elements import PLANE, solve_by_elements
+from studies import optima
+from study import Run, Study, Table, columns
 
 from surrogate import Family, InvalidInput
 from surrogate.scene.cost import CONVOLUTIONS
 
-MEASURE = SCRIPTS / "measure"
-NAMES = sorted(p.stem for p in MEASURE.glob("*.py") if "\nSTUDY = " in p.read_text())
 LONG = {
     "corners",
     "designs",
@@ -44,43 +41,107 @@ LONG = {
     "trust",
     "trust_space",
 }  # they start processes, or compile for long
-TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in NAMES]
-ENVELOPE = ["command", "versions", "machine", "date", "seconds", "result"]
+TIMED = [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in sorted(run.NAMES)]
 
 
 @pytest.mark.parametrize("name", TIMED)
-def test_study_runs_and_keeps_its_record(name, tmp_path, capsys, monkeypatch):
+def test_study_runs_and_its_record_reproduces_its_tables(name, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("shapeopt.commands.march_flow.FRAMES", 4)
-    found = importlib.import_module(name).STUDY
-    record = study.carry_out(found, ["--tiny", "--json", "--out", str(tmp_path)])
-    printed = json.loads(capsys.readouterr().out.splitlines()[-1])
-    kept = json.loads((tmp_path / f"{name}.json").read_text())
-    assert printed == kept == record
-    assert list(kept) == ENVELOPE
-    assert kept["command"].startswith(f"python scripts/measure/{name}.py --tiny")
-    assert kept["versions"]["jax"] == jax.__version__
-    assert kept["machine"]["cores"] >= 1
-    assert kept["seconds"] > 0
-    age = datetime.datetime.now(datetime.UTC) - datetime.datetime.fromisoformat(kept["date"])
-    assert age < datetime.timedelta(hours=1)
-    text = found.tables(kept["result"])
-    assert any(character.isdigit() for character in text)
-    for table in re.findall(r"(?:^\|.*\n?)+", text, re.M):
+    run.main([name, "--tiny", "--out", str(tmp_path)])
+    printed, found = capsys.readouterr().out, run.load_study(name)
+    record = json.loads((tmp_path / f"{name}.json").read_text())
+    assert record["seconds"] > 0
+    result = record["result"]
+    assert printed.strip() == found.markdown(result).strip()
+    if "unavailable" in result:
+        assert "pip install" in printed
+        return
+    for table in found.tables:
+        measured = result[table.key]
+        for row in measured.values() if isinstance(measured, dict) else measured:
+            assert any(isinstance(value, int | float) for value in row.values())
+        assert len(measured) >= len(table.chosen(Run(True, _defaults(found))))
+    assert any(character.isdigit() for character in printed)
+    for table in re.findall(r"(?:^\|.*\n?)+", printed, re.M):
         assert len({row.count("|") for row in table.splitlines()}) == 1
     assert (tmp_path / f"{name}.png").is_file() == bool(found.draw)
 
 
+def _defaults(found: Study) -> dict:
+    """The options of a study where none is given."""
+    flags = found.options.items()
+    return {flag.strip("-"): settings.get("default") for flag, settings in flags}
+
+
+class Counted:
+    """A study of squares that remembers what it measured, and is interrupted at one case."""
+
+    def __init__(self, monkeypatch, interrupted=None):
+        self.measured, self.interrupted = [], interrupted
+        monkeypatch.setattr(run, "NAMES", {"squares": "squares"})
+        monkeypatch.setattr(run, "load_study", lambda name: self.study)
+        show = columns("x {x} | square {square:.1f}")
+        cases = [{"x": x, "body": object()} for x in (1.0, 2.0, np.nan)]
+        self.study = Study([Table(lambda run: cases, self.measure, show)])
+
+    def measure(self, run, x, body):
+        if x == self.interrupted:
+            raise KeyboardInterrupt
+        self.measured.append(x)
+        return {"square": x * x}
+
+
+def test_a_record_says_how_it_came_about(tmp_path, capsys, monkeypatch):
+    Counted(monkeypatch)
+    run.main(["squares", "--json", "--out", str(tmp_path)])
+    record = json.loads((tmp_path / "squares.json").read_text())
+    assert json.loads(capsys.readouterr().out) == record
+    assert list(record) == ["command", "versions", "machine", "date", "seconds", "result"]
+    assert record["command"].startswith("python scripts/measure/run.py squares --json")
+    assert record["versions"]["jax"] == jax.__version__
+    assert record["machine"]["cores"] >= 1
+    age = datetime.datetime.now(datetime.UTC) - datetime.datetime.fromisoformat(record["date"])
+    assert age < datetime.timedelta(hours=1)
+    rows = [{"x": 1.0, "square": 1.0}, {"x": 2.0, "square": 4.0}, {"x": None, "square": None}]
+    assert record["result"] == {"rows": rows}
+
+
+def test_a_tiny_run_measures_the_first_case(tmp_path, capsys, monkeypatch):
+    counted = Counted(monkeypatch)
+    run.main(["squares", "--tiny", "--out", str(tmp_path)])
+    assert counted.measured == [1.0]
+    assert capsys.readouterr().out.splitlines()[-1] == "| 1.0 | 1.0    |"
+
+
+def test_an_interrupted_study_is_resumed_by_the_same_command(tmp_path, monkeypatch):
+    argv = ["squares", "--out", str(tmp_path)]
+    first = Counted(monkeypatch, interrupted=2.0)
+    with pytest.raises(KeyboardInterrupt):
+        run.main(argv)
+    again = Counted(monkeypatch)
+    record = run.main(argv)
+    assert first.measured == [1.0]
+    assert again.measured[:1] == [2.0]
+    assert [row["x"] for row in record["result"]["rows"]] == [1.0, 2.0, None]
+    assert [path.name for path in tmp_path.iterdir()] == ["squares.json"]
+
+
+def test_an_unknown_study_is_refused():
+    with pytest.raises(InvalidInput, match="study 'flows': one of corners, "):
+        run.main(["flows"])
+
+
 def test_every_study_is_told_and_none_else():
     told = re.findall(r"<!-- (\w+) -->", report.BOOK.read_text())
-    assert sorted(told) == sorted([*NAMES, "payoff", "payoff_space"])
+    assert sorted(told) == sorted([*run.NAMES, "payoff", "payoff_space"])
 
 
 def test_what_is_foreseen_was_measured():
-    rows = json.loads((study.RESULTS / "foreseen.json").read_text())["result"]["rows"]
+    rows = json.loads((run.RESULTS / "foreseen.json").read_text())["result"]["rows"]
     assert {row["dimension"] for row in rows} == set(CONVOLUTIONS)
     for row in rows:
         foreseen = CONVOLUTIONS[row["dimension"]]._asdict()[row["name"]]
-        assert foreseen == pytest.approx(row["measured"], rel=0.25), row["what"]
+        assert foreseen == pytest.approx(row["measured"], rel=0.25), row["name"]
 
 
 def test_texts_are_what_the_results_say():
@@ -91,18 +152,18 @@ def test_a_stale_text_is_told(tmp_path, monkeypatch):
     readme = tmp_path / "README.md"
     readme.write_text("<!-- accuracy -->\nold\n<!-- /accuracy -->\n")
     monkeypatch.setattr(report, "README", readme)
-    with pytest.raises(InvalidInput, match=r"README.md: is not what"):
+    with pytest.raises(InvalidInput, match=r"README.md: differs from what"):
         report.main(["--check"])
 
 
 def test_figures_are_filled_in_and_missing_ones_left_out(tmp_path):
     rows = [{"panel": "accuracy", "row": "standard, x", "error": e} for e in (0.001, -0.003)]
-    study.keep("flow", {"rows": rows}, "command", out=tmp_path)
+    run.keep("flow", {"rows": rows}, "command", out=tmp_path)
     text = (
         "a\n<!-- accuracy -->\nold\n<!-- /accuracy -->\nb\n<!-- payoff -->\nx\n<!-- /payoff -->\n"
     )
     filled = report.filled(text, report.short_block, tmp_path)
-    assert "0.20 % off" in filled
+    assert "by 0.20 % from" in filled
     assert "0.30 % at most" in filled
     assert filled.endswith("<!-- /accuracy -->\nb\n<!-- payoff -->\n<!-- /payoff -->\n")
     assert report.filled(filled, report.short_block, tmp_path) == filled
@@ -131,18 +192,27 @@ def test_words_of_numbers():
     assert study.words("{x:+.1%}, {y:.0f}", x=0.0123, y=None) == "+1.2 %, -"
 
 
-def test_without_optional_packages_studies_say_so(monkeypatch):
+def test_tables_of_columns_and_of_maps():
+    rows = study.panel("at {x}", "a", "b {y}", study.cases(x=(1, 2), y=(3, 4)))
+    assert [(row["panel"], row["column"]) for row in rows[1:3]] == [
+        ("at 1", "b 4"),
+        ("at 2", "b 3"),
+    ]
+    crossed = study.maps(lambda row: f"{row['x'] * row['y']}")(rows)
+    assert crossed.split("\n\n")[1].splitlines()[2] == "| a    | 6   | 8   |"
+    table = columns("both {x}{y} | missing {z:.1f}")(rows[:1])
+    assert table.splitlines()[0::2] == ["| both | missing |", "| 13   | -       |"]
+
+
+def test_without_optional_packages_studies_say_so(tmp_path, capsys, monkeypatch):
     for package in ("ngsolve", "sklearn"):
         monkeypatch.setitem(sys.modules, package, None)
     assert list(rivals.rivals()) == ["kriging, with slopes"]
     with pytest.raises(InvalidInput, match="NGSolve: pip install"):
-        solve_by_plane_elements({"aspect": 1.0}, 1.0)
-    for part in ("cells", "gradients", "batches"):
-        monkeypatch.setattr(speed, f"_{part}", lambda *_: [])
-    monkeypatch.setattr(speed, "medians", lambda *_: [1.0])
-    result = speed.measure(True, lambda *_: None)
-    assert result["rival"] == []
-    assert "pip install" in speed.tables(result)
+        solve_by_elements(PLANE, {"aspect": 1.0}, 1.0)
+    record = run.main(["onset", "--tiny", "--out", str(tmp_path)])
+    assert record["result"]["rows"] == []
+    assert "pip install" in capsys.readouterr().out
 
 
 def symmetric(x, y):
@@ -155,13 +225,13 @@ def symmetric(x, y):
 def test_front_of_a_wedge_is_its_angle(degrees):
     x = np.linspace(0, 1, 501)
     markers = symmetric(x, np.tan(np.radians(degrees / 2)) * np.minimum(x, (1 - x) / 4))
-    assert front_angles(markers) == pytest.approx((degrees, degrees))
+    assert optima.front_angles(markers) == pytest.approx((degrees, degrees))
 
 
 def test_front_of_a_lens_is_continued_to_its_tip():
     """Two circular arcs that meet at a right angle: the tangent behind the tip is flatter."""
     x = np.linspace(-1, 1, 2001)
-    tangent, wedge = front_angles(symmetric(x, np.sqrt(2 - x**2) - 1))
+    tangent, wedge = optima.front_angles(symmetric(x, np.sqrt(2 - x**2) - 1))
     assert wedge == pytest.approx(86.8, abs=0.2)
     assert 65 < tangent < 75
 
@@ -169,23 +239,25 @@ def test_front_of_a_lens_is_continued_to_its_tip():
 def test_slender_ellipses_have_sharper_fronts():
     family = Family()
     bodies = [family.markers(family.ellipse(aspect), 4000) for aspect in (2.0, 3.0, 4.0)]
-    wedges = [front_angles(np.asarray(markers))[1] for markers in bodies]
+    wedges = [optima.front_angles(np.asarray(markers))[1] for markers in bodies]
     assert wedges == sorted(wedges, reverse=True)
 
 
 def test_a_line_agrees_within_its_tolerance():
-    assert line("", 1.04, 1.0, 0.05, "")["agrees"] == "yes"
-    assert line("", 0.94, 1.0, 0.05, "")["agrees"] == "no"
+    assert optima.line("", 1.04, 1.0, 0.05, "")["agrees"] == "yes"
+    assert optima.line("", 0.94, 1.0, 0.05, "")["agrees"] == "no"
 
 
 @pytest.mark.slow
 def test_comparison_with_the_literature():
-    rows = {row["quantity"]: row for row in measure(False, lambda *_: None)["rows"]}
+    table = optima.STUDIES["literature"].tables[0]
+    found = [row for case in table.chosen(Run()) for row in table.rows(Run(), case)]
+    rows = {row["quantity"]: row for row in found}
     where = next(name.partition(":")[0] for name in rows if "tunnel" in name)
     where += f":{next(name for name in rows if 'tunnel' in name).split(':')[1]}"
     cylinder = sum(
         rows[f"{where}: cylinder, {part} drag"]["ours"] for part in ("pressure", "friction")
     )
-    assert cylinder == pytest.approx(sum(CYLINDER), rel=1e-3)
+    assert cylinder == pytest.approx(sum(optima.CYLINDER), rel=1e-3)
     for name in (f"{where}: aspect", "Re 40, body-fitted adjoint: gain, %"):
         assert rows[name]["agrees"] == "yes"

@@ -66,7 +66,7 @@ def hoelzer_sommerfeld(body: Ellipsoid, reynolds: float) -> float:
         8 / (reynolds * np.sqrt(lengthwise))
         + 16 / (reynolds * np.sqrt(sphericity))
         + 3 / (np.sqrt(reynolds) * sphericity**0.75)
-        + 0.42 * 10 ** (0.4 * _below_one(sphericity) ** 0.2) / crosswise
+        + 0.42 * 10 ** (0.4 * max(-np.log10(sphericity), 0) ** 0.2) / crosswise
     )
 
 
@@ -92,14 +92,9 @@ def bagheri_bonadonna(body: Ellipsoid, reynolds: float) -> float:
     stokes = flatness * elongation**1.3 * bulk
     newton = flatness**2 * elongation * bulk
     slow = (stokes ** (1 / 3) + stokes ** (-1 / 3)) / 2
-    fast = 10 ** (0.45 * _below_one(newton))
+    fast = 10 ** (0.45 * max(-np.log10(newton), 0))
     share = reynolds * fast / slow
     return 24 * slow / reynolds * (1 + 0.125 * share ** (2 / 3)) + 0.46 * fast / (1 + 5330 / share)
-
-
-def _below_one(share: float) -> float:
-    """-log10 of what is at most one but for rounding."""
-    return max(-np.log10(share), 0.0)
 
 
 CORRELATIONS = {

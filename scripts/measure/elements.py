@@ -1,126 +1,140 @@
 """Body-fitted finite elements (NGSolve), the rivals of the flow solver, in an unbounded stream.
 
-The sides of the box have the velocity, and the outlet has the traction, of the Oseenlet of the
-body's own force. Needs NGSolve: pip install -e '.[bench]'.
+Steady Navier-Stokes by Taylor-Hood elements that are curved at the body, Newton's method with a
+direct solver, and continuation in Re. The drag is the residual tested with a unit velocity on the
+body. The sides of the box have the velocity, and the outlet has the traction, of the Oseenlet of
+the body's own force. Needs NGSolve: pip install -e '.[bench]'.
 """
 
+import functools
+import importlib
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
-from jaxtyping import Float
+from meshes import Elements, half_plane, quarter
+from study import Unavailable
 
-from surrogate import NotConverged
+from surrogate import InvalidInput, NotConverged, family_shape
 
-START = 5.0  # highest Re that Newton's method is started at from rest
-RISE = 5.0  # most that Re then grows by at once
+START = 5.0  # highest Re at which Newton's method converges from rest
+RISE = 5.0  # largest ratio of successive Re of the continuation
 STEPS = 20  # of Newton's method
 TOLERANCE = 1e-8
-CORNERS = 1e-9  # compressibility, by which elements without free velocities have a pressure
+CORNERS = 1e-9  # compressibility, so that corner elements without free velocities have a pressure
 
 
-class Elements(NamedTuple):
-    """Degree, reach of the box, and widths of elements: on the body, near it, in its wake; in D."""
-
-    order: int = 3
-    box: float = 100.0
-    wall: float = 0.05
-    near: float = 0.2
-    wake: float = 1.0
-
-
-class Found(NamedTuple):
-    """Cd of a body, unknowns, seconds from the finished mesh to the Cd by ``stopwatch``."""
+class ElementResult(NamedTuple):
+    """Cd of a body, unknowns, and seconds from the finished mesh to the Cd."""
 
     cd: float
     unknowns: int
     seconds: float
 
 
-class Part(NamedTuple):
-    """The part of a flow that is solved: of the whole its share is 1 / ``whole``.
+class Geometry(NamedTuple):
+    """The symmetric part of the flow that is solved.
 
-    ``weak_form(ng, space, reynolds, traction)`` has the traction at its outlet; ``far(ng, k, x,
-    distance)`` are Green's functions, of the Oseen operator by k = Re / 2 and of Laplace's.
+    ``weak_form(ng, space, reynolds, traction)`` has the traction on its outlet. ``green(ng, k, x,
+    distance)`` returns the Green's functions of the Oseen operator, with k = Re / 2, and of
+    Laplace's. The whole force is ``multiplicity`` times that on the part, Cd is ``scale`` times
+    the force over rho U^2 and D (2-D) or D^2. ``fixed`` names the Dirichlet boundaries.
     """
 
+    dimension: int
+    mesh: Callable
     weak_form: Callable
-    whole: float
-    far: Callable
+    green: Callable
+    multiplicity: float
+    scale: float
+    fixed: tuple[tuple[str, str], ...]
+    elements: Elements
+
+
+def ngsolve() -> Any:
+    """The package of the finite elements.
+
+    Raises:
+      Unavailable: It is not installed.
+    """
+    try:
+        return importlib.import_module("ngsolve")
+    except ImportError:
+        raise Unavailable("the rival needs NGSolve: pip install -e '.[bench]'") from None
+
+
+def solve_by_elements(
+    geometry: Geometry, body: Mapping[str, float], reynolds: float, elements: Elements | None = None
+) -> ElementResult:
+    """Solve the flow past a body of the family; ``reynolds * elements.box`` is to be 50 or more.
+
+    Raises:
+      Unavailable: NGSolve is not installed.
+      NotConverged: Newton's method failed.
+    """
+    ng = ngsolve()
+    flow = at_rest(ng, geometry, body, elements or geometry.elements)
+    seconds = stopwatch()
+    force = solve_by_continuation(ng, flow, reynolds, geometry)
+    return ElementResult(geometry.scale * force, flow.space.ndof, seconds())
+
+
+def reference_cd(
+    geometry: Geometry, body: Mapping[str, float], reynolds: float, elements: Elements | None = None
+) -> float:
+    """Cd by ``solve_by_elements``, solved once for all rows of a study that need it."""
+    return _solved_once(geometry, tuple(body.items()), reynolds, elements)
+
+
+@functools.cache
+def _solved_once(geometry, body, reynolds, elements):
+    return solve_by_elements(geometry, dict(body), reynolds, elements).cd
+
+
+def at_rest(ng: Any, geometry: Geometry, body: Mapping[str, float], elements: Elements) -> Any:
+    """Velocity and pressure, both zero, on a mesh round the body."""
+    if geometry.weak_form is axisymmetric_form and body.get("flatness", 1.0) != 1.0:
+        raise InvalidInput("axisymmetric elements: flatness must be 1")
+    shape = family_shape(body, dimension=geometry.dimension)
+    mesh = geometry.mesh(ng, shape, elements)
+    velocities = ng.VectorH1(mesh, order=elements.order, **dict(geometry.fixed))
+    return ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
 
 
 def stopwatch() -> Callable[[], float]:
-    """Seconds since now: of the processor, or of the clock where waiting threads make it fewer."""
+    """Seconds since now, of the processor or of the clock, whichever are fewer.
+
+    Waiting threads count as busy processors.
+    """
     begin = time.process_time(), time.perf_counter()
     return lambda: min(time.process_time() - begin[0], time.perf_counter() - begin[1])
 
 
-def cartesian_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
-    """Steady Navier-Stokes; traction on the outlet. Corners of the box alone need the last term."""
-    (u, p), (v, q) = space.TnT()
-    viscous, inertia = ng.InnerProduct(ng.Grad(u), ng.Grad(v)), (ng.Grad(u) * u) * v
-    incompressible = p * ng.div(v) + q * ng.div(u) + CORNERS * p * q
-    form = ng.BilinearForm(space)
-    form += (viscous / reynolds + inertia - incompressible) * ng.dx
-    form += -traction * v * ng.ds("outlet")
-    return form
-
-
-def climb(ng: Any, flow: Any, reynolds: float, part: Part) -> float:
-    """Take the flow from rest to this Re; its force over rho U^2 and D, in space D^2.
+def solve_by_continuation(ng: Any, flow: Any, reynolds: float, geometry: Geometry) -> float:
+    """Take the flow from rest to this Re; its force over rho U^2 and D, in 3-D D^2.
 
     Raises:
       NotConverged: Newton's method failed.
     """
     force = 0.0
-    for number in _ascent(reynolds):
-        force = _newton(ng, flow, number, force, part)
+    for number in _continuation(reynolds):
+        force = _newton(ng, flow, number, force, geometry)
     return force
 
 
-def _ascent(reynolds: float) -> Iterator[float]:
-    """Reynolds numbers on the way up, in equal ratios."""
-    climbs = max(math.ceil(math.log(reynolds / START, RISE)), 0)
-    for left in range(climbs, -1, -1):
-        yield reynolds * (START / reynolds) ** (left / max(climbs, 1))
+def _continuation(reynolds: float) -> Iterator[float]:
+    """Increasing Reynolds numbers up to this one, in equal ratios."""
+    steps = max(math.ceil(math.log(reynolds / START, RISE)), 0)
+    for left in range(steps, -1, -1):
+        yield reynolds * (START / reynolds) ** (left / max(steps, 1))
 
 
-def half_plane(ng: Any, outline: Float[np.ndarray, "nodes 2"], elements: Elements) -> Any:
-    """Triangles beside the stream's axis: finest at the body, then round it, then in its wake."""
-    from netgen import occ
-
-    def box(start, end, height, width):
-        face = occ.MoveTo(start, 0).Rectangle(end - start, height).Face()
-        face.faces.maxh = width
-        return face
-
-    skin = occ.SplineInterpolation([occ.Pnt(x, r, 0) for x, r in outline], periodic=True)
-    skin.name, skin.maxh = "body", elements.wall
-    reach, (nose, _), (tail, high) = elements.box, outline.min(axis=0), outline.max(axis=0)
-    near = box(nose - 1, tail + 2, high + 1, elements.near)
-    wake = box(tail + 2, reach, high + 2, elements.wake)
-    far = box(-reach, reach, reach, reach / 8)
-    whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
-    for edge in whole.edges:
-        x, r, _ = edge.center
-        if r < 1e-6:
-            edge.name = "axis"
-        elif x > reach - 1e-6:
-            edge.name = "outlet"
-        elif max(-x, r) > reach - 1e-6:
-            edge.name = "stream"
-    mesh = ng.Mesh(occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25))
-    mesh.Curve(elements.order)
-    return mesh
-
-
-def _newton(ng: Any, flow: Any, reynolds: float, force: float, part: Part) -> float:
-    """Take the flow to this Re, the far field along with the force; that force."""
+def _newton(ng: Any, flow: Any, reynolds: float, force: float, geometry: Geometry) -> float:
+    """Solve at one Re, with the far field of the force that is solved for; that force."""
     space, strength = flow.space, ng.Parameter(force)
-    velocity, traction = _oseenlet(ng, reynolds, space.mesh.dim, part.far)
-    form = part.weak_form(ng, space, reynolds, -strength * traction)
+    velocity, traction = _oseenlet(ng, reynolds, space.mesh.dim, geometry.green)
+    form = geometry.weak_form(ng, space, reynolds, -strength * traction)
     sides, axial = ng.GridFunction(space), ng.GridFunction(space)
     along = ng.CF((1, 0, 0)[: space.mesh.dim])
     axial.components[0].Set(along, definedon=space.mesh.Boundaries("body"))
@@ -135,7 +149,7 @@ def _newton(ng: Any, flow: Any, reynolds: float, force: float, part: Part) -> fl
         form.AssembleLinearization(flow.vec)
         change.data = form.mat.Inverse(space.FreeDofs()) * residual
         flow.vec.data -= change
-        force = -part.whole * ng.InnerProduct(residual, axial.vec)
+        force = -geometry.multiplicity * ng.InnerProduct(residual, axial.vec)
         settled = abs(force - strength.Get()) < TOLERANCE * force
         if settled and ng.Norm(change) < TOLERANCE * ng.Norm(flow.vec):
             return force
@@ -143,31 +157,68 @@ def _newton(ng: Any, flow: Any, reynolds: float, force: float, part: Part) -> fl
     raise NotConverged(f"finite elements at Re {reynolds:g}: Newton's method failed")
 
 
-def _oseenlet(ng: Any, reynolds: float, dimension: int, far: Callable) -> tuple[Any, Any]:
-    """Velocity, and traction on planes across the stream, of a unit force at the origin along it.
+def _oseenlet(ng: Any, reynolds: float, dimension: int, green: Callable) -> tuple[Any, Any]:
+    """Velocity, and traction on planes across the stream, of a unit force along x at the origin.
 
-    Of the Green's functions G and L, u = Re G along x - grad (G - L), p = -dL/dx. Of two
-    dimensions the second is the distance from the axis.
+    Of the Green's functions G and L, u = Re G along x - grad (G - L), p = -dL/dx. In an
+    axisymmetric mesh the second coordinate is the distance from the axis.
     """
     x, *across = (ng.x, ng.y, ng.z)[:dimension]
     distance = ng.sqrt(sum(side**2 for side in (x, *across)))
-    green, harmonic = far(ng, reynolds / 2, x, distance)
-    potential = green - harmonic
-    along = reynolds * green - potential.Diff(x)
+    oseen, harmonic = green(ng, reynolds / 2, x, distance)
+    potential = oseen - harmonic
+    along = reynolds * oseen - potential.Diff(x)
     velocity = ng.CF((along, *(-potential.Diff(side) for side in across)))
     pressure = ng.CF((-harmonic.Diff(x), *(0 for _ in across)))
     return velocity, velocity.Diff(x) / reynolds - pressure
 
 
-def far_in_space(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
-    """Green's functions of the Oseen operator and of Laplace's, in three dimensions."""
+def green_3d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
+    """Green's functions of the Oseen operator and of Laplace's in 3-D."""
     sphere = 4 * math.pi * distance
     return ng.exp(k * (x - distance)) / sphere, 1 / sphere
 
 
-def far_in_plane(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
-    """The same in two; K0 by its asymptotic series, which far away has six digits."""
+def green_2d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
+    """The same in 2-D; K0 by its asymptotic series, which has six digits in the far field."""
     z = k * distance
     series = 1 - 1 / (8 * z) + 9 / (128 * z**2)
     decay = ng.exp(k * x - z) * ng.sqrt(math.pi / (2 * z)) * series
     return decay / (2 * math.pi), -ng.log(distance) / (2 * math.pi)
+
+
+def cartesian_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
+    """Steady Navier-Stokes in 2-D or 3-D, with a traction on the outlet."""
+    (u, p), (v, q) = space.TnT()
+    viscous, inertia = ng.InnerProduct(ng.Grad(u), ng.Grad(v)), (ng.Grad(u) * u) * v
+    incompressible = p * ng.div(v) + q * ng.div(u) + CORNERS * p * q
+    form = ng.BilinearForm(space)
+    form += (viscous / reynolds + inertia - incompressible) * ng.dx
+    form += -traction * v * ng.ds("outlet")
+    return form
+
+
+def axisymmetric_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
+    """Steady Navier-Stokes without swirl, per unit azimuth, with a traction on the outlet."""
+    (u, p), (v, q) = space.TnT()
+    r = ng.y
+    viscous = r * ng.InnerProduct(ng.Grad(u), ng.Grad(v)) + u[1] * v[1] / r
+    inertia = r * (ng.Grad(u) * u) * v
+    incompressible = p * (r * ng.div(v) + v[1]) + q * (r * ng.div(u) + u[1])
+    form = ng.BilinearForm(space)
+    form += (viscous / reynolds + inertia - incompressible) * ng.dx(bonus_intorder=2)
+    form += -r * traction * v * ng.ds("outlet")
+    return form
+
+
+WALLS = "body|stream"
+HALF = (("dirichlet", WALLS), ("dirichlety", f"axis|{WALLS}"))
+FEW = Elements(wall=0.15, near=0.4, wake=2.0)  # so few that the far field's error is the larger
+PLANE = Geometry(2, half_plane, cartesian_form, green_2d, 2.0, 2.0, HALF, FEW)
+AXISYMMETRIC = Geometry(
+    3, half_plane, axisymmetric_form, green_3d, 2 * math.pi, 8 / math.pi, HALF, Elements()
+)
+BOX = Elements(order=2, box=20.0, wall=0.1, near=0.3, wake=0.8)
+QUARTER = (HALF[0], ("dirichlety", f"flank|{WALLS}"), ("dirichletz", f"floor|{WALLS}"))
+FLATTENED = Geometry(3, quarter, cartesian_form, green_3d, 4.0, 8 / math.pi, QUARTER, BOX)
+TINY_ELEMENTS = Elements(order=2, box=10.0, wall=0.2, near=0.5)  # of tiny runs, of revolution

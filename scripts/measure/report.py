@@ -1,11 +1,10 @@
-"""Fill RESULTS.md and the README's figures from the kept results.
+"""Fill RESULTS.md and the tables of the README from the records in results/.
 
 python scripts/measure/report.py
 python scripts/measure/report.py --payoff out/full/payoff.json --took 240,430
 python scripts/measure/report.py --check
 """
 
-import importlib
 import json
 import re
 import shutil
@@ -14,9 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import training
-from study import PICTURES, RESULTS, Result, keep, table, words
+from run import PICTURES, RESULTS, keep, load_study
+from studies import training
+from study import Result, columns, words
+from tools import mean_and_most
 
 from shapeopt.commands.cli import Parser, emit, numbers, run
 from shapeopt.payoff.tables import payoff_tables, short_table
@@ -28,10 +28,12 @@ README = Path(__file__).parents[2] / "README.md"
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Keep what other commands have found, then write both texts."""
+    """Keep records of other commands, then write both texts."""
     parser = Parser(__doc__)
-    parser.add_argument("--payoff", type=Path, help="what scripts/payoff.py left, to be kept")
-    parser.add_argument("--took", help="seconds of the README's first command, alone and busy")
+    parser.add_argument("--payoff", type=Path, help="result of scripts/payoff.py, to be kept")
+    parser.add_argument(
+        "--took", help="seconds of the README's first command, on an idle and on a busy machine"
+    )
     parser.add_argument("--check", action="store_true", help="only compare")
     arguments = parser.parse_args(argv)
     if arguments.payoff:
@@ -43,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
         old = path.read_text()
         new = filled(old, blocks)
         if arguments.check and new != old:
-            raise InvalidInput(f"{path.name}: is not what scripts/measure/report.py would write")
+            raise InvalidInput(f"{path.name}: differs from what scripts/measure/report.py writes")
         if new != old:
             with whole_file(path) as part:
                 part.write_text(new)
@@ -66,7 +68,7 @@ def filled(text: str, block: Callable[[str, Result], str], folder: Path = RESULT
 
 
 def keep_payoff(path: Path, out: Path = RESULTS, pictures: Path = PICTURES) -> None:
-    """The payoff's result and pictures beside those of the studies, in space by another name."""
+    """Keep the payoff's result and pictures, those of 3-D scenes under names of their own."""
     result = json.loads(path.read_text())
     space = "_space" if result.get("scene", {}).get("dimension") == 3 else ""
     command = result.pop("command", f"python scripts/payoff.py --out {path.parent}")
@@ -76,21 +78,23 @@ def keep_payoff(path: Path, out: Path = RESULTS, pictures: Path = PICTURES) -> N
 
 
 def whole_block(name: str, record: Result) -> str:
-    """All of a study: tables, picture; by which command, when, on what, for how long."""
-    tell = (
-        payoff_tables if name.startswith("payoff") else importlib.import_module(name).STUDY.tables
-    )
-    picture, machine = PICTURES / f"{name}.png", record["machine"]
+    """Tables and picture of a study, then its command, date, duration and machine."""
+    result, command, payoff = record["result"], record["command"], name.startswith("payoff")
+    text = payoff_tables(result) if payoff else load_study(name).markdown(result)
+    if not payoff:  # older records name a file of the study's own
+        command = re.sub(r"measure/(?!run\.py)\w+\.py", f"measure/run.py {name}", command)
+    picture = PICTURES / f"{name}.png"
     shown = [f"![{name}](../../.pictures/{name}.png)"] if picture.is_file() else []
-    form = "`{command}` on {day}{time}; {on}{cores} cores of {processor}, jax {jax}"
-    on = f"{machine['accelerator']}, " if machine["accelerator"] else ""
-    time = "" if record["seconds"] is None else f", {record['seconds'] / 60:.1f} minutes"
-    origin = {"day": record["date"][:10], "jax": record["versions"]["jax"], "time": time, "on": on}
-    return "\n\n".join([tell(record["result"]), *shown, words(form, **machine, **record, **origin)])
+    minutes = None if record["seconds"] is None else record["seconds"] / 60
+    form = "`{command}` on {day}" + ("" if minutes is None else ", {minutes:.1f} minutes") + "; "
+    form += ("{accelerator}, " if record["machine"]["accelerator"] else "") + "{cores} cores of "
+    told = record["machine"] | {"day": record["date"][:10], "jax": record["versions"]["jax"]}
+    told |= {"command": command, "minutes": minutes}
+    return "\n\n".join([text, *shown, words(form + "{processor}, jax {jax}", **told)])
 
 
 def short_block(name: str, record: Result) -> str:
-    """What the README says of a study."""
+    """The part of the README on a study."""
     tell = {
         "training": _training,
         "accuracy": _accuracy,
@@ -102,46 +106,39 @@ def short_block(name: str, record: Result) -> str:
 
 
 def _training(result: Result) -> str:
-    heads = "method | error of Cd: mean | max | of its shape gradient | work, G | time"
-    heads += " | with compilation"
-    forms = "{method} | {error_mean} | {error_max} | {gradient} | {work:.0f} | {time} | {first}"
-    return table(training.summary(result), heads, forms)
+    form = "method {method} | error of Cd: mean {error_mean} | max {error_max}"
+    form += " | of its shape gradient {gradient} | work, G {work:.0f} | time {time}"
+    return columns(f"{form} | with compilation {{first}}")(training.summary(result))
 
 
 def _accuracy(result: Result) -> str:
-    rows = [row for row in result["rows"] if row["panel"] == "accuracy"]
-    errors = np.abs([row["error"] for row in rows if row["row"].startswith("standard")])
+    off = mean_and_most(
+        row["error"]
+        for row in result["rows"]
+        if row["panel"] == "accuracy" and row["row"].startswith("standard")
+    )
     form = (
         "The flow's Cd of the cylinder (unbounded and in two tunnels, Re 1 to 40, standard grid) "
-        "is {mean:.2%} off body-fitted finite elements on average, {most:.2%} at most."
+        "differs by {off[0]:.2%} from body-fitted finite elements on average, {off[1]:.2%} at most."
     )
-    return words(form, mean=errors.mean(), most=errors.max())
+    return words(form, off=off)
 
 
 def _space(result: Result) -> str:
-    def errors(column, panel):
-        chosen = [r for r in result["rows"] if (r["row"], r["column"])[panel != "sphere"] == column]
-        return np.abs([r["error"] for r in chosen if r["panel"].startswith(panel)])
+    def errors(panel):
+        rows = [row for row in result["rows"] if row["panel"].startswith(panel)]
+        return [row["error"] for row in rows if "standard" in (row["row"], row["column"])]
 
-    held_out, exact = errors("standard", "aspect"), errors("standard", "ellipsoids")
     form = (
-        "In space, standard: the sphere's Cd at Re 0.1 to 100 is {sphere:.2%} off at most, those "
-        "of ellipsoids of two and three axes {exact:.2%} off Oberbeck's, those of {count} other "
-        "bodies of revolution {mean:.2%} off axisymmetric elements on average, {most:.2%} at most. "
-        "The network that ships for it, `pretrained:space`, is {net:.2%} off its flow on average, "
-        "{worst:.2%} at most."
+        "In 3-D, standard: the error of the sphere's Cd at Re 0.1 to 100 is {sphere[1]:.2%} at "
+        "most, that of ellipsoids of two and three axes {exact[1]:.2%} (against Oberbeck), that of "
+        "{count} other bodies of revolution {revolved[0]:.2%} on average and {revolved[1]:.2%} at "
+        "most (against axisymmetric elements). The network that ships for it, `pretrained:space`, "
+        "differs by {drag_error_mean:.2%} from its flow on average, {drag_error_max:.2%} at most."
     )
-    shipped = load("pretrained:space").record
-    return words(
-        form,
-        sphere=errors("standard", "sphere").max(),
-        exact=exact.max(),
-        count=len(held_out),
-        mean=held_out.mean(),
-        most=held_out.max(),
-        net=shipped["drag_error_mean"],
-        worst=shipped["drag_error_max"],
-    )
+    names = {"sphere": "sphere", "exact": "ellipsoids", "revolved": "aspect"}
+    off = {name: mean_and_most(errors(panel)) for name, panel in names.items()}
+    return words(form, count=len(errors("aspect")), **off, **load("pretrained:space").record)
 
 
 def _payoff(result: Result) -> str:
@@ -158,7 +155,7 @@ def _duration(result: Result) -> str:
     return form.format(*(seconds / 60 for seconds in result["seconds"]))
 
 
-SOURCES = {"accuracy": "flow"}  # of figures, where not of their own name
+SOURCES = {"accuracy": "flow", "space": "flow_3d"}  # of blocks with another name than the study
 
 if __name__ == "__main__":
     sys.exit(run(main))

@@ -1,235 +1,175 @@
-"""What all studies share: one way to run, to keep a result with how it came about, to tell it."""
+"""A study: its tables, each with its cases, the measurement of one case, and its columns."""
 
-import contextlib
 import dataclasses
-import datetime
-import functools
-import importlib.metadata
-import importlib.util
-import json
+import itertools
 import math
-import os
-import platform
-import re
-import shlex
-import socket
 import string
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
-from jax.experimental.compilation_cache import compilation_cache
 
-from shapeopt.commands.cli import Parser, emit, run
 from shapeopt.render.tables import markdown
-from surrogate import Fidelity, InvalidInput
-from surrogate.files import make_folder, whole_file
-from surrogate.progress import progress_bar
-from surrogate.versions import versions
+from surrogate import Fidelity, InvalidInput, Scene
 
-RESULTS = Path(__file__).parent / "results"
-PICTURES = Path(__file__).parents[2] / ".pictures"  # of the results that the project keeps
-BESIDES = ("pyvista", "scikit-learn", "ngsolve")  # their versions are kept where they are installed
-TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5)  # of tiny measurements: real in every part
+TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5)  # of tiny runs: every part of a flow, in seconds
+SCALES = {"first": slice(1), "last": slice(-1, None), "all": slice(None)}
+PLAIN = str | int | float | None | Mapping | list | tuple | np.ndarray | np.generic | Fidelity
+Row = dict[str, Any]
 Result = dict[str, Any]
+Show = Callable[[Sequence[Row]], str]
+
+
+class Unavailable(InvalidInput):
+    """An optional package that a measurement needs is not installed."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """How a study is run: tiny or whole, with which options, and who is told of the progress.
+
+    A tiny run takes seconds, for tests; its numbers mean nothing.
+    """
+
+    tiny: bool = False
+    options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    progress: Callable[[float, str], None] = lambda done, state: None
+
+    def pick(self, tiny: Any, whole: Any) -> Any:
+        """The value for the scale of this run."""
+        return tiny if self.tiny else whole
+
+    def fidelity(self, name: str, dimension: int = 2) -> Fidelity:
+        """The named fidelity, or the tiny one."""
+        return TINY if self.tiny else Scene(dimension=dimension, fidelity=name).fidelity
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Rows that are measured in the same way.
+
+    Args:
+      cases: The cases, or a function of the run that returns them. A case is a dict.
+      measure: ``measure(run, **case)`` returns the measured values of one case, or a list of
+        such dicts. A row is the case and what was measured.
+      show: Markdown of the rows; see ``columns`` and ``maps``. By default none.
+      key: Name of the rows in the study's result.
+      tiny: Which of the cases a tiny run measures: the "first", the "last" or "all".
+    """
+
+    cases: Callable[[Run], Iterable[Row]] | Sequence[Row]
+    measure: Callable[..., Row | list[Row]]
+    show: Show = lambda rows: ""
+    key: str = "rows"
+    tiny: str = "first"
+
+    def chosen(self, run: Run) -> list[Row]:
+        """The cases that this run measures."""
+        found = self.cases(run) if callable(self.cases) else self.cases
+        return list(found)[SCALES[self.tiny if run.tiny else "all"]]
+
+    def rows(self, run: Run, case: Row) -> list[Row]:
+        """Measure one case; values that JSON cannot hold are left out of the rows."""
+        found = self.measure(run, **case)
+        kept = {name: value for name, value in case.items() if isinstance(value, PLAIN)}
+        return [plain(kept | row) for row in (found if isinstance(found, list) else [found])]
 
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """One thing that is measured.
+    """Tables that one command measures, and what is told and drawn of them.
 
-    ``measure(tiny, progress, **options)`` answers in numbers, arrays and texts; ``tiny`` takes
-    seconds, for tests. ``tables(result)`` is their Markdown, ``draw(result, path)`` their picture;
-    ``options`` are flags of its own, with argparse's settings.
+    Args:
+      tables: The tables, in the order in which they are measured and shown.
+      text: Markdown that follows the tables, or its form to be filled with the result.
+      extra: ``extra(run, result)`` returns values of the result besides the tables.
+      draw: ``draw(result, path)`` draws the picture of the study.
+      options: Flags of the command, with argparse's settings.
     """
 
-    name: str
-    measure: Callable[..., Result]
-    tables: Callable[[Result], str]
+    tables: Sequence[Table]
+    text: Callable[[Result], str] | str = ""
+    extra: Callable[[Run, Result], Result] = lambda run, result: {}
     draw: Callable[[Result, Path], Any] | None = None
     options: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
 
-
-def run_study(study: Study) -> int:
-    """Run a study as a command; its exit status."""
-    return run(functools.partial(carry_out, study))
-
-
-def carry_out(study: Study, argv: Sequence[str] | None = None) -> Result:
-    """Measure, keep the record and the picture, print the tables."""
-    argv = sys.argv[1:] if argv is None else argv
-    parser = Parser(sys.modules[study.measure.__module__].__doc__)
-    parser.add_argument("--tiny", action="store_true", help="so small that numbers mean nothing")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the record")
-    for flag, settings in study.options.items():
-        parser.add_argument(flag, **settings)
-    chosen = vars(parser.parse_args(argv))
-    tiny, out, as_json = (chosen.pop(name) for name in ("tiny", "out", "json"))
-    make_folder(out)
-    start = time.perf_counter()
-    with contextlib.ExitStack() as stack:  # the bar appears when the study first speaks
-        bar = functools.cache(lambda: stack.enter_context(progress_bar(study.name)))
-        result = study.measure(tiny, lambda done, state="": bar()(done, state), **chosen)
-    command = shlex.join(["python", f"scripts/measure/{study.name}.py", *argv])
-    record = keep(study.name, result, command, time.perf_counter() - start, out)
-    if study.draw:
-        kept_here = out.resolve() == RESULTS
-        study.draw(record["result"], (PICTURES if kept_here else out) / f"{study.name}.png")
-    return emit(record, as_json, study.tables(record["result"]))
+    def markdown(self, result: Result) -> str:
+        """All tables, the text, and which package is not installed."""
+        text = words(self.text, **result) if isinstance(self.text, str) else self.text(result)
+        parts = [table.show(result[table.key]) for table in self.tables if result.get(table.key)]
+        return "\n\n".join(filter(None, [*parts, text, result.get("unavailable", "")]))
 
 
-def keep(
-    name: str, result: Result, command: str, seconds: float | None = None, out: Path = RESULTS
-) -> Result:
-    """Write a result with how it came about, whole, to ``out/name.json``; the record."""
-    installed = importlib.metadata.distributions()
-    besides = {one.name: one.version for one in installed if one.name in BESIDES}
-    record = plain(
-        {
-            "command": command,
-            "versions": versions() | {"python": platform.python_version()} | besides,
-            "machine": _machine(),
-            "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            "seconds": seconds,
-            "result": result,
-        }
+def cases(**axes: Iterable[Any]) -> list[Row]:
+    """All combinations of the values, the last varying fastest."""
+    return [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
+
+
+def columns(text: str) -> Show:
+    """A table of rows from "head {format} | head {format}", one column each."""
+    cut = [(part[: part.index("{")].strip(), part[part.index("{") :]) for part in text.split("|")]
+    heads = [head for head, _ in cut]
+    return lambda rows: markdown(
+        heads, [[words(form.strip(), **row) for _, form in cut] for row in rows]
     )
-    with whole_file(Path(out) / f"{name}.json") as part:
-        part.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
-    return record
 
 
-def has_ngsolve() -> bool:
-    """Whether the package of the finite elements is installed."""
-    return importlib.util.find_spec("ngsolve") is not None
+def maps(cell: Callable[[Row], str]) -> Show:
+    """One table per ``panel`` of the rows, with ``cell(row)`` where its row and column cross."""
+
+    def show(rows: Sequence[Row]) -> str:
+        parts = []
+        for panel in values(rows, "panel"):
+            mine = [row for row in rows if row["panel"] == panel]
+            cells = {(row["row"], row["column"]): cell(row) for row in mine}
+            heads = values(mine, "column")
+            lines = [[y, *(cells.get((y, x), "") for x in heads)] for y in values(mine, "row")]
+            parts.append(markdown([panel, *heads], lines))
+        return "\n\n".join(parts)
+
+    return show
 
 
-def ngsolve() -> Any:
-    """The package of the finite elements.
-
-    Raises:
-      InvalidInput: it is not installed.
-    """
-    try:
-        return importlib.import_module("ngsolve")
-    except ImportError:
-        raise InvalidInput("the rival needs NGSolve: pip install -e '.[bench]'") from None
+def panel(name: str, row: str, column: str, found: Iterable[Row]) -> list[Row]:
+    """The cases with their places in ``maps``, whose forms are filled with the case."""
+    return [x | place(words(name, **x), words(row, **x), words(column, **x)) for x in found]
 
 
-ACCELERATOR = {"choices": ["gpu", "cpu"], "help": "measure there; cpu tries the same script"}
+def place(panel: str, row: str, column: str) -> Row:
+    """Where a row stands in ``maps``."""
+    return {"panel": panel, "row": row, "column": column}
 
 
-def platform_of(accelerator: str | None) -> dict[str, str]:
-    """Environment in which JAX works there, or on the processor; told by a process of its own.
-
-    Raises:
-      InvalidInput: there is no such accelerator.
-    """
-    if accelerator != "gpu":
-        return {"JAX_PLATFORMS": "cpu"}
-    ask = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
-    if (found := subprocess.run(ask, capture_output=True, text=True).stdout.strip()) != "gpu":
-        raise InvalidInput(f"--accelerator gpu: JAX finds {found or 'nothing'} alone")
-    return {}
+def values(rows: Iterable[Row], key: str) -> list[Any]:
+    """The different values of ``key`` in the rows, in order of appearance."""
+    return list(dict.fromkeys(row[key] for row in rows))
 
 
-def free_port() -> int:
-    """Of this machine, for processes that are to find each other."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return probe.getsockname()[1]
+class _Words(string.Formatter):
+    def get_value(self, key, arguments, named):
+        return named.get(key)
+
+    def format_field(self, value, spec):
+        if value is None:
+            return "-"
+        return f"{100 * value:{spec[:-1]}f} %" if spec.endswith("%") else format(value, spec)
+
+
+def words(form: str, **named: Any) -> str:
+    """``form`` filled in; a missing value is a dash, and a per cent sign follows a space."""
+    return _Words().vformat(form, (), named)
 
 
 def plain(value: Any) -> Any:
-    """The same as JSON takes it; what is no finite number is None."""
+    """The value as JSON holds it: infinities and NaN are None, a fidelity is its name."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
     if isinstance(value, np.ndarray | np.generic | jax.Array):
         return plain(value.tolist())
+    if isinstance(value, Fidelity):
+        return value.name
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-class Words(string.Formatter):
-    """Format strings, in which what is missing is a dash and a per cent sign stands off."""
-
-    def format_field(self, value: Any, spec: str) -> str:
-        if value is None:
-            return "-"
-        if spec.endswith("%"):
-            return f"{100 * value:{spec[:-1]}f} %"
-        return super().format_field(value, spec)
-
-
-def words(form: str, **values: Any) -> str:
-    """``form`` filled in."""
-    return Words().vformat(form, (), values)
-
-
-def table(rows: Sequence[Mapping[str, Any]], heads: str, forms: str) -> str:
-    """Markdown of rows; heads and format strings are divided by |."""
-    lines = [[words(form.strip(), **row) for form in forms.split("|")] for row in rows]
-    return markdown([head.strip() for head in heads.split("|")], lines)
-
-
-def table_of_rows(heads: str, forms: str) -> Callable[[Result], str]:
-    """As ``tables`` of a study whose result has ``rows``."""
-    return lambda result: table(result["rows"], heads, forms)
-
-
-def medians(calls: Sequence[Callable[[], Any]], repeats: int = 7) -> list[float]:
-    """Median seconds of every call, compilation left out.
-
-    Taken in turns, so that a busy machine hurts all alike.
-    """
-    seconds = np.zeros((repeats + 1, len(calls)))
-    for row in seconds:
-        for k, call in enumerate(calls):
-            start = time.perf_counter()
-            jax.block_until_ready(call())
-            row[k] = time.perf_counter() - start
-    return np.median(seconds[1:], axis=0).tolist()
-
-
-@contextlib.contextmanager
-def cold_cache() -> Iterator[None]:
-    """What was compiled before is not found, and nothing is kept."""
-    before = jax.config.jax_enable_compilation_cache
-    jax.config.update("jax_enable_compilation_cache", False)
-    compilation_cache.reset_cache()
-    try:
-        yield
-    finally:
-        jax.config.update("jax_enable_compilation_cache", before)
-        compilation_cache.reset_cache()
-
-
-def megabytes(compiled: Any) -> float:
-    """Memory of a compiled call, its answers included."""
-    memory = compiled.memory_analysis()
-    return (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6
-
-
-def power_of(rows: Sequence[Mapping[str, Any]], x: str, y: str) -> float | None:
-    """Of x, with which |y| goes, fitted; one row alone does not tell."""
-    logs = np.log([[row[x], abs(row[y])] for row in rows]).T
-    return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
-
-
-def _machine():
-    """Processor, cores, memory, system; and the accelerator, where JAX uses one."""
-    listing, device = Path("/proc/cpuinfo"), jax.devices()[0]
-    named = re.search(r"model name\s*: (.*)", listing.read_text() if listing.is_file() else "")
-    return {
-        "processor": named[1] if named else platform.machine(),
-        "cores": os.cpu_count(),
-        "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
-        "system": f"{platform.system()} {platform.machine()}",
-        "accelerator": None if device.platform == "cpu" else device.device_kind,
-    }

@@ -1,0 +1,90 @@
+"""Meshes of the finite elements (NGSolve) round bodies in boxes; lengths in D."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from surrogate import Shape
+
+
+class Elements(NamedTuple):
+    """Degree of the elements, half extent of the box, and element widths.
+
+    The widths are on the body, near it, and in its wake.
+    """
+
+    order: int = 3
+    box: float = 100.0
+    wall: float = 0.05
+    near: float = 0.2
+    wake: float = 1.0
+
+
+def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
+    """Triangles of the half plane above the body's axis: (x, y) in 2-D, (x, r) of revolution."""
+    from netgen import occ
+
+    def box(start, end, height, width):
+        face = occ.MoveTo(start, 0).Rectangle(end - start, height).Face()
+        face.faces.maxh = width
+        return face
+
+    outline, extent = np.asarray(body.draw(400)), elements.box
+    skin = _spline(occ, outline)
+    skin.name, skin.maxh = "body", elements.wall
+    (nose, _), (tail, high) = outline.min(axis=0), outline.max(axis=0)
+    near = box(nose - 1, tail + 2, high + 1, elements.near)
+    wake = box(tail + 2, extent, high + 2, elements.wake)
+    far = box(-extent, extent, extent, extent / 8)
+    whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
+    _name_sides(whole.edges, extent, ("axis",))
+    return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
+
+
+def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
+    """Tetrahedra of the quarter y, z > 0 round a flattened body with two mirror planes."""
+    from netgen import occ
+
+    def box(start, end, sides, width):
+        solid = occ.Box((start, 0, 0), (end, *sides))
+        solid.maxh = width
+        return solid
+
+    (length, width, height), extent = body.extent, elements.box
+    upper = occ.MoveTo(-length, 0).Rectangle(2 * length, height).Face()
+    half = upper * occ.Face(occ.Wire([_spline(occ, np.asarray(body.draw(100)))]))
+    solid = half.Revolve(occ.Axis((0, 0, 0), occ.X), 360)
+    skin = occ.gp_GTrsf(mat=[1, 0, 0, 0, width / height, 0, 0, 0, 1])(solid)
+    for face in skin.faces:
+        face.name, face.maxh = "body", elements.wall
+    length, width, height = body.extent / 2
+    near = box(-length - 1, length + 2, (width + 1, height + 1), elements.near)
+    wake = box(length + 2, extent, (width + 2, height + 2), elements.wake)
+    far = box(-extent, extent, (extent, extent), extent / 6)
+    whole = occ.Glue([near - skin, wake, far - near - wake])
+    _name_sides(whole.faces, extent, ("flank", "floor"))
+    return _mesh(ng, occ.OCCGeometry(whole).GenerateMesh(grading=0.3), elements)
+
+
+def _name_sides(sides: Any, extent: float, mirrors: tuple[str, ...]) -> None:
+    """Name the outlet, the other sides of the box, and the planes of symmetry."""
+    for side in sides:
+        x, *across = list(side.center)[: 1 + len(mirrors)]
+        if x > extent - 1e-6:
+            side.name = "outlet"
+        elif max(-x, *across) > extent - 1e-6:
+            side.name = "stream"
+        elif min(across) < 1e-6:
+            side.name = mirrors[np.argmin(across)]
+
+
+def _mesh(ng: Any, mesh: Any, elements: Elements) -> Any:
+    """A mesh with curved elements at the body."""
+    curved = ng.Mesh(mesh)
+    curved.Curve(elements.order)
+    return curved
+
+
+def _spline(occ: Any, outline: np.ndarray) -> Any:
+    """A closed curve through the points."""
+    return occ.SplineInterpolation([occ.Pnt(x, r, 0) for x, r in outline], periodic=True)

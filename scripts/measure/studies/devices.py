@@ -1,0 +1,229 @@
+"""What more devices bring: flows per second, a model of the scaling beyond, whole trainings."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import jax
+import numpy as np
+from figures import lines
+from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
+from tools import free_port, medians, platform_of
+
+from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
+from surrogate.cache import use_compilation_cache
+from surrogate.devices import choose_devices, partition_bodies
+from surrogate.flow.batch import batch_solver, estimated_cost
+from surrogate.processes import first, join
+from surrogate.training.samples import training_samples
+
+SCRIPTS = Path(__file__).parents[2]
+CHILD = ("-m", "studies.devices")  # this file as a program
+WAYS = {  # devices of a process, processes, whether each process has one core
+    "one device, all cores": (1, 1, False),
+    "one device, one core": (1, 1, True),
+    "two devices": (2, 1, False),
+    "two processes, a core each": (1, 2, True),
+}
+ACCELERATED = {"one accelerator": (1, 1, False)}
+BODIES = {"draft": 96, "standard": 64, "fine": 12}
+CPU_LANES, GPU_LANES = (2, 4, 8, 16), (8, 32, 128)  # batch sizes per device
+COUNTS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000)
+MANY = 4096  # bodies of the model
+NUMBERS = 40  # that are gathered per body: tractions, slopes, flags
+BANDWIDTH = 1e9  # bytes per second, of a plain network
+
+
+def batches(run: Run) -> list[Row]:
+    """Every grid on all devices, then larger batches on the first."""
+    accelerator = run.options["accelerator"]
+    ways = tuple(ACCELERATED if accelerator else WAYS)
+    if run.tiny:
+        return cases(fidelity=["draft"], way=ways[-1:], lanes=[1])
+    grids, lanes = (BODIES, GPU_LANES) if accelerator else (["draft"], CPU_LANES)
+    one = cases(fidelity=BODIES, way=ways, lanes=[1])
+    return one + cases(fidelity=grids, way=ways[:1], lanes=lanes)
+
+
+def flows(run: Run, fidelity: str, way: str, lanes: int) -> Row:
+    """Flows per second of the same bodies, in processes of their own."""
+    accelerator = run.options["accelerator"]
+    devices, processes, one_core = (WAYS | ACCELERATED)[way]
+    asked = {
+        "fidelity": fidelity,
+        "devices": devices,
+        "processes": processes,
+        "one_core": one_core,
+        "lanes": lanes,
+        "bodies": run.pick(4, BODIES[fidelity] * (4 if accelerator else 1)),
+        "rounds": run.pick(1, 5),
+        "coordinator": f"localhost:{free_port()}",
+        "accelerator": accelerator,
+    }
+    children = [
+        _start([*CHILD, json.dumps(asked | {"process": process})], platform_of(accelerator))
+        for process in range(processes)
+    ]
+    told = [_last_line(way, child) for child in children]
+    return json.loads(told[0])
+
+
+def _start(argv: list[str], environment: Row, cores: int | None = None) -> subprocess.Popen:
+    """A Python process, on the first cores only where their number is given."""
+    chosen = ",".join(map(str, sorted(os.sched_getaffinity(0))[:cores]))
+    bound = ["taskset", "-c", chosen] if cores else []
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    argv = [*bound, sys.executable, *argv]
+    return subprocess.Popen(argv, env=os.environ | environment, cwd=SCRIPTS / "measure", **pipes)
+
+
+def _last_line(name: str, child: subprocess.Popen) -> str:
+    """The last line that a process prints.
+
+    Raises:
+      NotConverged: The process failed.
+    """
+    said, problem = child.communicate()
+    if child.returncode:
+        raise NotConverged(f"{name}: {problem.strip().splitlines()[-1]}")
+    return said.strip().rpartition("\n")[2]
+
+
+def model(run: Run, result: Result) -> Result:
+    """Seconds of many flows over devices, from the rate and the work measured on the first.
+
+    The measured convolutions with G are drawn anew for every body, and bodies are partitioned at
+    random in equal numbers; the results of all bodies are gathered on all devices once.
+    """
+    works = [row.pop("green_applications") for row in result["rows"]]
+    drawn = np.random.default_rng(0).choice(np.array(works[0]), MANY)
+    rate, scaling = result["rows"][0]["flows_per_s"], []
+    for count in COUNTS:
+        shares = np.array_split(drawn, count)
+        waste = count * max(share.sum() for share in shares) / drawn.sum() - 1
+        solving, telling = MANY / rate / count * (1 + waste), MANY * NUMBERS * 8 / BANDWIDTH
+        row = {"devices": count, "waste": waste, "solving_s": solving, "telling_s": telling}
+        scaling.append(row | {"gain": MANY / rate / (solving + telling)})
+    return {"work": works[0], "scaling": scaling}
+
+
+def model_text(result: Result) -> str:
+    """The work per body, then the model."""
+    form = (
+        "A body takes {mean:.0f} convolutions with G on average and {most} at most. From that, a "
+        "model (not a measurement) of the flows of {bodies} bodies on the grid of the first row, "
+        "partitioned in equal numbers: all devices wait for the slowest, then the results are "
+        "gathered ({kilobytes:.0f} kB at {bandwidth:.0e} bytes per second). The network's steps "
+        "run on one device and take as long as there."
+    )
+    work = {"mean": np.mean(result["work"]), "most": max(result["work"])}
+    sizes = {"bodies": MANY, "kilobytes": MANY * NUMBERS * 8 / 1e3, "bandwidth": BANDWIDTH}
+    return f"{words(form, **work, **sizes)}\n\n{SCALING(result['scaling'])}"
+
+
+def trainings(run: Run) -> Iterator[Row]:
+    """Devices, cores that the process may use (all where None), and the accelerator."""
+    yield {"way": "one device, all cores"}
+    yield {"way": "one device, one core", "cores": 1}
+    yield {"way": "two devices", "devices": 2}
+    if accelerator := run.options["accelerator"]:
+        yield {"way": "one accelerator", "accelerator": accelerator}
+
+
+def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
+    """HIG's full training in a process of its own, with nothing compiled before."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        scene, out = folder / "scene.toml", folder / "surrogate"
+        Scene(fidelity=run.pick(TINY, "standard")).write(scene)
+        argv = [
+            str(SCRIPTS / "train_surrogate.py"),
+            "--method",
+            "hig",
+            "--scene",
+            str(scene),
+            "--devices",
+            str(devices),
+        ]
+        argv += run.pick(["--preset", "quick", "--samples", "8"], ["--preset", "full"])
+        cold = {"XDG_CACHE_HOME": str(folder / "compiled")} | platform_of(accelerator)
+        start = time.perf_counter()
+        said = json.loads(
+            _last_line(way, _start([*argv, "--out", str(out), "--json"], cold, cores))
+        )
+        seconds, trained = time.perf_counter() - start, load(out)
+    record = trained.record
+    return {
+        "seconds": seconds,
+        "flows_and_steps_s": record["setup_s"] + record["train_s"],
+        "compile_s": record["compile_s"],
+        "waiting": record["waiting"] / record["green_applications"],
+        "error_mean": said["drag_error_mean"],
+        "weights": np.asarray(trained.network.weights),
+    }
+
+
+def difference(run: Run, result: Result) -> Result:
+    """The largest difference of a weight from those of the first training."""
+    weights = [np.array(row.pop("weights")) for row in result["rows"]]
+    for row, mine in zip(result["rows"], weights, strict=True):
+        row["weights_off"] = float(np.abs(mine - weights[0]).max())
+    return {}
+
+
+def child(asked: Row) -> Row:
+    """Solve the same bodies a few times, in one of the processes of ``flows``."""
+    if asked["one_core"]:
+        cores = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {cores[asked["process"] % len(cores)]})
+    if asked["accelerator"] is None:
+        jax.config.update("jax_num_cpu_devices", asked["devices"])
+    if asked["processes"] > 1:
+        join(asked["coordinator"], asked["processes"], asked["process"])
+    use_compilation_cache()
+    flow = Flow(Scene(fidelity=FIDELITIES[asked["fidelity"]]))
+    samples = training_samples(flow.scene, 0, asked["bodies"])
+    devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])
+    partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
+    given = devices.place((partition, *map(np.asarray, samples)))
+    solve, found = batch_solver(flow.bodies, devices).lower(*given).compile(), []
+    seconds = medians([lambda: found.append(solve(*given)) or found[-1]], asked["rounds"])[0]
+    memory = solve.memory_analysis().temp_size_in_bytes
+    return {
+        "flows_per_s": asked["bodies"] / seconds,
+        "green_applications": np.asarray(found[-1].green_applications).tolist(),
+        "mib_per_lane": memory / devices.lanes / 2**20,
+        "device": jax.devices()[0].device_kind,
+    }
+
+
+FLOWS = columns(
+    "grid {fidelity} | devices {way} | batch size per device {lanes}"
+    " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_lane:.0f}"
+)
+SCALING = columns(
+    "devices {devices} | idle work {waste:.0%} | solving {solving_s:.2f} s"
+    " | gathering {telling_s:.4f} s | speedup {gain:.0f}"
+)
+TRAININGS = columns(
+    "devices {way} | flows and steps {flows_and_steps_s:.0f} s | compilation {compile_s:.0f} s"
+    " | total, with held-out flows {seconds:.0f} s | idle work {waiting:.1%}"
+    " | mean error {error_mean:.3%} | difference of weights {weights_off:.0e}"
+)
+SPEEDUP = lines("devices", "gain", None, ("devices", "speedup (model)"), key="scaling")
+OPTIONS = {"--accelerator": {"choices": ["gpu", "cpu"], "help": "measure there; cpu tries it out"}}
+TABLE = Table(trainings, training, TRAININGS, tiny="last")
+STUDIES = {
+    "devices": Study([Table(batches, flows, FLOWS)], model_text, model, SPEEDUP, OPTIONS),
+    "trainings_on_devices": Study([TABLE], extra=difference, options=OPTIONS),
+}
+
+if __name__ == "__main__":
+    answer = child(json.loads(sys.argv[1]))
+    if first():
+        print(json.dumps(answer))

@@ -1,0 +1,91 @@
+"""Where the 2-D flow solver converges, where it refuses or warns, and how large its error is."""
+
+import dataclasses
+import functools
+
+from figures import draw_maps
+from study import TINY, Result, Row, Run, Study, Table, cases, maps, panel, words
+from tools import SILENT, relative_error, solved
+
+from surrogate import FIDELITIES, Fidelity, InvalidInput, NotConverged
+
+OUTCOMES = {"accurate": "#4c9f70", "degraded": "#f2b134", "not converged": "#e08e58"}
+OUTCOMES |= {"refused": "#b8bec9", "silently wrong": "#d81b60"}
+NUMBERS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
+ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
+
+
+def extremes(run: Run) -> list[Row]:
+    """Ellipses over Re, over cells, over the domain, and in tunnels."""
+    standard, replace = FIDELITIES["standard"], dataclasses.replace
+    at = "aspect {aspect:g}", "Re {reynolds:g}"
+    if run.tiny:
+        return panel("tiny", *at, cases(fidelity=[TINY], aspect=(1.0, 20.0), reynolds=[1.0]))
+    levels = [FIDELITIES[name] for name in ("draft", "standard")]
+    grids = [replace(standard, cells=n) for n in (4, 6, 8, 12, 16, 24, 32)]
+    domains = [
+        replace(standard, upstream=u, downstream=d, height=h)
+        for u, d, h in ((2.5, 2.5, 4), (3, 4, 5), (4, 8, 8), (6, 12, 8))
+    ]
+    cylinder, tunnels = {"aspect": [1.0], "reynolds": NUMBERS}, (1.5, 2.3, 3.0, 6.0, 100.0)
+    size = "{fidelity.upstream:g} + {fidelity.downstream:g} by {fidelity.height:g}"
+    cells = cases(fidelity=grids, aspect=ASPECTS, reynolds=[10.0])
+    walls = cases(fidelity=[standard], stream=[f"tunnel:{h}" for h in tunnels], **cylinder)
+    walls = [case | {"height": float(case["stream"].removeprefix("tunnel:"))} for case in walls]
+    return [
+        *panel("{fidelity.name}", *at, cases(fidelity=levels, aspect=ASPECTS, reynolds=NUMBERS)),
+        *panel("cells per D, Re 10", "n = {fidelity.cells}", at[0], cells),
+        *panel("window, cylinder", size, at[1], cases(fidelity=domains, **cylinder)),
+        *panel("tunnel, cylinder", "H = {height:g}", at[1], walls),
+    ]
+
+
+def outcome(run, aspect, reynolds, fidelity, stream="unbounded", **_) -> Row:
+    """Outcome, drag, its estimated error, and its error against the fine grid."""
+    found, cd, estimate = _solve(aspect, reynolds, fidelity, stream, True)
+    fine = run.fidelity("fine")
+    truth = None if cd is None else _solve(aspect, reynolds, fine, stream, False)[1]
+    error = relative_error(cd, truth)
+    if found == "accurate" and abs(error or 0.0) > SILENT * fidelity.promise:
+        found = "silently wrong"
+    return {"outcome": found, "cd": cd, "estimated_error": estimate, "error": error}
+
+
+@functools.cache
+def _solve(aspect: float, re: float, fidelity: Fidelity, stream: str, estimate: bool) -> tuple:
+    """Status, Cd and estimated error; or why there are none."""
+    options = {"estimate": estimate, "allow_unsteady": True}
+    try:
+        found = solved({"aspect": aspect}, re, fidelity, stream=stream, **options)
+    except InvalidInput:
+        return "refused", None, None
+    except NotConverged:
+        return "not converged", None, None
+    return found.status, found.drag, found.estimated_error
+
+
+def cell(row: Row) -> str:
+    """The error, in brackets where the status warns."""
+    if row["cd"] is None:
+        return row["outcome"]
+    form = {"degraded": "({error:+.2%})", "silently wrong": "!! {error:+.2%}"}
+    return words(form.get(row["outcome"], "{error:+.2%}"), **row)
+
+
+def extremes_text(result: Result) -> str:
+    """How many drags are called accurate and are not."""
+    rows = result["fields"]
+    silent = sum(row["outcome"] == "silently wrong" for row in rows)
+    told = f"{silent} of {len(rows)} flows are called accurate with an error of more than"
+    return f"{told} {SILENT:g} times the error tolerance."
+
+
+def draw(result, path):
+    """Maps of the outcomes."""
+    form = {True: "", False: "{error:+.1%}"}
+    rows = result["fields"]
+    draw_maps(rows, lambda row: words(form[row["error"] is None], **row), OUTCOMES, path)
+
+
+TABLE = Table(extremes, outcome, maps(cell), "fields", "all")
+STUDIES = {"extremes": Study([TABLE], extremes_text, draw=draw)}

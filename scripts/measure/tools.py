@@ -1,0 +1,108 @@
+"""What several studies use: solved flows, errors, times, memory, processes of their own."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.experimental.compilation_cache import compilation_cache
+from study import Row
+
+from surrogate import Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
+
+SILENT = 2.0  # times the error tolerance: an error that a drag called accurate must not have
+
+
+def solved(
+    body: Mapping[str, float],
+    reynolds: float,
+    fidelity: Fidelity,
+    dimension: int = 2,
+    stream: str = "unbounded",
+    **options: bool,
+) -> Solution:
+    """The flow past a body of the family; without an estimate of its error unless asked for."""
+    flow = Flow(Scene(stream, dimension=dimension, fidelity=fidelity))
+    shape = family_shape(body, dimension=dimension)
+    return flow.solve(shape, reynolds, **{"estimate": False, "allow_unsteady": True} | options)
+
+
+def relative_error(cd: float | None, exact: float | None) -> float | None:
+    """Relative error, or None where one of the two is unknown."""
+    return None if cd is None or exact is None else cd / exact - 1
+
+
+def mean_and_most(errors: Iterable[float | None]) -> tuple[float | None, float | None]:
+    """Mean and largest of the absolute errors that are known."""
+    known = [abs(error) for error in errors if error is not None]
+    return (float(np.mean(known)), max(known)) if known else (None, None)
+
+
+def name_of(body: Mapping[str, float], form: str = "g") -> str:
+    """The parameters of a body as text, such as "aspect 2, beta2 0.1"."""
+    return ", ".join(f"{name} {value:{form}}" for name, value in body.items())
+
+
+def medians(calls: Sequence[Callable[[], Any]], repeats: int = 7) -> list[float]:
+    """Median seconds of every call without compilation.
+
+    The calls take turns, so that other work on the machine slows all of them alike.
+    """
+    seconds = np.zeros((repeats + 1, len(calls)))
+    for row in seconds:
+        for k, call in enumerate(calls):
+            start = time.perf_counter()
+            jax.block_until_ready(call())
+            row[k] = time.perf_counter() - start
+    return np.median(seconds[1:], axis=0).tolist()
+
+
+@contextlib.contextmanager
+def cold_cache() -> Iterator[None]:
+    """Switch JAX's persistent compilation cache off."""
+    before = jax.config.jax_enable_compilation_cache
+    jax.config.update("jax_enable_compilation_cache", False)
+    compilation_cache.reset_cache()
+    try:
+        yield
+    finally:
+        jax.config.update("jax_enable_compilation_cache", before)
+        compilation_cache.reset_cache()
+
+
+def megabytes(compiled: Any) -> float:
+    """Memory of a compiled call, its outputs included."""
+    memory = compiled.memory_analysis()
+    return (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6
+
+
+def power_of(rows: Sequence[Row], x: str, y: str) -> float | None:
+    """Exponent p of |y| ~ x^p, fitted to two rows or more."""
+    logs = np.log([[row[x], abs(row[y])] for row in rows]).T
+    return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
+
+
+def platform_of(accelerator: str | None) -> dict[str, str]:
+    """Environment variables by which a new process uses the accelerator, or the processor.
+
+    Raises:
+      InvalidInput: There is no such accelerator.
+    """
+    if accelerator != "gpu":
+        return {"JAX_PLATFORMS": "cpu"}
+    ask = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
+    if (found := subprocess.run(ask, capture_output=True, text=True).stdout.strip()) != "gpu":
+        raise InvalidInput(f"--accelerator gpu: JAX finds only {found or 'nothing'}")
+    return {}
+
+
+def free_port() -> int:
+    """A free TCP port of this machine."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return probe.getsockname()[1]
