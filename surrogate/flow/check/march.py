@@ -30,6 +30,7 @@ from surrogate.flow.grid.immersed import Spreading, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.wall_2d import wall_2d
+from surrogate.flow.loads import drag, lift
 from surrogate.flow.solver.steady import NULL_MODE_COMPLIANCE
 
 MIDPOINT = time_stepping.midpoint_rk2
@@ -62,6 +63,7 @@ class Box:
 class Marcher(NamedTuple):
     """What stays the same from step to step: the body, and the flow's response to its impulses."""
 
+    markers: Float[Array, "nodes 2"]
     body: Spreading
     impulse: Float[Array, "modes 2 nx ny"]
     inverse: Float[Array, "modes modes"]
@@ -92,7 +94,7 @@ def make_marcher(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
     matrix = jax.vmap(body.slip)(impulse).T
     firm = NULL_MODE_COMPLIANCE * jnp.trace(matrix) / box.modes.count
     firm = firm * jnp.outer(body.null_mode, body.null_mode)
-    return Marcher(body, impulse, jnp.linalg.inv(matrix + firm))
+    return Marcher(jnp.asarray(markers), body, impulse, jnp.linalg.inv(matrix + firm))
 
 
 @functools.partial(jax.jit, static_argnames=("box", "steps"))
@@ -110,11 +112,10 @@ def march(
         velocity = _hold_flux(_arrays(advance(_variables(box, velocity))), 1.0)
         amplitude = -marcher.inverse @ marcher.body.slip(velocity)
         velocity += jnp.tensordot(amplitude, marcher.impulse, axes=1)
-        force = amplitude[jnp.array([0, box.modes.lift_index])] / box.step
-        return velocity, -2 * force
+        at = box.modes, amplitude / box.step, marcher.markers
+        return velocity, ForceHistory(drag(*at), lift(*at))
 
-    velocity, forces = jax.lax.scan(one, velocity, length=steps)
-    return velocity, ForceHistory(forces[:, 0], forces[:, 1])
+    return jax.lax.scan(one, velocity, length=steps)
 
 
 def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:

@@ -165,9 +165,9 @@ class CoupledStep(Inversion):
         velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, predicted))
         start = FlowState(velocity, predicted)
         state, work = coupled_step(sample.domain, operators, start, self.effort)
-        traction = state.amplitude
-        found = work.converged & (traction[0] < 0) & jnp.all(jnp.isfinite(traction))
-        change = jnp.abs(traction[0] / stored.amplitude[0] - 1)
+        cd = drag_coefficient(state.amplitude)
+        found = work.converged & (cd > 0) & jnp.all(jnp.isfinite(state.amplitude))
+        change = jnp.abs(cd / drag_coefficient(stored.amplitude) - 1)
         converged = found & valid & (change <= self.tolerance)
         slopes, good, products = self._slopes_where(converged, sample, operators, state)
         return InversionResult(state, slopes, found, converged & good, work.products + products)
