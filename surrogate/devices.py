@@ -25,7 +25,7 @@ from surrogate.errors import InvalidInput
 from surrogate.processes import gather_to_host
 
 AXIS = "bodies"  # of the mesh
-# Default batch size per device. On a CPU 1 is fastest (scripts/measure/devices.py); no accelerator
+# Default batch size per device. On a CPU 1 is fastest (study ``devices``); no accelerator
 # has been measured, 32 is a guess that fills it with moderate memory.
 LANES = {"cpu": 1}
 ACCELERATOR_LANES = 32

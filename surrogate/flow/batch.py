@@ -34,7 +34,7 @@ def estimated_cost(
     parameters: Float[AnyArray, "bodies parameters"],
     reynolds: Float[AnyArray, " bodies"],
 ) -> Float[np.ndarray, " bodies"]:
-    """Return what the work of flows increases with, the Reynolds number of the thickness."""
+    """Return Re / sqrt(aspect), with which the work of a flow increases (for load balancing)."""
     return np.asarray(reynolds) / np.sqrt(family.body_class.aspect(np.asarray(parameters)))
 
 

@@ -20,12 +20,12 @@ from surrogate.flow.solver.adjoint import Effort, load_gradient
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
 
-# Gradients of designs and trainings: ten times looser and kriging's noise of 2e-4 would show.
+# Gradients of designs and trainings need no more than kriging's noise of slopes, 2e-4.
 QUICK_ADJOINT = Effort(2e-4, 60)
 
 
 class DragGradient(NamedTuple):
-    """Cd and its derivatives in parameters and Re, to three digits; NaN where not converged.
+    """Cd and its derivatives in parameters and Re, to about 2e-4; NaN where not converged.
 
     ``green_applications`` counts the convolutions with G of flow and adjoint.
     """
@@ -123,7 +123,7 @@ def drag_and_gradient(
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
 ) -> DragGradient:
-    """Return Cd of a body and its gradient by one adjoint of few digits."""
+    """Return Cd of a body and its gradient by one adjoint, to ``QUICK_ADJOINT``."""
     state, info, operators = _solved(bodies, parameters, reynolds)
     query = bodies.query(parameters, reynolds)
     *slopes, work = load_gradient(drag, bodies.domain, operators, state, query, QUICK_ADJOINT)

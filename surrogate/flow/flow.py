@@ -1,4 +1,4 @@
-"""The flow solver as a drag model: the one way to solve a body."""
+"""``Flow``: drags, gradients and whole solutions of the steady flow past a scene's bodies."""
 
 import dataclasses
 import functools
@@ -31,7 +31,6 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import lift
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.surface import forces_2d, forces_3d  # noqa: F401  (register both dimensions)
 from surrogate.flow.surface.coefficients import force_coefficients
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of_shedding
@@ -86,7 +85,7 @@ class Flow:
 
         Cd is 2 Fx per unit span in 2-D and 8 Fx / pi in 3-D, with U = D = rho = 1. It can be
         differentiated once in both arguments, in forward and in reverse mode, by one adjoint.
-        Under a transformation of JAX, what has no answer is NaN.
+        Under a transformation of JAX the result is NaN where the eager call would raise.
 
         Args:
           parameters: of the body, shape (parameters,).
@@ -112,7 +111,7 @@ class Flow:
         return cd
 
     def slope(self, parameters: Body, reynolds: Number) -> DragGradient:
-        """Return Cd and its gradient by one adjoint of three digits, cheaper than ``jax.grad``.
+        """Return Cd and its gradient by an adjoint to 2e-4, cheaper than ``jax.grad``.
 
         Raises:
           InvalidInput: as ``drag``, except beyond the onset of vortex shedding.

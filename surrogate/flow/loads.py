@@ -7,6 +7,7 @@ are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi in 3-D.
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +17,20 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.modes_3d import Modes3D
+
+
+class Coefficients(NamedTuple):
+    """Force of the fluid on the body over (1/2) rho U^2 D per unit span; in 3-D over pi D^2 / 4.
+
+    ``moment`` is about the centroid, positive nose up, over (1/2) rho U^2 D^2.
+    """
+
+    drag: Float[AnyArray, ""]
+    drag_pressure: Float[AnyArray, ""]
+    drag_friction: Float[AnyArray, ""]
+    lift: Float[AnyArray, ""]
+    moment: Float[AnyArray, ""]
+
 
 AnyModes = Modes2D | Modes3D
 Load = Callable[[AnyModes, Array, Markers], Array]

@@ -14,7 +14,7 @@ REPEATS = 7  # of the benchmark, whose median counts
 class Convolutions(NamedTuple):
     """Convolutions with the Green's function G that a body takes on average (RESULTS.md).
 
-    Measured over the default scenes by ``scripts/measure/foreseen.py``.
+    Measured over the default scenes by the study ``foreseen``.
 
     Attributes:
       flow: of a body's flow, the assembly of its operators included.

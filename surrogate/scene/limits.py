@@ -15,7 +15,7 @@ from surrogate.scene.stream import Stream, Tunnel
 REYNOLDS = {2: (1e-3, 300.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
 # The onset goes with these powers of length over width, for bodies wider than long. By linear
-# stability: in 2-D the ellipse of aspect 0.5 sheds from Re 26.7; in 3-D scripts/measure/onset.py.
+# stability: in 2-D the ellipse of aspect 0.5 sheds from Re 26.7; in 3-D study ``onset``.
 ONSET_POWERS = {2: math.log(46.7 / 26.7) / math.log(2), 3: 0.9}
 ROUNDING = 1e-9  # relative, of an extent that was measured on a contour
 

@@ -66,7 +66,8 @@ def _inverse_seconds(plan, batch):
     network = _network(plan)
     first, last = network.layers[0], network.layers[-1]
     outcomes = 1 + (last.out_features if plan.published else first.in_features)
-    rows = min(network.drag_weights.size, batch * outcomes)
+    trained = network.weights if plan.published else network.drag_weights
+    rows = min(trained.size, batch * outcomes)
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)
     return _median(lambda: decompose(jnp.asarray(matrix + matrix.T)), 2)

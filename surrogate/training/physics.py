@@ -47,7 +47,8 @@ class Sample(eqx.Module):
 class Physics(eqx.Module):
     """Everything that evaluations of the samples need, apart from their last velocities.
 
-    Operators are sharded, samples and the tractions of their Oseen flows replicated. In 3-D the
+    Operators are sharded; samples, the tractions of their Oseen flows and the influence matrices
+    dy/da of these are replicated. In 3-D the
     operators of a sample take tens of megabytes: only its parameters are stored, and every
     evaluation assembles the operators anew.
     """
@@ -55,6 +56,7 @@ class Physics(eqx.Module):
     samples: Samples
     operators: Sharded
     tractions: Float[AnyArray, "samples modes"]
+    influence: Float[AnyArray, "samples modes modes"]
     partition: Partition
     flow: Flow = eqx.field(static=True)
 
@@ -99,11 +101,15 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple
     def prepare(sample):
         operators = restored(flow, sample)
         stored = operators if flow.domain.OPERATORS_ARE_SMALL else sample
-        return stored, steady.oseen_flow(flow.domain, operators)
+        oseen, influence = (
+            compute(flow.domain, operators)
+            for compute in (steady.oseen_flow, steady.influence_matrix)
+        )
+        return stored, oseen.velocity, (oseen.amplitude, influence)
 
-    stored, oseen = partition.map(prepare, partition.scatter(tuple(samples))).rows
-    tractions = partition.gather(Sharded(oseen.amplitude))
-    return Physics(samples, Sharded(stored), tractions, partition, flow), Sharded(oseen.velocity)
+    rows = partition.map(prepare, partition.scatter(tuple(samples))).rows
+    stored, velocities, small = (Sharded(part) for part in rows)
+    return Physics(samples, stored, *partition.gather(small), partition, flow), velocities
 
 
 def restored(flow: Flow, stored: StoredOperators) -> Operators:

@@ -57,7 +57,7 @@ def train(
       samples: number of training bodies, in place of the preset's.
       preset: "quick" (64 bodies) or "full" (256 bodies and more steps).
       seed: of samples, held-out bodies and initial weights.
-      budget_seconds: train for so many seconds, in place of the preset's steps.
+      budget_seconds: train for this many seconds, in place of the preset's steps.
       published: the method as published instead of at its best.
       out: folder to save to. If interrupted, the same call resumes from a checkpoint beside it.
       progress: whether to show progress on stderr.

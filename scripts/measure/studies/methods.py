@@ -19,7 +19,6 @@ from surrogate.flow.loads import drag_coefficient
 from surrogate.model.network import make_network
 from surrogate.training.loop import TrainingSetup, drag_errors, make_setup, run_training
 from surrogate.training.methods.hig import weight_step, with_goal_row
-from surrogate.training.methods.labels import oseen_influence_matrices
 from surrogate.training.methods.method import Method, predict
 from surrogate.training.physics import partition_samples, prepare_physics
 from surrogate.training.plan import MAKERS, Plan, make_plan
@@ -164,7 +163,7 @@ def half_inverse(run: Run, size: float) -> list[Row]:
     oseen, key = np.asarray(physics.tractions), jax.random.key(1)
     width = round(np.sqrt(size + 121) - 11)
     network = make_network(flow.scene, key, *physics.samples, oseen, width)
-    batch, matrix = jnp.arange(physics.count), oseen_influence_matrices(physics)
+    batch, matrix = jnp.arange(physics.count), physics.influence
     slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics.samples, batch) - oseen)
     y, physical = with_goal_row(slip, matrix, GOAL, drag_coefficient(oseen))
     rows, dense = [], None

@@ -20,12 +20,13 @@ ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
 
 
 class ErrorEstimate(NamedTuple):
-    """The estimated error of a flow; without an estimate ``status`` is "unknown".
+    """The estimated error of a flow.
 
     Attributes:
-      status: "accurate" where the drag's likely error, in 3-D with a margin, is within the
-        fidelity's tolerance; "degraded" where it is not, where there is no estimate, or where the
-        body is taller than any that the tolerance was tested on.
+      status: "unknown" where no estimate was asked for; "accurate" where the drag's likely error,
+        in 3-D with a margin, is within the fidelity's tolerance; "degraded" where it is not, where
+        no coarser flow could be solved, or where the body is taller than any that the tolerance
+        was tested on.
       estimated_error: relative bound of the drag's error, ``SAFETY`` times the likely one; None
         where no coarser flow exists.
       estimated_lift_error: the same of the lift coefficient itself.

@@ -92,9 +92,9 @@ def make_marcher(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
     body = spread_modes(box.lattice, box_around(tuple(extent.tolist()), box.cells), wall)
     impulse = jax.lax.map(lambda mode: _project(box, body.spread(mode)), jnp.eye(box.modes.count))
     matrix = jax.vmap(body.slip)(impulse).T
-    firm = NULL_MODE_COMPLIANCE * jnp.trace(matrix) / box.modes.count
-    firm = firm * jnp.outer(body.null_mode, body.null_mode)
-    return Marcher(jnp.asarray(markers), body, impulse, jnp.linalg.inv(matrix + firm))
+    null = NULL_MODE_COMPLIANCE * jnp.trace(matrix) / box.modes.count
+    null = null * jnp.outer(body.null_mode, body.null_mode)
+    return Marcher(jnp.asarray(markers), body, impulse, jnp.linalg.inv(matrix + null))
 
 
 @functools.partial(jax.jit, static_argnames=("box", "steps"))

@@ -18,8 +18,8 @@ class Modes3D:
 
     Group 0 is all that a body of revolution needs: P_k along the stream, P_k^1 outward from the
     axis. Group m, for flattened bodies, varies as cos 2m phi: P_k^2m along the stream, and
-    P_k^(2m-1) and P_k^(2m+1) across it. ``flattened`` holds the highest degree of groups 1, 2, ...
-    . The amplitude a_0 of mode 0 is the body's total force on the fluid along x in units of
+    P_k^(2m-1) and P_k^(2m+1) across it. ``flattened`` holds the highest degree of each group from 1
+    on. The amplitude a_0 of mode 0 is the body's total force on the fluid along x in units of
     ``FORCE_UNIT``.
     """
 

@@ -13,7 +13,7 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
 
 # R of walls across an axis, across a square's diagonal and across a cube's diagonal: the integral
-# in ``retraction``, which tests/test_kernel.py evaluates.
+# in ``retraction``, which tests/test_error_estimate.py evaluates in 2-D, to 1e-3.
 ALONG_AXIS, DIAGONAL_2D, DIAGONAL_3D = 239 / 840, 0.3058, 0.3126
 
 

@@ -33,8 +33,9 @@ def outward(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, "nodes 2"]:
 def _second_order(markers, speed):
     """Return the second-order coefficient c of the retraction, per D.
 
-    The sheet drags the fluid inside the body along at -shear R h; in a body of half width l that
-    fluid recirculates (Stokes flow in a slab or a disc: slope 3/l of its wall speed), which lowers
-    the jump of the shear across the wall. l is 2 area / perimeter.
+    The sheet drags the fluid inside the body along at -shear R h. That fluid recirculates (Stokes
+    flow in a disc of radius l, or a slab of half width l: its shear is 3 / l of its wall speed),
+    which lowers the jump of the shear across the wall. l = 2 area / perimeter is exact for the
+    disc; for slender bodies it is up to 1.6 times the half thickness.
     """
     return 3 * np.pi * jnp.mean(speed) / moments(markers)[0]

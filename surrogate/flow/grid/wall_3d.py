@@ -13,11 +13,10 @@ from surrogate.flow.grid.retraction import retract
 
 # Where a boundary layer has few cells, the smeared sheet's own inertia counts. It lowers the drag
 # of bluff bodies under the slip law; retraction and its second order lower it too, and a mixture of
-# both leaves little. Its three constants were fitted to spheroids of aspect 0.5 to 4 at Re 22 to
-# 100.
-THIN_LAYER_RE = 40.0  # about which the boundary layer thins to few cells
-RETRACTED_SHARE = 0.8  # of the retraction, far beyond that Re
-SECOND_ORDER = 12.0  # coefficient c of the retraction, per D; Hill's vortex in a sphere gives 4 / l
+# both leaves little. The study ``constants`` varies each constant alone.
+THIN_LAYER_RE = 40.0  # about which boundary layers thin to few cells; 20 and 80 double the error
+RETRACTED_SHARE = 0.8  # of the retraction, far beyond that Re; 0.6 and 1 are worse on average
+SECOND_ORDER = 12.0  # coefficient c of the retraction per D: cancels the Stokes sphere's error
 
 
 def wall_3d(

@@ -14,7 +14,7 @@ Operator = Callable[[PyTree], PyTree]
 
 SINGLE = 1e-5  # least relative residual asked of a Krylov solve in single precision (eps 6e-8)
 FULL_FORCING = 0.9  # gamma of Eisenstat and Walker's choice 2
-LEAST_DAMPING = 0.05  # of a Newton step, below which it is taken as it is
+LEAST_DAMPING = 0.05  # of a Newton step; one that does not help at 1 / 16 ends the solve
 
 
 class NewtonSettings(NamedTuple):

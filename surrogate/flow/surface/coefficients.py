@@ -1,32 +1,24 @@
 """Force coefficients of a solved flow, with the parts of drag by pressure and by friction."""
 
-import functools
-from typing import NamedTuple
+from collections.abc import Callable
 
-from jaxtyping import Float
-
-from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.domain_2d import Domain2D
+from surrogate.flow.grid.domain_3d import Domain3D
 from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.loads import Coefficients
 from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.surface.forces_2d import coefficients_2d
+from surrogate.flow.surface.forces_3d import coefficients_3d
+
+BY_DOMAIN: dict[type[Domain], Callable[..., Coefficients]] = {
+    Domain2D: coefficients_2d,
+    Domain3D: coefficients_3d,
+}
 
 
-class Coefficients(NamedTuple):
-    """Force of the fluid on the body over (1/2) rho U^2 D per unit span; in 3-D over pi D^2 / 4.
-
-    ``moment`` is about the centroid, positive nose up, over (1/2) rho U^2 D^2.
-    """
-
-    drag: Float[AnyArray, ""]
-    drag_pressure: Float[AnyArray, ""]
-    drag_friction: Float[AnyArray, ""]
-    lift: Float[AnyArray, ""]
-    moment: Float[AnyArray, ""]
-
-
-@functools.singledispatch
 def force_coefficients(
     domain: Domain, markers: Markers, state: FlowState, reynolds: float
 ) -> Coefficients:
-    """Return the force coefficients of a solved body; each class of domain has its own."""
-    raise TypeError(f"no force coefficients for a {type(domain).__name__}")
+    """Return the force coefficients of a solved body."""
+    return BY_DOMAIN[type(domain)](domain, markers, state, reynolds)

@@ -10,16 +10,15 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.wall_2d import outward
-from surrogate.flow.loads import drag, lift, moment
+from surrogate.flow.loads import Coefficients, drag, lift, moment
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.surface.coefficients import Coefficients, force_coefficients
 from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weights, keys_weights
 
 
-@force_coefficients.register
-def _(
+def coefficients_2d(
     domain: Domain2D, markers: Float[AnyArray, "nodes 2"], state: FlowState, reynolds: float
 ) -> Coefficients:
+    """Return the force coefficients of a solved 2-D body."""
     return _coefficients(domain, markers, state, jnp.asarray(reynolds, float))
 
 
@@ -42,7 +41,7 @@ def friction_coefficient(
     velocity: Float[AnyArray, "2 nx ny"],
     reynolds: Float[AnyArray, ""],
 ) -> Float[AnyArray, " nodes"]:
-    """Return Cf along the clockwise contour: 2 nu times the vorticity, extrapolated to the wall."""
+    """Return Cf = -2 nu omega along the clockwise contour, extrapolated to the wall."""
     normal = outward(markers)
     unit = normal / jnp.linalg.norm(normal, axis=1)[:, None]
     h, lattice = domain.lattice.step[0], domain.lattice.unfolded

@@ -9,16 +9,19 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.body.skin import QUARTERS, Skin
 from surrogate.flow.grid.domain_3d import Domain3D
-from surrogate.flow.loads import drag_coefficient
+from surrogate.flow.loads import Coefficients, drag_coefficient
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.surface.coefficients import Coefficients, force_coefficients
 from surrogate.flow.surface.pressure import pressure, surface_pressure
 from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weights, keys_weights
 
 
-@force_coefficients.register
-def _(domain: Domain3D, skin: Skin, state: FlowState, reynolds: float) -> Coefficients:
-    """Split the drag by the pressure near the skin; two mirror planes leave no lift or moment."""
+def coefficients_3d(
+    domain: Domain3D, skin: Skin, state: FlowState, reynolds: float
+) -> Coefficients:
+    """Return the force coefficients of a solved 3-D body, whose mirror planes leave no lift.
+
+    The drag is split by the pressure near the skin.
+    """
     drag = drag_coefficient(state.amplitude)
     cp = surface_pressure(domain, *skin, pressure(domain, skin, state, reynolds))
     along = np.asarray(skin.areas)[:, 0]

@@ -28,7 +28,6 @@ from surrogate.training.methods.labels import (
     CoupledStep,
     drag_residuals,
     no_labels,
-    oseen_influence_matrices,
 )
 from surrogate.training.methods.method import (
     Batch,
@@ -44,7 +43,7 @@ FLOW = NewtonSettings(3e-3, 8, 30)  # loose: the flow is warm-started and solved
 ADJOINT = Effort(0.1, 30)  # one digit: the noise of a batch of 4 samples is larger
 
 
-class LaggedState(NamedTuple):
+class DPState(NamedTuple):
     """Adam's state, and dy/da of the samples' Oseen flows."""
 
     adam: optax.OptState
@@ -68,7 +67,7 @@ class DifferentiablePhysics(Method):
 
     def init(self, network, physics):
         state = adam(self.learning_rate).init(network.weights)
-        return LaggedState(state, oseen_influence_matrices(physics)), no_labels(physics)
+        return DPState(state, physics.influence), no_labels(physics)
 
     def evaluate(self, network, physics, labels, velocities, batch):
         inversion = CoupledStep(slopes=self.slopes > 0)

@@ -41,7 +41,7 @@ class HalfInverseGradients(Method):
     """HIG at its best: each sample's flow and adjoint are solved once, in its first batch.
 
     The optimiser's state is the number of steps so far.
-    ``kappa`` 1 is Gauss-Newton, -1 gradient descent. With ``vectors``, so many Lanczos vectors
+    ``kappa`` 1 is Gauss-Newton, -1 gradient descent. With ``vectors``, that many Lanczos vectors
     replace the dense inverse, and the Jacobian is never formed. ``batch`` exceeds the presets'
     samples, so that all are one batch.
     """

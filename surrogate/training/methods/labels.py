@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import Sharded, compute_where
+from surrogate.flow.derivatives import QUICK_ADJOINT
 from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import Effort, load_gradient
@@ -24,12 +25,9 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import coupled_step
 from surrogate.model.network import DragNetwork
 from surrogate.training.methods.method import Batch, EvaluationCost, evaluation_cost, predict
-from surrogate.training.physics import Physics, Sample, restored
+from surrogate.training.physics import Physics, Sample
 from surrogate.training.samples import Samples
 
-# Adjoint of a label's slopes: a tolerance five times larger was seen in the error of networks
-# trained on 256 bodies (no study kept).
-SLOPES = Effort(2e-4, 60)
 LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
 
 
@@ -139,7 +137,7 @@ class Inversion(abc.ABC):
         def adjoint():
             query = sample.flow.bodies.query(sample.parameters, sample.reynolds)
             by_shape, by_re, work = load_gradient(
-                drag, sample.domain, operators, state, query, SLOPES
+                drag, sample.domain, operators, state, query, QUICK_ADJOINT
             )
             slopes = jnp.append(by_shape, sample.reynolds * by_re)
             slopes = slopes / drag_coefficient(state.amplitude)
@@ -207,17 +205,3 @@ def drag_residuals(
     known = labels.valid[index] & labels.converged[index]
     residuals = jnp.where(known, gradient - steepness * labels.slopes[index], 0.0)
     return jnp.append(residual, residuals)
-
-
-def oseen_influence_matrices(physics: Physics) -> Float[Array, "samples modes modes"]:
-    """dy/da of the Oseen flow of every sample: S G B + pinning, exact as Re -> 0.
-
-    Takes no convolutions, since G B was computed with the operators.
-    """
-
-    def influence(stored):
-        operators = restored(physics.flow, stored)
-        slip_of_response = jax.vmap(operators.body.slip)(operators.response).T
-        return slip_of_response + steady.wall_compliance(physics.domain, operators)
-
-    return physics.partition.gather(physics.partition.map(influence, physics.operators))
