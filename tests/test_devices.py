@@ -54,7 +54,7 @@ def _stands_for(count):
     return Some(choose_devices().mesh, count)
 
 
-def test_wrong_devices_are_refused():
+def test_wrong_devices_are_refused(unchecked):
     with pytest.raises(InvalidInput, match="JAX has"):
         choose_devices(len(jax.devices()) + 1)
     for wrong in (0, 1.5, "2"):

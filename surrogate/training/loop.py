@@ -32,7 +32,7 @@ from surrogate.training.samples import Samples, held_out_samples, network_key, t
 from surrogate.training.step import LearnerState, compile_step, first_state
 
 # Mean relative drag error at which a training ends. A choice, not measured: untrained networks
-# have about 0.3 (scripts/measure/stability.py).
+# have about 0.3 (study ``stability``).
 BLOWN_UP = 10.0
 HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always may
 
