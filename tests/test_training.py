@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import Family, InvalidInput, NotConverged, load, train
+from surrogate import Family, Flow, InvalidInput, NotConverged, load, train
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.training import loop
 from surrogate.training import train as training
 from surrogate.training.loop import drag_errors, make_setup, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
