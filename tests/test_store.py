@@ -16,7 +16,7 @@ from surrogate.model.network import blank_network
 from surrogate.model.store import BEST
 from surrogate.training.loop import drag_errors
 from surrogate.training.plan import METHODS, make_plan
-from surrogate.training.record import is_of
+from surrogate.training.record import matches_plan
 from surrogate.training.samples import held_out_samples
 
 BODY = np.array([2.0, 0.1, 0.0, 0.0])
@@ -196,7 +196,7 @@ def test_the_shipped_surrogate_is_the_best_of_those_that_ship():
 
 def test_a_surrogate_of_another_plan_is_not_taken_for_it():
     surrogate = load("pretrained:sip")
-    assert is_of(make_plan(None, "sip", seed=2), surrogate)
+    assert matches_plan(make_plan(None, "sip", seed=2), surrogate)
     others = (
         make_plan(None, "sip", "quick", seed=2),
         make_plan(None, "hig", seed=2),
@@ -205,9 +205,11 @@ def test_a_surrogate_of_another_plan_is_not_taken_for_it():
         make_plan(None, "sip", published=True, seed=2),
         make_plan(Scene(family=Family(aspect=(1, 3))), "sip", seed=2),
     )
-    assert not any(is_of(plan, surrogate) for plan in others)
+    assert not any(matches_plan(plan, surrogate) for plan in others)
     record = {**surrogate.record, "iterations": 7}
-    assert not is_of(make_plan(None, "sip", seed=2), dataclasses.replace(surrogate, record=record))
+    assert not matches_plan(
+        make_plan(None, "sip", seed=2), dataclasses.replace(surrogate, record=record)
+    )
 
 
 def test_golden_pretrained_surrogate_on_unseen_bodies():

@@ -17,7 +17,7 @@ from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.record import surrogate_of
 from surrogate.training.samples import held_out_samples, training_samples
 from surrogate.training.step import compile_step, first_state
-from surrogate.training.train import carry_out, checkpoint_of
+from surrogate.training.train import checkpoint_path, train_plan
 
 
 @pytest.fixture(scope="module")
@@ -203,9 +203,9 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
     with monkeypatch.context() as patch:
         patch.setattr(training, "run_training", killed)
         with pytest.raises(Killed):
-            carry_out(plan, out, progress=False)
-    assert checkpoint_of(out).is_file()
-    assert checkpoint_of(out).parent == out.parent
+            train_plan(plan, out, progress=False)
+    assert checkpoint_path(out).is_file()
+    assert checkpoint_path(out).parent == out.parent
     assert not list(out.glob("*"))
     steps = []
     monkeypatch.setattr(
@@ -215,10 +215,10 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
             plan, setup, checkpoint, lambda point, done: steps.append(point.iteration)
         ),
     )
-    surrogate = carry_out(plan, out, progress=False)
+    surrogate = train_plan(plan, out, progress=False)
     assert steps == [4, 6], "it started again instead of going on"
     assert np.array_equal(surrogate.network.weights, trained("sip").network.weights)
-    assert not checkpoint_of(out).exists()
+    assert not checkpoint_path(out).exists()
     assert np.array_equal(load(out).network.weights, surrogate.network.weights)
 
 
@@ -283,7 +283,7 @@ def test_a_family_of_eight_parameters_trains(tmp_path, tiny_scene):
     betas = {f"beta{k}": (-0.1 / k, 0.1 / k) for k in range(2, 9)}
     scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1, 3), **betas))
     plan = Plan("sip", scene, samples=16, held_out=4, iterations=12, report_every=1)
-    surrogate = carry_out(plan, tmp_path / "eight", progress=False)
+    surrogate = train_plan(plan, tmp_path / "eight", progress=False)
     first = surrogate.recorded("history")[0][3]  # mean error against the flow
     assert surrogate.recorded("drag_error_mean") < 0.5 * first
     assert surrogate.recorded("drag_error_mean") < 0.05

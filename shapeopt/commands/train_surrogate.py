@@ -33,7 +33,7 @@ from surrogate.processes import first
 from surrogate.scene.scene import Scene
 from surrogate.training.forecast import forecast
 from surrogate.training.plan import METHODS, PRESETS, SAMPLES_HELP, make_plan
-from surrogate.training.train import carry_out
+from surrogate.training.train import train_plan
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             file=sys.stderr,
         )
     with exit_when_disconnected():
-        record = carry_out(plan, out, first(), devices).record
+        record = train_plan(plan, out, first(), devices).record
     keys = ("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s")
     result = {key: record[key] for key in (*keys, "weights", "compile_s")}
     result |= {"out": str(out), "foreseen_g": foreseen.green_applications, "foreseen_s": seconds}

@@ -161,10 +161,7 @@ class BodyClass(abc.ABC):
         self, bodies: Float[np.ndarray, "bodies parameters"]
     ) -> Float[np.ndarray, " bodies"]:
         """``min_thickness_ratio`` of many bodies, padded to a power of two to compile rarely."""
-        size = 2 ** (max(len(bodies), 1) - 1).bit_length()
-        filled = np.zeros((size, bodies.shape[1]))
-        filled[: len(bodies)] = bodies
-        return np.asarray(_min_thickness_ratios(self, filled))[: len(bodies)]
+        return np.asarray(_min_thickness_ratios(self, padded(bodies)))[: len(bodies)]
 
     def valid(self, bodies: Float[np.ndarray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
         """Which of many bodies ``check`` accepts."""
@@ -211,6 +208,12 @@ class BodyClass(abc.ABC):
         upper = np.sin(t) + low @ np.minimum(waves, 0) + high @ np.maximum(waves, 0)
         lower = np.sin(t) + high @ np.minimum(waves, 0) + low @ np.maximum(waves, 0)
         return float(np.abs([upper, lower]).max())
+
+
+def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _"]:
+    """Return the bodies padded to a power of two by the first, so that few programs compile."""
+    size = 2 ** (max(len(bodies), 1) - 1).bit_length()
+    return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))
 
 
 def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import BodyClass
+from surrogate.body.body_class import BodyClass, padded
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, too_thin
@@ -95,9 +95,3 @@ class DiscreteBodies:
 @functools.partial(jax.jit, static_argnums=0)
 def _coverages(bodies, parameters):
     return jax.vmap(bodies.coverage)(parameters)
-
-
-def padded(rows: Float[np.ndarray, "rows _"]) -> Float[np.ndarray, "padded _"]:
-    """Return the rows padded to a power of two by the first, so that few programs are compiled."""
-    size = 2 ** (max(len(rows), 1) - 1).bit_length()
-    return rows[np.arange(size) % len(rows)] if len(rows) else np.ones((size, rows.shape[1]))

@@ -27,7 +27,6 @@ from surrogate.flow.derivatives import (
 from surrogate.flow.discrete import DiscreteBodies
 from surrogate.flow.grid.discretise import fitted_domain, scene_domain
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import lift
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
@@ -74,10 +73,6 @@ class Flow:
         """What compiled programs depend on: the domain, the class of bodies, the settings."""
         return DiscreteBodies(self.domain, self.scene.family.body_class, self.settings)
 
-    def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
-        """Return the surface markers of a family body on the scene's grid, in D."""
-        return self.bodies.markers(parameters)
-
     def drag(
         self, parameters: Body, reynolds: Number, allow_unsteady: bool = False
     ) -> Float[Array, ""]:
@@ -118,8 +113,15 @@ class Flow:
         """
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, True)
+        else:
+            one_body(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        return drag_and_gradient(self.bodies, *at)
+        found = drag_and_gradient(self.bodies, *at)
+        if not traced(parameters, reynolds):
+            return found
+        known = self._covers(*at, allow_unsteady=True)
+        values = (jnp.where(known, value, jnp.nan) for value in found[:3])
+        return DragGradient(*values, found.green_applications, found.converged & known)
 
     def labels(
         self,

@@ -38,7 +38,7 @@ def surrogate_of(plan: Plan, trained: TrainingResult, setup: TrainingSetup) -> S
     return Surrogate(trained.network, plan.scene, record)
 
 
-def is_of(plan: Plan, surrogate: Surrogate) -> bool:
+def matches_plan(plan: Plan, surrogate: Surrogate) -> bool:
     """Whether a surrogate is the result of this plan's training, not interrupted."""
     record = surrogate.record
     keys = ("method", "published", "samples", "held_out", "seed", "budget_s")

@@ -14,7 +14,7 @@ from surrogate.training.history import HistoryPoint
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import Plan, make_plan
-from surrogate.training.record import is_of, surrogate_of
+from surrogate.training.record import matches_plan, surrogate_of
 
 
 def train(
@@ -73,18 +73,26 @@ def train(
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
     plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published)
-    return carry_out(plan, out, progress, choose_devices(devices, lanes))
+    return train_plan(plan, out, progress, choose_devices(devices, lanes))
 
 
-def carry_out(
-    plan: Plan, out: str | Path | None, progress: bool, devices: Devices | None = None
+def train_plan(
+    plan: Plan,
+    out: str | Path | None,
+    progress: bool = True,
+    devices: Devices | None = None,
+    setup: TrainingSetup | None = None,
+    title: str | None = None,
 ) -> Surrogate:
-    """``train`` by a plan. In a multi-process run the first process writes."""
+    """``train`` by a plan, with a setup that is shared, if one is given.
+
+    In a multi-process run the first process writes.
+    """
     if out is not None:
         check_surrogate_folder(out)
-    checkpoint = None if out is None else checkpoint_of(out)
-    setup = setup_with_bar(plan, progress, devices)
-    trained = train_with_bar(plan, setup, checkpoint, progress=progress)
+    checkpoint = None if out is None else checkpoint_path(out)
+    setup = setup or setup_with_bar(plan, progress, devices)
+    trained = train_with_bar(plan, setup, checkpoint, title=title, progress=progress)
     surrogate = surrogate_of(plan, trained, setup)
     if out is not None and first():
         save(out, surrogate)
@@ -110,12 +118,9 @@ def train_all(
         if not (out / name / RECORD).is_file():
             key = plan.scene, plan.seed, plan.samples, plan.held_out
             setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
-            checkpoint = checkpoint_of(out / name)
-            trained = train_with_bar(plan, setup, checkpoint, title=name)
-            save(out / name, surrogate_of(plan, trained, setup))
-            checkpoint.unlink(missing_ok=True)
+            train_plan(plan, out / name, devices=devices, setup=setup, title=name)
         surrogates[name] = load(out / name)
-        if not is_of(plan, surrogates[name]):
+        if not matches_plan(plan, surrogates[name]):
             raise InvalidInput(
                 f"{out / name}: is of another method, preset or seed; choose another folder"
             )
@@ -158,7 +163,7 @@ def train_with_bar(
     return trained
 
 
-def checkpoint_of(folder: str | Path) -> Path:
+def checkpoint_path(folder: str | Path) -> Path:
     """The path of a training's checkpoint, beside the surrogate's folder."""
     place = Path(folder).resolve()
     return place.with_name(place.name + ".checkpoint")

@@ -140,6 +140,7 @@ class PublishedDifferentiablePhysics(Method):
         residual = scale * (weights @ slip)
         by_slip = slip + scale * residual * weights
         gradient, work_too = slip_adjoint(domain, operators, state, by_slip, ADJOINT)
+        # Adjoints may miss ADJOINT's tolerance: a rough gradient is still one for Adam.
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + work.products + work_too.products + sample.renewal
         result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, products)
