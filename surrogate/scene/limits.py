@@ -64,7 +64,7 @@ def check_reynolds(
     if value > onset * (1 + ROUNDING) and not allow_unsteady:
         raise InvalidInput(
             f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
-            f"{onset:.3g}, so the steady drag is not what nature does; "
+            f"{onset:.3g}, so no steady flow is observed there; "
             "allow_unsteady (--allow-unsteady) asks for it all the same"
         )
     return value
