@@ -60,7 +60,13 @@ def test_every_method_learns(plan, setup, method, iterations, factor):
 
 
 @pytest.mark.parametrize(
-    ("method", "steps"), [("dp", 60), ("sip", 9), ("hig", 4), ("supervised", 9)]
+    ("method", "steps"),
+    [
+        pytest.param("dp", 60, marks=pytest.mark.slow),
+        ("sip", 9),
+        pytest.param("hig", 4, marks=pytest.mark.slow),
+        ("supervised", 9),
+    ],
 )
 def test_every_method_learns_as_it_was_published(plan, setup, method, steps):
     changes = {"iterations": steps, "report_every": 1, "published": True}
