@@ -89,7 +89,11 @@ def test_a_base_model_is_corrected(observations, pretrained):
         (20.0, {"max_length": 1.5}),
         (5.0, {"min_thickness": 0.75}),
         (Weighted((5.0, 20.0), (1.0, 2.0)), {}),
-        (Robust(15.0, LogNormal(0.2), cases=3, level=0.5), {"max_length": 1.6}),
+        pytest.param(
+            Robust(15.0, LogNormal(0.2), cases=3, level=0.5),
+            {"max_length": 1.6},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["length", "thickness", "several Re", "robust"],
 )

@@ -33,6 +33,7 @@ LONG = {
     "march",
     "onset",
     "safeguards",
+    "seeds",
     "settling",
     "shards",
     "space_rival",

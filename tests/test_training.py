@@ -285,6 +285,7 @@ def test_train_saves_what_it_returns(tiny_scene, tmp_path, capfd):
     assert sorted(path.name for path in out.iterdir()) == ["surrogate.json", "weights.eqx"]
 
 
+@pytest.mark.slow
 def test_a_family_of_eight_parameters_trains(tmp_path, tiny_scene):
     betas = {f"beta{k}": (-0.1 / k, 0.1 / k) for k in range(2, 9)}
     scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1, 3), **betas))
