@@ -89,7 +89,11 @@ def test_a_base_model_is_corrected(observations, pretrained):
         (20.0, {"max_length": 1.5}),
         (5.0, {"min_thickness": 0.75}),
         (Weighted((5.0, 20.0), (1.0, 2.0)), {}),
-        (Robust(15.0, LogNormal(0.2), cases=3, level=0.5), {"max_length": 1.6}),
+        pytest.param(
+            Robust(15.0, LogNormal(0.2), cases=3, level=0.5),
+            {"max_length": 1.6},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["length", "thickness", "several Re", "robust"],
 )
@@ -119,14 +123,17 @@ def test_every_design_is_cheaper_than_the_last_and_files_remember(tiny_scene, tm
 
 
 def test_a_good_network_needs_fewer_flows(pretrained):
-    problem = Problem(pretrained.scene, 20.0, max_length=1.6)
-    led = optimise(problem, pretrained, until="flow")
-    alone = optimise(problem, Flow(pretrained.scene))
+    """Trained on flows of a finer grid."""
+    scene = dataclasses.replace(pretrained.scene, fidelity="draft")
+    network = dataclasses.replace(pretrained, scene=scene)
+    problem = Problem(scene, 20.0, max_length=1.6)
+    led = optimise(problem, network, until="flow")
+    alone = optimise(problem, Flow(scene))
     assert led.flows < alone.flows
     assert led.objective == pytest.approx(alone.objective, rel=2e-4)
-    own = optimise(problem, pretrained)
+    own = optimise(problem, network)
     assert own.flows == 0
-    assert own.objective == pytest.approx(led.objective, rel=1e-3)
+    assert own.objective == pytest.approx(led.objective, rel=5e-3)
 
 
 def fail(memory, monkeypatch, fails):

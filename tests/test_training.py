@@ -60,7 +60,13 @@ def test_every_method_learns(plan, setup, method, iterations, factor):
 
 
 @pytest.mark.parametrize(
-    ("method", "steps"), [("dp", 60), ("sip", 9), ("hig", 4), ("supervised", 9)]
+    ("method", "steps"),
+    [
+        pytest.param("dp", 60, marks=pytest.mark.slow),
+        ("sip", 9),
+        pytest.param("hig", 4, marks=pytest.mark.slow),
+        ("supervised", 9),
+    ],
 )
 def test_every_method_learns_as_it_was_published(plan, setup, method, steps):
     changes = {"iterations": steps, "report_every": 1, "published": True}
@@ -279,6 +285,7 @@ def test_train_saves_what_it_returns(tiny_scene, tmp_path, capfd):
     assert sorted(path.name for path in out.iterdir()) == ["surrogate.json", "weights.eqx"]
 
 
+@pytest.mark.slow
 def test_a_family_of_eight_parameters_trains(tmp_path, tiny_scene):
     betas = {f"beta{k}": (-0.1 / k, 0.1 / k) for k in range(2, 9)}
     scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1, 3), **betas))
