@@ -1,6 +1,7 @@
 """Errors of the Green's functions: by their quadrature in 2-D, by their fit in 3-D."""
 
 import functools
+import inspect
 from collections.abc import Iterator
 from unittest import mock
 
@@ -14,7 +15,8 @@ from surrogate.flow.grid.lattice import Lattice
 FINEST = (32, 26, 2.0)  # nodes, panels, ratio: every panel of the solver's quadrature in two
 STEP = 1 / 16  # cell size in D
 waves = oseen_2d._unbounded_waves
-QUADRATURE = waves.__wrapped__.__defaults__  # nodes, panels, ratio
+_, *SETTINGS = inspect.signature(waves).parameters.values()  # nodes, panels, ratio
+QUADRATURE = tuple(setting.default for setting in SETTINGS)
 QUADRATURES = *((nodes, 13, 4.0) for nodes in (6, 9, 12, 16)), (12, 7, 4.0), (12, 13, 2.0)
 FIT = 0.3, oseen_3d.SINGULAR_CUT, oseen_3d.BETAS.size  # step of ln t, relative cut, points
 FITS = *((step, 1e-13, 1000) for step in (0.15, 0.3, 0.6)), (0.3, 1e-11, 1000)
@@ -34,7 +36,7 @@ def _velocity(reynolds, choice):
     shape = round(18 / STEP), round(4 / STEP)
     lattice = Lattice(shape, (STEP, STEP), round(6 / STEP), symmetric=True)
     force = jnp.zeros((2, *shape)).at[:, lattice.inlet, 0].set(1.0)
-    settings = dict(zip(("nodes", "panels", "ratio"), choice, strict=True))
+    settings = {one.name: value for one, value in zip(SETTINGS, choice, strict=True)}
     with mock.patch.object(oseen_2d, "_unbounded_waves", functools.partial(waves, **settings)):
         return oseen_2d.oseen_kernel(lattice, jnp.asarray(reynolds), None)(force)
 
