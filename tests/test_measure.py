@@ -20,6 +20,7 @@ from surrogate import Family, InvalidInput
 from surrogate.scene.cost import CONVOLUTIONS
 
 LONG = {
+    "constants",
     "corners",
     "designs",
     "devices",

@@ -36,6 +36,7 @@ PICTURES = HERE.parents[1] / ".pictures"  # of the results that the project keep
 MODULES = {  # the studies of every module
     "accuracy": "flow gradients precision march",
     "accuracy_3d": "flow_3d corners extrapolated",
+    "constants": "constants",
     "designs": "designs scenarios foreseen",
     "devices": "devices trainings_on_devices",
     "dimension": "dimension",
