@@ -51,11 +51,16 @@ class DragAndLift(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ErrorModel(abc.ABC):
-    """How errors depend on the grid and on the domain, in 2-D or in 3-D."""
+    """How errors depend on the grid and on the domain, in 2-D or in 3-D.
+
+    ``GROWTH`` and ``SAFETY`` together make bounds that cover errors of grid and domain (studies
+    ``trust``, ``trust_space``). The domain's errors alone, which change sign with its size, are
+    covered by about half only (study ``constants``).
+    """
 
     SMALLER: ClassVar[float]  # domain of the estimate, as a share of the whole
     GROWTH: ClassVar[float]  # by which the domain's error is greater there
-    TALLEST: ClassVar[float]  # D across the stream, beyond which the tolerance was not tested
+    TALLEST: ClassVar[float]  # D across the stream, the tallest body of the tests of tolerances
 
     @abc.abstractmethod
     def order(self, reynolds: float) -> float:

@@ -24,7 +24,7 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen_2d import sequences
 
 # Times t of the exponentials and points beta of their fit, from the far field of the largest
-# lattice to the shortest waves.
+# lattice to the shortest waves: G to 1e-10 of its largest value (study ``constants``).
 TIMES = np.append(0.0, np.exp(np.arange(-5.0, 31.0, 0.3)))
 BETAS = np.exp(np.linspace(-32.0, np.log(8.0), 1000))
 SINGULAR_CUT = 1e-13  # relative, below which singular values of the fit are dropped
