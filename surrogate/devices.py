@@ -289,7 +289,7 @@ def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree)
 
 
 def partition_bodies(devices: Devices, estimated_cost: Float[AnyArray, " bodies"]) -> Partition:
-    """Balance bodies over devices by estimated cost: ranked, then dealt back and forth.
+    """Assign bodies to devices in descending order of estimated cost, in alternating direction.
 
     Each device holds its bodies in the order of descending cost.
     """

@@ -139,8 +139,8 @@ def test_an_unknown_study_is_refused():
 
 
 def test_every_study_is_told_and_none_else():
-    told = re.findall(r"<!-- (\w+) -->", report.BOOK.read_text())
-    assert sorted(told) == sorted([*run.NAMES, "payoff", "payoff_space"])
+    described = re.findall(r"<!-- (\w+) -->", report.BOOK.read_text())
+    assert sorted(described) == sorted([*run.NAMES, "payoff", "payoff_space"])
 
 
 def test_what_is_foreseen_was_measured():

@@ -88,9 +88,9 @@ def whole_block(name: str, record: Result) -> str:
     minutes = None if record["seconds"] is None else record["seconds"] / 60
     form = "`{command}` on {day}" + ("" if minutes is None else ", {minutes:.1f} minutes") + "; "
     form += ("{accelerator}, " if record["machine"]["accelerator"] else "") + "{cores} cores of "
-    told = record["machine"] | {"day": record["date"][:10], "jax": record["versions"]["jax"]}
-    told |= {"command": command, "minutes": minutes}
-    return "\n\n".join([text, *shown, words(form + "{processor}, jax {jax}", **told)])
+    details = record["machine"] | {"day": record["date"][:10], "jax": record["versions"]["jax"]}
+    details |= {"command": command, "minutes": minutes}
+    return "\n\n".join([text, *shown, words(form + "{processor}, jax {jax}", **details)])
 
 
 def short_block(name: str, record: Result) -> str:

@@ -14,18 +14,18 @@ from surrogate.model.kriging import Observation, kriging
 
 
 class Solved(NamedTuple):
-    """Flows: scaled inputs, and what they told."""
+    """Solved flows: their scaled inputs and observations."""
 
     inputs: Inputs
     z: np.ndarray
-    told: list[Observation]
+    observations: list[Observation]
 
     def head(self, count: int) -> "Solved":
-        return Solved(self.inputs, self.z[:count], self.told[:count])
+        return Solved(self.inputs, self.z[:count], self.observations[:count])
 
     @property
     def log_drag(self) -> np.ndarray:
-        return np.log([told.drag for told in self.told])
+        return np.log([flow.drag for flow in self.observations])
 
 
 Predictor = Callable[[np.ndarray], np.ndarray]
@@ -43,7 +43,7 @@ def rivals() -> dict[str, Fit]:
 
 def _with_slopes(solved: Solved) -> Predictor:
     """The process that designs from nothing are led by."""
-    model = kriging(solved.told, solved.inputs)
+    model = kriging(solved.observations, solved.inputs)
     predict = jax.jit(jax.vmap(model.log_drag))
     return lambda z: np.asarray(predict(jnp.asarray(z)))
 

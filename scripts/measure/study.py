@@ -28,7 +28,7 @@ class Unavailable(InvalidInput):
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """How a study is run: tiny or whole, with which options, and who is told of the progress.
+    """How a study is run: tiny or whole, with which options, and where its progress is shown.
 
     A tiny run takes seconds, for tests; its numbers mean nothing.
     """
@@ -79,7 +79,7 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """Tables that one command measures, and what is told and drawn of them.
+    """Tables that one command measures, their text and their picture.
 
     Args:
       tables: The tables, in the order in which they are measured and shown.

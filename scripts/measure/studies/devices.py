@@ -69,8 +69,8 @@ def flows(run: Run, fidelity: str, way: str, lanes: int) -> Row:
         _start([*CHILD, json.dumps(asked | {"process": process})], platform_of(accelerator))
         for process in range(processes)
     ]
-    told = [_last_line(way, child) for child in children]
-    return json.loads(told[0])
+    answers = [_last_line(way, child) for child in children]
+    return json.loads(answers[0])
 
 
 def _start(argv: list[str], environment: Row, cores: int | None = None) -> subprocess.Popen:

@@ -76,10 +76,10 @@ def measure(run: Run, parameters: int, method: str, bodies: int) -> Row:
         part, start = solved.head(bodies), time.process_time()
         predict = rivals()[KRIGING](part)
         row = {"fit_s": time.process_time() - start}
-        row["work"] = round(work * bodies / len(solved.told))
+        row["work"] = round(work * bodies / len(solved.observations))
         drags = np.exp(predict(np.asarray(jax.vmap(solved.inputs)(*unseen))))
         designer = Designer(flow)
-        designer.memory.observations.extend(part.told)
+        designer.memory.observations.extend(part.observations)
     else:
         surrogate, seconds = _trained(run, flow.scene, method, bodies)
         row = {"fit_s": seconds, "work": surrogate.record["green_applications"]}

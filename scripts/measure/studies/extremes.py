@@ -76,8 +76,8 @@ def extremes_text(result: Result) -> str:
     """How many drags are called accurate and are not."""
     rows = result["fields"]
     silent = sum(row["outcome"] == "silently wrong" for row in rows)
-    told = f"{silent} of {len(rows)} flows are called accurate with an error of more than"
-    return f"{told} {SILENT:g} times the error tolerance."
+    text = f"{silent} of {len(rows)} flows are called accurate with an error of more than"
+    return f"{text} {SILENT:g} times the error tolerance."
 
 
 def draw(result, path):

@@ -31,7 +31,7 @@ WAYS = {  # processes, each on a core of its own; whether they share a memory fi
 
 
 def sizes(run: Run) -> list[Row]:
-    """Numbers of bodies; JAX is told of its devices before it first uses them."""
+    """Numbers of bodies; JAX must know its devices before it first uses them."""
     if (devices := run.options["devices"]) > 1:
         jax.config.update("jax_num_cpu_devices", devices)
     return cases(bodies=(256, 1024, 4096))

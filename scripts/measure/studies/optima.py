@@ -202,11 +202,13 @@ def bounded_text(result: Result) -> str:
         "At Re 40 and at most {height:g} D high the optimum {name} has {ratio:.4f} of the sphere's "
         "drag, aspect {aspect:.2f}"
     )
-    told = []
+    sentences = []
     for name, row in result["bounded"].items():
         ends = ", flatness {flatness:.2f}." if row["parameters"].get("flatness", 1) > 1 else "."
-        told.append(words(form + ends, height=HEIGHT, **row["parameters"], **row | {"name": name}))
-    return " ".join(told)
+        sentences.append(
+            words(form + ends, height=HEIGHT, **row["parameters"], **row | {"name": name})
+        )
+    return " ".join(sentences)
 
 
 def draw(result: Result, path: Path) -> None:

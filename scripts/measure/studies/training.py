@@ -104,8 +104,10 @@ def learned(truth: Truth, surrogate: Surrogate) -> Row:
 def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
     """Drags and slopes that rivals are fitted to, and the work of flows and adjoints."""
     inputs, memory = scene_inputs(flow.scene), Memory(flow, None)
-    told = [memory.evaluate(p, float(re)) for p, re in zip(*samples, strict=True)]
-    return Solved(inputs, np.asarray(jax.vmap(inputs)(*samples)), told), memory.green_applications
+    observations = [memory.evaluate(p, float(re)) for p, re in zip(*samples, strict=True)]
+    return Solved(
+        inputs, np.asarray(jax.vmap(inputs)(*samples)), observations
+    ), memory.green_applications
 
 
 def timed_fit(plan: Plan, setup: TrainingSetup) -> tuple[TrainingResult, float]:
@@ -125,7 +127,7 @@ def _fitted(truth: Truth, solved: Solved, work: int, fit: Fit) -> Row:
     """The row of a rival: log Cd fitted on shares of the solved samples."""
     unseen, history = np.asarray(jax.vmap(solved.inputs)(*truth.bodies)), []
     for share in SHARES:
-        count = max(4, round(share * len(solved.told)))
+        count = max(4, round(share * len(solved.observations)))
         predict = fit(solved.head(count))
         drags = np.exp(predict(unseen))
         errors = np.abs(drags / np.asarray(truth.labels.drag) - 1)
