@@ -21,7 +21,7 @@ FAMILY = Family(dimension=3)
 @pytest.fixture(scope="module")
 def slender():
     """Few parameters, so that few bodies suffice."""
-    family = Family(dimension=3, aspect=(1, 3), flatness=(1, 2))
+    family = Family(dimension=3, aspect=(1, 3), flatness=(1, 1.7))
     return Scene(dimension=3, reynolds=(5, 40), family=family, fidelity=ROUGH_3D)
 
 
