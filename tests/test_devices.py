@@ -109,7 +109,7 @@ def test_a_design_of_several_flows_is_the_same_on_two_devices(tmp_path):
         out = ["--reynolds", "4,12,36", "--devices", count, "--out", str(tmp_path / count)]
         done = subprocess.run(
             [sys.executable, script, *words, *out],
-            env=_environment(quick=True),
+            env=_environment(),
             capture_output=True,
             text=True,
         )
@@ -134,7 +134,7 @@ def test_many_queries_have_the_same_designs_on_three_devices():
         assert [d.problem.reynolds for d in three] == [2.0, 11.0, 20.0, 37.0]
     """
     done = subprocess.run(
-        [sys.executable, "-c", code], env=_environment(quick=True), capture_output=True, text=True
+        [sys.executable, "-c", code], env=_environment(), capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
 
