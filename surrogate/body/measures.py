@@ -39,6 +39,19 @@ def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, ""]:
     return jnp.abs(moments(markers)[0]) * 2 / jnp.linalg.norm(edges, axis=1).sum()
 
 
+def least_mean_thickness(
+    outline: Float[AnyArray, "nodes 2"], extent: Float[AnyArray, " axes"]
+) -> Float[AnyArray, ""]:
+    """Return the mean thickness in D of a body's thinnest view across the stream.
+
+    Args:
+      outline: contour in the side view.
+      extent: length, (in 3-D width,) and height, all in D or all halved.
+    """
+    thinnest_view = jnp.stack([1.0, jnp.min(extent[1:]) / extent[-1]])
+    return mean_thickness(thinnest_view * outline)
+
+
 def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:
     """Least value, differentiable: the derivative of ``jnp.min`` is 0 / 0 at some ties."""
     return values[jnp.argmin(values)]

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass, padded
-from surrogate.body.measures import mean_thickness
+from surrogate.body.measures import least_mean_thickness
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.immersed import Markers
@@ -70,8 +70,7 @@ class DiscreteBodies:
         """Return whether a body fits the box of the grid and is resolved by its cells."""
         half_extent = jnp.abs(jax.tree.leaves(self.markers(parameters))[0]).max(axis=0)
         outline = self.body_class.outline(parameters, OUTLINE_NODES)
-        thinnest = jnp.stack([1.0, half_extent[1:].min() / half_extent[-1]])
-        cells = mean_thickness(thinnest * outline) / self.domain.lattice.step[0]
+        cells = least_mean_thickness(outline, half_extent) / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
         return Coverage(half_extent, fits, cells, cells >= self.domain.MIN_THICKNESS)
 

@@ -1,9 +1,10 @@
 """Which discrete problem a scene or a single body is solved on."""
 
+import jax.numpy as jnp
 import numpy as np
 
 from surrogate.body.family import Family
-from surrogate.body.measures import mean_thickness
+from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, too_thin
@@ -53,8 +54,7 @@ def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:
 
 def check_resolution(kind: type[Domain], fidelity: Fidelity, shape: Shape) -> None:
     """Raise InvalidInput where a body's mean thickness has too few cells to be resolved."""
-    extent = shape.extent
-    thinnest_view = np.array([1.0, extent[1:].min() / extent[-1]]) * shape.draw(OUTLINE_NODES)
-    cells = fidelity.cells * float(mean_thickness(thinnest_view))
+    thickness = least_mean_thickness(shape.draw(OUTLINE_NODES), jnp.asarray(shape.extent))
+    cells = fidelity.cells * float(thickness)
     if cells < kind.MIN_THICKNESS:
         raise InvalidInput(too_thin(cells, kind.MIN_THICKNESS, 1 / fidelity.cells))
