@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject
 
@@ -56,7 +55,6 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
     """
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        use_compilation_cache()
         main(argv)
         return DONE
     except (InvalidInput, NotConverged, ProcessLost) as error:
