@@ -14,7 +14,7 @@ import numpy as np
 
 from shapeopt.commands.arguments import add_body_arguments, shape_of
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.sections import add_reynolds_arguments, chord_record, reynolds_of
+from shapeopt.commands.sections import add_reynolds_arguments, reference_record, reynolds_of
 from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
@@ -63,8 +63,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
-        "reynolds": re,
-        **chord_record(re, shape.chord),
+        **reference_record(re, shape.chord),
         "blockage": float(height / arguments.height),
         "time": duration,
         "cd": float(drag[-1]),

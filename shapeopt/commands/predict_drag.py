@@ -14,11 +14,12 @@ import numpy as np
 from shapeopt.commands.arguments import add_family_arguments, family_named
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.sections import (
+    CHORD,
     add_reference_argument,
     add_reynolds_arguments,
     check_reference,
-    chord_record,
     reference_line,
+    reference_record,
     reynolds_of,
 )
 from surrogate.body.shape import family_shape
@@ -62,7 +63,7 @@ def _predict(
     length = surrogate.scene.family.body_class.length
 
     def drag(body):
-        by = length(body) if reference == "chord" else 1.0
+        by = length(body) if reference == CHORD else 1.0
         return surrogate.drag(body, reynolds, extrapolate=True) / by
 
     cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
@@ -72,13 +73,11 @@ def _predict(
         worst = max(beyond, key=lambda name: beyond[name])
         confidence = f"outside: {worst} by {beyond[worst]:.2g} of its trained range"
     return {
-        "reynolds": reynolds,
+        **reference_record(reynolds, float(length(parameters)), reference),
         "cd": float(cd),
         "gradient": surrogate.scene.family.named(gradient),
         "in_trained_range": not beyond,
         "confidence": confidence,
-        **chord_record(reynolds, float(length(parameters))),
-        "reference": reference,
     }
 
 
@@ -88,7 +87,7 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
     if not row["in_trained_range"]:
         body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
     solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
-    drag = solution.drag / (row["chord"] if row["reference"] == "chord" else 1.0)
+    drag = solution.drag / (row["chord"] if row["reference"] == CHORD else 1.0)
     return {
         "cd_flow": drag,
         "error": abs(row["cd"] / drag - 1),

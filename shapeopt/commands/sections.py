@@ -9,6 +9,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.scene.limits import check_reynolds
 
+DIAMETER, CHORD = "diameter", "chord"  # what coefficients are by
 SEVERAL = "one, several as 1,10,40, or a range as 1:40:20 or 1:40:log20"
 POWERS = {  # of the chord, by which coefficients by D are divided
     "cd": 1,
@@ -30,8 +31,7 @@ def add_reynolds_arguments(parser: Parser) -> None:
 def add_reference_argument(parser: Parser) -> None:
     """Add --reference, the length by which coefficients are printed."""
     reference = "length of the coefficients: diameter (D, the default) or chord (Cm: its square)"
-    choices = ("diameter", "chord")
-    parser.add_argument("--reference", choices=choices, default="diameter", help=reference)
+    parser.add_argument("--reference", choices=(DIAMETER, CHORD), default=DIAMETER, help=reference)
 
 
 def reynolds_of(
@@ -57,29 +57,34 @@ def reynolds_of(
 
 def check_reference(reference: str, dimension: int) -> None:
     """Raise InvalidInput where coefficients by the chord have no usual meaning."""
-    if reference == "chord" and dimension == 3:
+    if reference == CHORD and dimension == 3:
         raise InvalidInput("--reference chord: is for 2-D bodies; 3-D ones have areas")
 
 
-def by_reference(row: JsonObject, chord: float, reference: str) -> JsonObject:
-    """A row of coefficients by D, with the chord in D, its Re, and the reference of the result.
+def by_reference(row: JsonObject) -> JsonObject:
+    """A row whose coefficients are by D, with coefficients by its "reference" instead.
 
     By the chord, forces' coefficients are divided by it and the moment's by its square.
     """
-    if reference == "chord":
-        scaled = {name: power for name, power in POWERS.items() if row.get(name) is not None}
-        row = row | {name: row[name] / chord**power for name, power in scaled.items()}
-    return row | chord_record(row["reynolds"], chord) | {"reference": reference}
+    if row["reference"] == DIAMETER:
+        return row
+    given = {name: power for name, power in POWERS.items() if row.get(name) is not None}
+    return row | {name: row[name] / row["chord"] ** power for name, power in given.items()}
 
 
-def chord_record(reynolds: float, chord: float) -> JsonObject:
-    """The chord in D and the Reynolds number U c / nu by it."""
-    return {"chord": chord, "chord_reynolds": reynolds * chord}
+def reference_record(reynolds: float, chord: float, reference: str = DIAMETER) -> JsonObject:
+    """Re = U D / nu, the chord in D, Re = U c / nu by it, and what coefficients are by."""
+    return {
+        "reynolds": reynolds,
+        "chord": chord,
+        "chord_reynolds": reynolds * chord,
+        "reference": reference,
+    }
 
 
 def reference_line(row: JsonObject) -> str:
     """Words on the chord and on what the coefficients of a row are by."""
     by = "the equivalent diameter D"
-    if row["reference"] == "chord":
+    if row["reference"] == CHORD:
         by = "the chord c (Cm by its square)"
     return f"chord {row['chord']:.4f} D; coefficients by {by}; Re = U D / nu"

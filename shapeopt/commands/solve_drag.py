@@ -23,6 +23,7 @@ from shapeopt.commands.arguments import (
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.sections import (
+    CHORD,
     add_reference_argument,
     add_reynolds_arguments,
     by_reference,
@@ -63,8 +64,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             gradient=arguments.gradient,
             allow_unsteady=arguments.allow_unsteady,
         )
-        row = case.record | _row(solution)
-        return by_reference(row, case.shape.chord, arguments.reference)
+        return by_reference(case.record | _row(solution))
 
     results = solve_cases(cases, solve)
     if arguments.table:
@@ -83,13 +83,17 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     shapes = shapes_of(arguments, dimension)
     chord = next(iter(shapes.values())).chord
     reynolds = reynolds_of(arguments, chord, unsteady, dimension)
-    cases = [Case(shape, turn, value) for turn, shape in shapes.items() for value in reynolds]
+    cases = [
+        Case(shape, turn, value, arguments.reference)
+        for turn, shape in shapes.items()
+        for value in reynolds
+    ]
     for case in cases:
         check_reynolds(case.reynolds, unsteady, dimension, case.shape.extent)
     if arguments.gradient:
         if any(s.parameters is None or not s.symmetric for s in shapes.values()):
             raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
-        if arguments.reference == "chord":
+        if arguments.reference == CHORD:
             raise InvalidInput("--reference chord: goes without --gradient, which is by D")
     if arguments.table:
         check_file(arguments.table, ".csv")
@@ -109,7 +113,7 @@ def _check_settling(arguments: argparse.Namespace) -> None:
     """Raise InvalidInput if an option goes without --settling."""
     others = ("reynolds", "chord_reynolds", "gradient", "allow_unsteady", "table", "plot")
     given = [name for name in others if getattr(arguments, name)]
-    given += ["reference"] if arguments.reference == "chord" else []
+    given += ["reference"] if arguments.reference == CHORD else []
     if given:
         raise InvalidInput(f"--settling: goes without --{given[0].replace('_', '-')}")
 
@@ -122,9 +126,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     particle = Particle(*values)
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
-    solution, chord = settled.solution, settled.solution.chord
-    row = {"incidence": 0.0, "reynolds": solution.reynolds} | _row(solution)
-    row = by_reference(row, chord, "diameter")
+    row = Case(shape, 0.0, settled.solution.reynolds).record | _row(settled.solution)
     row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
     turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:]))
@@ -170,10 +172,10 @@ def _row(s: Solution) -> JsonObject:
 
 
 def _text(results: list[JsonObject]) -> str:
-    """The results for a person: a line for one, with its gradient, else a table."""
-    table = len(results) > 1 and not results[0]["gradient"]
-    body = text_table(results) if table else "\n".join(map(_line, results))
-    return f"{reference_line(results[0])}\n{body}"
+    """The results for a person: a line for each if it is one or has a gradient, else a table."""
+    in_lines = len(results) == 1 or all(row["gradient"] for row in results)
+    text = "\n".join(map(_line, results)) if in_lines else text_table(results)
+    return f"{reference_line(results[0])}\n{text}"
 
 
 def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
@@ -182,8 +184,7 @@ def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
     if arguments.aspect is not None:
         given = {n: v for n, v in family_named(arguments).items() if v}
         name = ", ".join(f"{n} {v:g}" for n, v in given.items())
-    reference = "chord" if row["reference"] == "chord" else "D"
-    return f"{name}: chord {row['chord']:.3f} D, coefficients by {reference}"
+    return f"{name}: chord {row['chord']:.3f} D, coefficients by the {row['reference']}"
 
 
 def _line(r: JsonObject) -> str:

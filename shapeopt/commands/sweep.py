@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from shapeopt.commands.sections import DIAMETER, reference_record
 from surrogate.body.shape import Shape
 from surrogate.errors import NotConverged
 from surrogate.files import JsonObject, whole_file
@@ -23,20 +24,24 @@ COLUMNS = {  # of the text: key in a row, head and format
     "cm": ("Cm", ".4f"),
     "estimated_error": ("error", ".2%"),
     "status": ("status", ""),
+    "sufficient": ("would do", ""),
 }
 
 
 class Case(NamedTuple):
-    """A body at an incidence in degrees, and the Reynolds number U D / nu."""
+    """A body at an incidence in degrees, Re = U D / nu, and what its coefficients are by."""
 
     shape: Shape
     incidence: float
     reynolds: float
+    reference: str = DIAMETER
 
     @property
     def record(self) -> JsonObject:
-        """The numbers of the case."""
-        return {"incidence": self.incidence, "reynolds": self.reynolds}
+        """The case as part of a row."""
+        return {"incidence": self.incidence} | reference_record(
+            self.reynolds, self.shape.chord, self.reference
+        )
 
     def __str__(self) -> str:
         turned = f", incidence {self.incidence:g}" if self.incidence else ""
@@ -81,10 +86,11 @@ def check_converged(rows: Sequence[JsonObject]) -> None:
 
 
 def text_table(rows: Sequence[JsonObject]) -> str:
-    """Rows as aligned columns; a dash where there is no number."""
-    lines = [[head for head, _ in COLUMNS.values()]]
+    """Rows as aligned columns, of which empty ones are left out; a dash where there is no value."""
+    columns = {key: c for key, c in COLUMNS.items() if any(row[key] is not None for row in rows)}
+    lines = [[head for head, _ in columns.values()]]
     for row in rows:
-        cells = ((row[key], form) for key, (_, form) in COLUMNS.items())
+        cells = ((row[key], form) for key, (_, form) in columns.items())
         lines.append(["-" if value is None else format(value, form) for value, form in cells])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
