@@ -189,8 +189,9 @@ def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path):
 
 
 def test_march(capsys, tmp_path):
-    arguments = ["--aspect", "1", "--reynolds", "20", "--time", "5", "--height", "6"]
+    arguments = ["--aspect", "1", "--chord-reynolds", "20", "--time", "5", "--height", "6"]
     result = answer(capsys, "march_flow", *arguments, "--out", tmp_path / "march")
+    assert (result["reynolds"], result["chord"], result["chord_reynolds"]) == (20, 1, 20)
     assert result["cd"] == pytest.approx(result["cd_steady"], rel=0.2)
     assert Path(result["gif"]).read_bytes().startswith(b"GIF8")
 

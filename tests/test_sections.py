@@ -31,6 +31,7 @@ from surrogate import (
     naca4,
 )
 from surrogate.body.measures import moments
+from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.solver.newton import NewtonSettings
 
 THICK = ["--naca", "2430", "--fidelity", "draft", "--cells", "8"]  # resolved by few cells
@@ -179,7 +180,7 @@ def test_a_surrogates_drag_by_the_chord_has_its_gradient(capsys):
 
 def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
     table, plot = tmp_path / "polar.csv", tmp_path / "polar.png"
-    arguments = ["solve_drag", *THICK, "--incidence", "-4,0,4", "--reynolds", "5:10:2"]
+    arguments = ["solve_drag", *THICK, "--incidence", "-4:0:2,4", "--reynolds", "5:10:2"]
     arguments += ["--reference", "chord", "--table", table, "--plot", plot]
     rows = answer(capsys, *arguments)["results"]
     cases = [(row["incidence"], row["reynolds"]) for row in rows]
@@ -242,11 +243,22 @@ def test_a_flow_that_does_not_converge_leaves_the_others(capsys, monkeypatch, tm
 def test_one_program_solves_a_section_at_every_reynolds_number_and_opposite_incidence(compiled):
     flow = Flow(Scene(fidelity=Fidelity("tiny", 8, 4, 5, 6, 5, wake=0.0)))
     points = naca4("0030")
-    flow.solve(contour_shape(points, 4.0), 5.0, estimate=False)
+    found = flow.solve(contour_shape(points, 4.0), 5.0, estimate=False)
+    assert found.chord_reynolds == 5 * found.chord == 5 * found.shape.chord
     before = len(compiled)
     for incidence, reynolds in ((4.0, 10.0), (-4.0, 5.0), (-4.0, 8.0)):
         flow.solve(contour_shape(points, incidence), reynolds, estimate=False)
     assert compiled[before:] == []
+
+
+def test_a_section_has_few_grids_over_many_incidences():
+    """Programs are compiled for a grid; chords and heights are rounded."""
+    points, scene = naca4("0012"), Scene()
+    grids = {
+        fitted_domain(scene.stream, scene.fidelity, contour_shape(points, turn), 15.0)
+        for turn in np.linspace(-4, 12, 33)
+    }
+    assert len(grids) <= 3
 
 
 @pytest.mark.parametrize("section", ["0006", "0003"])
@@ -278,16 +290,18 @@ REFUSED = {
     f"{NACA} --chord-reynolds 1:5000:9": "--chord-reynolds 1:5000:9, chord 3.101 D: Reynolds",
     f"{NACA} --reynolds 9 --incidence 1:4:log3": "cannot be spaced logarithmically",
     f"{NACA} --reynolds 9 --incidence 0,x": "--incidence '0,x': one number, or several",
+    "solve_drag --aspect 2 --incidence 1 --stream tunnel:1.75 --cells 6 --reynolds 9": "--cells 8",
     f"{NACA} --reynolds 9 --incidence 0,200": "incidence 200: from -180 to 180",
     f"{NACA} --reynolds 9 --reference radius": "invalid choice: 'radius'",
     f"{NACA} --reynolds 9 --plot {{folder}}/p.png": "--plot: needs several values",
     f"{NACA} --reynolds 9 --plot {{folder}}/p.bmp": "must name a file that ends",
     f"{NACA} --reynolds 9 --table {{folder}}/p.txt": "must name a file that ends in .csv",
-    f"{NACA} --reynolds 9 --incidence 0,90": "too large for the standard window",
+    f"{NACA} --reynolds 5 --incidence 0,90 --stream tunnel:4": "--incidence 90: tunnel:4 leaves",
+    f"{NACA} --reynolds 5 --incidence 0,90 --cells 9": "--incidence 0: body: its mean thickness",
     "solve_drag --aspect 2 --reynolds 9 --gradient --reference chord": "goes without --gradient",
     "solve_drag --aspect 2 --reynolds 9 --dimension 3 --reference chord": "is for 2-D bodies",
     "solve_drag --aspect 2 --dimension 3 --settling 2,1e-6,1e-4 --table t.csv": "without --table",
-    "solve_drag --aspect 2 --reynolds 40 --incidence 0,90": "vortices beyond 26.7",
+    "solve_drag --aspect 2 --reynolds 40 --incidence 0,90": "--incidence 90: Reynolds number 40:",
     "march_flow --aspect 2 --reynolds 9 --incidence 0,9 --out {folder}/m": "--incidence: one angle",
     "march_flow --aspect 2 --reynolds 9,10 --out {folder}/m": "--reynolds: one number",
     "march_flow --aspect 2 --out {folder}/m": "--reynolds: give it, or --chord-reynolds",

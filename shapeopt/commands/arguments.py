@@ -80,10 +80,10 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
 
 
 @contextmanager
-def refusals_naming_cells(keep_size: bool) -> Iterator[None]:
+def refusals_by_options(keep_size: bool, prefix: str = "") -> Iterator[None]:
     """Let a grid's refusal of a body name ``--cells``, and ``--keep-size`` where that is the cause.
 
-    The library's messages say how many cells per D would do.
+    The library's messages say how many cells per D would do; ``prefix`` is put before them.
     """
     try:
         yield
@@ -91,7 +91,7 @@ def refusals_naming_cells(keep_size: bool) -> Iterator[None]:
         message = re.sub(r"(\d+) cells per D", _name_cells, str(error))
         if keep_size and "too large" in message:
             message += "; without --keep-size it is"
-        raise InvalidInput(message) from None
+        raise InvalidInput(f"{prefix}{message}") from None
 
 
 def _name_cells(cells: re.Match[str]) -> str:

@@ -16,7 +16,7 @@ from pathlib import Path
 from shapeopt.commands.arguments import (
     add_body_arguments,
     family_named,
-    refusals_naming_cells,
+    refusals_by_options,
     shape_of,
     shapes_of,
 )
@@ -88,8 +88,6 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         for turn, shape in shapes.items()
         for value in reynolds
     ]
-    for case in cases:
-        check_reynolds(case.reynolds, unsteady, dimension, case.shape.extent)
     if arguments.gradient:
         if any(s.parameters is None or not s.symmetric for s in shapes.values()):
             raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
@@ -102,9 +100,11 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         if len(cases) < 2:
             raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
     scene = _scene(arguments, reynolds)
-    with refusals_naming_cells(arguments.keep_size):
-        for shape in shapes.values():
+    for turn, shape in shapes.items():
+        which = f"--incidence {turn:g}: " if len(shapes) > 1 else ""
+        with refusals_by_options(arguments.keep_size, which):
             for value in scene.reynolds:
+                check_reynolds(value, unsteady, dimension, shape.extent)
                 fitted_domain(scene.stream, scene.fidelity, shape, value)
     return scene, cases
 
@@ -144,7 +144,9 @@ def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
     fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
         if not 4 <= arguments.cells <= MOST_CELLS:
-            raise InvalidInput(f"--cells {arguments.cells}: from 4 to {MOST_CELLS}")
+            raise InvalidInput(
+                f"--cells {arguments.cells}: a whole number from 4 to {MOST_CELLS} is needed"
+            )
         fidelity = dataclasses.replace(fidelity, cells=arguments.cells)
     stream = parse_stream(arguments.stream)
     family = Family(dimension=arguments.dimension)
