@@ -15,7 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pictures import pixels
 
-from shapeopt.commands.cli import run
+from shapeopt.commands.arguments import add_body_arguments
+from shapeopt.commands.cli import Parser, run
 from shapeopt.commands.ranges import MOST, numbers
 from shapeopt.commands.sections import POWERS, by_reference
 from shapeopt.commands.sweep import text_table
@@ -63,6 +64,14 @@ def refusal(capsys, script, *arguments):
 @given(st.lists(ENDS, min_size=1, max_size=9))
 def test_a_list_is_read_as_it_is_written(values):
     assert numbers(",".join(map(repr, values))) == values
+
+
+@given(st.lists(ENDS, min_size=1, max_size=5))
+def test_lists_that_begin_with_a_minus_are_values_of_options(values):
+    parser = Parser("Parse incidences.")
+    add_body_arguments(parser)
+    for text in (",".join(map(repr, values)), f"{-abs(values[0])!r}:12:9"):
+        assert parser.parse_args(["--incidence", text, "--aspect", "2"]).incidence == text
 
 
 @given(ENDS, ENDS, COUNTS)

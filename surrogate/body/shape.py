@@ -43,7 +43,8 @@ class Shape:
     def chord(self) -> float:
         """Chord in D: length from nose to tail along x at zero incidence.
 
-        A contour has that of the points it was given by, before corners are rounded.
+        A contour has that of the points it was given by, before corners are rounded. The flow at
+        U c / nu = R is that at Re = U D / nu = R / chord.
         """
         return float(np.ptp(self.draw(NODES)[:, 0])) if self.length is None else self.length
 
