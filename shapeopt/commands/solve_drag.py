@@ -67,11 +67,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         return by_reference(case.record | _row(solution))
 
     results = solve_cases(cases, solve)
+    result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
         plot_polar(results, _title(arguments, results[0]), arguments.plot)
-    result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
     check_converged(results)
     return result
 
