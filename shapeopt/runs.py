@@ -143,6 +143,7 @@ def _search_record(design: Design) -> dict[str, Any]:
     edges = np.minimum(design.parameters - low, high - design.parameters) / (high - low)
     return {
         "parameters": problem.scene.family.named(design.parameters),
+        "chord": design.chord,
         "reynolds": problem.objective.nominal,
         "objective": {
             "kind": type(problem.objective).__name__,

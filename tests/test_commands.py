@@ -73,6 +73,7 @@ def test_solve_drag(capsys):
         *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "cm", "converged", "iterations"),
         *("green_applications", "wall_s", "gradient", "estimated_error", "status"),
         *("estimated_lift_error", "sufficient", "cd_extrapolated"),
+        *("incidence", "chord", "chord_reynolds", "reference"),
     }
     assert first["reynolds"] == 10
     assert first["cd"] > second["cd"] > 1
@@ -188,8 +189,9 @@ def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path):
 
 
 def test_march(capsys, tmp_path):
-    arguments = ["--aspect", "1", "--reynolds", "20", "--time", "5", "--height", "6"]
+    arguments = ["--aspect", "1", "--chord-reynolds", "20", "--time", "5", "--height", "6"]
     result = answer(capsys, "march_flow", *arguments, "--out", tmp_path / "march")
+    assert (result["reynolds"], result["chord"], result["chord_reynolds"]) == (20, 1, 20)
     assert result["cd"] == pytest.approx(result["cd_steady"], rel=0.2)
     assert Path(result["gif"]).read_bytes().startswith(b"GIF8")
 
@@ -285,7 +287,7 @@ MISTAKES = {  # and what the answer must say
     "march_flow --aspect 20 --reynolds 20 --out {folder}/x": "can be marched",
     "render_shapes --runs {damaged} --out {folder}/y.png": "must name a file that ends",
     "solve_drag --reynolds 10": "body: give exactly one of --aspect",
-    f"solve_drag {BODY}": "--reynolds: give it, or --settling instead",
+    f"solve_drag {BODY}": "--reynolds: give it, or --chord-reynolds or --settling",
     f"solve_drag {BODY} --reynolds 10 --stream pipe": "stream 'pipe'",
     f"solve_drag {BODY} --reynolds 10 --stream tunnel:1.5": "tunnel:1.5 leaves less than half a",
     f"solve_drag {BODY} --reynolds 10 --cells 3": "--cells 3: a whole number from",

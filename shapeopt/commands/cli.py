@@ -74,18 +74,3 @@ def emit(result: JsonObject, as_json: bool, text: str) -> JsonObject:
     """Print the result as one line of JSON or as text, and return it."""
     print(json.dumps(result, allow_nan=False) if as_json else text, flush=True)
     return result
-
-
-def numbers(text: str, name: str = "--reynolds", example: str = "1,10,40") -> list[float]:
-    """Parse comma-separated numbers, such as '1,10,40'.
-
-    Raises:
-      InvalidInput: a word is not a number, or there is none.
-    """
-    try:
-        values = [float(word) for word in text.split(",") if word.strip()]
-    except ValueError:
-        values = []
-    if not values:
-        raise InvalidInput(f"{name} {text!r}: one number, or several with commas, as {example}")
-    return values

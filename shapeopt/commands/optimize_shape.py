@@ -86,7 +86,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     error = r["estimated_error"]
     error = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     lines = [
-        f"Re {r['reynolds']:g}: {shape}",
+        f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D",
         f"{name} {r['cd_verified']:.4f} verified ({r['status']}, {error}), "
         f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
         f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
