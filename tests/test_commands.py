@@ -91,6 +91,16 @@ def test_negative_numbers_of_every_form_are_values(capsys):
     assert drags[0] == drags[1]
 
 
+def test_a_drag_outside_the_trained_ranges_must_be_asked_for(capsys):
+    arguments = ["--aspect", "6", "--reynolds", "20"]
+    assert call("predict_drag", *arguments, "--json") == 2
+    assert "--extrapolate" in capsys.readouterr().err
+    result = answer(capsys, "predict_drag", *arguments, "--extrapolate")["results"][0]
+    assert result["cd"] > 0
+    assert not result["in_trained_range"]
+    assert result["confidence"] == "outside: aspect by 0.25 of its trained range"
+
+
 def test_solve_drag_of_contours(capsys, tmp_path):
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ellipse = np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=1)
@@ -301,6 +311,8 @@ MISTAKES = {  # and what the answer must say
     f"predict_drag --surrogate {{damaged}} {BODY} --reynolds 9": "damaged or",
     f"predict_drag --surrogate pretrained {BODY} --reynolds 0": "Reynolds number 0: must be a",
     "predict_drag --surrogate pretrained --aspect 2 --beta2 0.9 --reynolds 9": "beta2 0.9 make",
+    "predict_drag --aspect 6 --reynolds 45": "aspect 6 (trained from 1 to 5), Reynolds number 45 (",
+    f"{OPTIMISE} --reynolds 0.5": "Reynolds number 0.5: the scene covers 1 to 40",
     "predict_drag --surrogate pretrained --reynolds 9": "body: --aspect is needed",
     f"{OPTIMISE} --reynolds 45": "Reynolds number 45: the scene covers",  # not trained there
     f"{OPTIMISE} --reynolds nan": "Reynolds number nan: must be a",

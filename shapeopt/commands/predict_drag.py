@@ -2,6 +2,7 @@
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
+python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
 """
 
 from collections.abc import Sequence
@@ -35,7 +36,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True, dimension=dimension)
     family_shape(named, dimension=dimension)  # refuses what is no body
     parameters = surrogate.scene.family.parameters(named)
-    results = [_predict(surrogate, parameters, value) for value in reynolds]
+    extrapolate = arguments.extrapolate
+    results = [_predict(surrogate, parameters, value, extrapolate) for value in reynolds]
     if arguments.verify:
         for row in results:
             row |= _verify(surrogate, parameters, row)
@@ -49,9 +51,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     return emit(result, arguments.json, "\n".join(map(_line, results)))
 
 
-def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> JsonObject:
+def _predict(
+    surrogate: Surrogate, parameters: np.ndarray, reynolds: float, extrapolate: bool
+) -> JsonObject:
     def drag(body):
-        return surrogate.drag(body, reynolds, extrapolate=True)
+        return surrogate.drag(body, reynolds, extrapolate)
 
     cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
     beyond = surrogate.beyond(parameters, reynolds)
@@ -95,5 +99,7 @@ def _parser() -> Parser:
     add_family_arguments(parser)
     reynolds = f"one, or several as 1,10,40: {REYNOLDS_HELP}"
     parser.add_argument("--reynolds", required=True, help=reynolds)
+    beyond = "answer outside the trained ranges too"
+    parser.add_argument("--extrapolate", action="store_true", help=beyond)
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
     return parser
