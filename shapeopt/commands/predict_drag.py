@@ -45,6 +45,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "results": results,
         "surrogate": arguments.surrogate,
         "method": surrogate.recorded("method"),
+        "warning": surrogate.inaccuracy,
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
         "parameters": surrogate.scene.family.named(parameters),
     }

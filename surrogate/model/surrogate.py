@@ -16,6 +16,9 @@ from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
+# Errors of single held-out bodies scatter: in trainings whose mean is within the flow's tolerance
+# they are up to 15 times the mean (RESULTS.md, training).
+LARGEST_ERROR = 10  # over the flow's tolerance, of a held-out body, that is not large
 ONE_BODY = "(parameters),()->()"  # signature for ``jnp.vectorize``
 
 
@@ -93,6 +96,27 @@ class Surrogate:
     def ranges(self) -> TrainedRanges:
         """The ranges of the shape parameters and of log Re that it was trained in."""
         return TrainedRanges(self.scene)
+
+    @property
+    def inaccuracy(self) -> str | None:
+        """What is to be said of a surrogate of large error; None if its error is not large.
+
+        The error on held-out bodies is large where its mean exceeds the flow's error tolerance,
+        ``scene.fidelity.promise``, so that the network errs more than the flow that it stands for;
+        or where its maximum exceeds 10 times that.
+        """
+        tolerance = self.scene.fidelity.promise
+        mean, most = (self.record.get(f"drag_error_{key}", 0.0) for key in ("mean", "max"))
+        if mean <= tolerance and most <= LARGEST_ERROR * tolerance:
+            return None
+        samples, budget = self.record.get("samples"), self.record.get("budget_s")
+        help = [f"a budget above {budget:g} s"] if budget else []
+        help.append(f"more samples than {samples}" if samples else "more samples")
+        return (
+            f"its drags are inaccurate: error on held-out bodies {mean:.2%} on average and "
+            f"{most:.2%} at most, the flow's tolerance is {tolerance:.2%}; "
+            f"{' or '.join(help)} would help"
+        )
 
     def recorded(self, key: str) -> Any:
         """A value of the record.
