@@ -2,7 +2,11 @@
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
+<<<<<<< HEAD
 python scripts/predict_drag.py --aspect 4 --chord-reynolds 2:60:log20 --reference chord --json
+=======
+python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
+>>>>>>> h-repeats
 """
 
 from collections.abc import Sequence
@@ -41,7 +45,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     chord = family_shape(named, dimension=dimension).chord  # refuses what is no body
     reynolds = reynolds_of(arguments, chord, allow_unsteady=True, dimension=dimension)
     parameters = surrogate.scene.family.parameters(named)
+<<<<<<< HEAD
     results = [_predict(surrogate, parameters, re, arguments.reference) for re in reynolds]
+=======
+    extrapolate = arguments.extrapolate
+    results = [_predict(surrogate, parameters, value, extrapolate) for value in reynolds]
+>>>>>>> h-repeats
     if arguments.verify:
         for row in results:
             row |= _verify(surrogate, parameters, row)
@@ -49,6 +58,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "results": results,
         "surrogate": arguments.surrogate,
         "method": surrogate.recorded("method"),
+        "warning": surrogate.inaccuracy,
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
         "parameters": surrogate.scene.family.named(parameters),
     }
@@ -58,6 +68,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _predict(
+<<<<<<< HEAD
     surrogate: Surrogate, parameters: np.ndarray, reynolds: float, reference: str
 ) -> JsonObject:
     length = surrogate.scene.family.body_class.length
@@ -65,6 +76,12 @@ def _predict(
     def drag(body):
         by = length(body) if reference == CHORD else 1.0
         return surrogate.drag(body, reynolds, extrapolate=True) / by
+=======
+    surrogate: Surrogate, parameters: np.ndarray, reynolds: float, extrapolate: bool
+) -> JsonObject:
+    def drag(body):
+        return surrogate.drag(body, reynolds, extrapolate)
+>>>>>>> h-repeats
 
     cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
     beyond = surrogate.beyond(parameters, reynolds)
@@ -107,7 +124,14 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
     add_family_arguments(parser)
+<<<<<<< HEAD
     add_reynolds_arguments(parser)
     add_reference_argument(parser)
+=======
+    reynolds = f"one, or several as 1,10,40: {REYNOLDS_HELP}"
+    parser.add_argument("--reynolds", required=True, help=reynolds)
+    beyond = "answer outside the trained ranges too"
+    parser.add_argument("--extrapolate", action="store_true", help=beyond)
+>>>>>>> h-repeats
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
     return parser
