@@ -78,6 +78,8 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
         "cd_flow": solution.drag,
         "error": abs(row["cd"] / solution.drag - 1),
         "status": solution.status,
+        "accuracy": solution.accuracy,
+        "expected_error": solution.expected_error,
         "estimated_error": solution.estimated_error,
     }
 
@@ -85,7 +87,7 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
 def _line(r: JsonObject) -> str:
     line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
     if "cd_flow" in r:
-        line += f"  by the flow {r['cd_flow']:.4f} ({r['status']}), error {100 * r['error']:.3f} %"
+        line += f"  by the flow {r['cd_flow']:.4f} ({r['accuracy']}), difference {100 * r['error']:.3f} %"
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 
 
