@@ -87,7 +87,8 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
 def _line(r: JsonObject) -> str:
     line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
     if "cd_flow" in r:
-        line += f"  by the flow {r['cd_flow']:.4f} ({r['accuracy']}), difference {100 * r['error']:.3f} %"
+        line += f"  by the flow {r['cd_flow']:.4f}, which {r['accuracy']}"
+        line += f", error {100 * r['error']:.3f} %"
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 
 
