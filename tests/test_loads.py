@@ -10,7 +10,7 @@ from surrogate import Tunnel, Unbounded, family_shape
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.loads import drag, drag_amplitude, drag_coefficient, lift, moment
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import BodyQuery, Effort, load_gradient
+from surrogate.flow.solver.adjoint import Effort, load_gradient
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
 
@@ -50,10 +50,10 @@ def evaluate(domain):
         parameters, reynolds = values[:-1], values[-1]
         operators = steady.assemble(domain, contour(parameters), reynolds)
         state, info = steady.body_flow(domain, operators, settings=TIGHT)
-        query = BodyQuery(contour, parameters, reynolds)
         value = load(domain.modes, state.amplitude, operators.markers)
-        found = load_gradient(load, domain, operators, state, query, EFFORT)
-        gradient = jnp.append(found.by_parameters, found.by_reynolds)
+        found = load_gradient(load, domain, operators, state, reynolds, EFFORT)
+        by_parameters = jax.vjp(contour, parameters)[1](found.by_markers)[0]
+        gradient = jnp.append(by_parameters, found.by_reynolds)
         return value, gradient, info.converged & found.work.converged
 
     def at(name, step):

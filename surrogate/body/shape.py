@@ -70,7 +70,7 @@ class FamilyShape(Shape):
     def markers(self, nodes: int | tuple[int, int]) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
         return self.body_class.rotated(
-            _markers(self.body_class, self.values, nodes), self.incidence
+            body_markers(self.body_class, self.values, nodes), self.incidence
         )
 
     @functools.cached_property
@@ -129,5 +129,10 @@ def _outline(kind, values, nodes):
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))
-def _markers(kind, values, nodes):
-    return kind.markers(values, nodes)
+def body_markers(
+    body_class: BodyClass,
+    parameters: Float[AnyArray, " parameters"],
+    nodes: int | tuple[int, int],
+) -> Float[AnyArray, "nodes 2"] | Skin:
+    """Return the surface markers of a family body at zero incidence, compiled once a class."""
+    return body_class.markers(parameters, nodes)

@@ -1,20 +1,19 @@
 """The flow past one body of any kind, by continuation in Reynolds number where Newton needs it."""
 
-import functools
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.errors import NotConverged
+from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
-from surrogate.flow.solver.steady import FlowState, assemble, body_flow
+from surrogate.flow.solver.steady import FlowState
 
 MAX_HALVINGS = 3  # of the step in Re: continuation in 2, 4 or 8 steps
 
@@ -31,7 +30,6 @@ class FlowResult(NamedTuple):
         return float(drag_coefficient(self.state.amplitude))
 
 
-@functools.partial(jax.jit, static_argnames=("domain", "settings"))
 def solve_markers(
     domain: Domain,
     settings: NewtonSettings,
@@ -40,8 +38,8 @@ def solve_markers(
     guess: FlowState | None = None,
 ) -> FlowResult:
     """Solve for body flow; ``info.converged`` says whether the numbers mean anything."""
-    operators = assemble(domain, markers, reynolds)
-    return FlowResult(*body_flow(domain, operators, guess, settings))
+    operators = programs.assemble(domain, markers, reynolds)
+    return FlowResult(*programs.solve(domain, settings, operators, guess))
 
 
 def solve_by_continuation(

@@ -13,10 +13,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.compilation import compiled
 from surrogate.errors import NotConverged
+from surrogate.flow import programs
 from surrogate.flow.discrete import DiscreteBodies
 from surrogate.flow.loads import drag, drag_coefficient
-from surrogate.flow.solver.adjoint import Effort, load_gradient
+from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
 
@@ -44,13 +46,13 @@ def drag_and_status(
     reynolds: Float[AnyArray, ""],
 ) -> tuple[Float[Array, ""], NewtonInfo]:
     """Return Cd of a body, differentiable in both arguments, and the solver's outcome."""
-    state, info, _ = _solved(bodies, parameters, reynolds)
+    _, state, info = bodies.solved(parameters, reynolds)
     return drag_coefficient(state.amplitude), info
 
 
 @drag_and_status.defjvp
 def _drag_tangent(bodies, primals, tangents):
-    state, info, operators = _solved(bodies, *primals)
+    operators, state, info = bodies.solved(*primals)
     by_parameters, by_reynolds = exact_gradient(bodies, *primals, state, operators)
     change = by_parameters @ tangents[0] + by_reynolds * tangents[1]
     return (drag_coefficient(state.amplitude), info), (change, jax.tree.map(_no_tangent, info))
@@ -59,12 +61,6 @@ def _drag_tangent(bodies, primals, tangents):
 def _no_tangent(leaf):
     inexact = jnp.issubdtype(leaf.dtype, jnp.inexact)
     return jnp.zeros_like(leaf) if inexact else np.zeros(leaf.shape, jax.dtypes.float0)
-
-
-@functools.partial(jax.jit, static_argnames="bodies")
-def _solved(bodies, parameters, reynolds):
-    operators = bodies.assemble(parameters, reynolds)
-    return *bodies.solve(operators), operators
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -76,7 +72,11 @@ def exact_gradient(
     operators: Operators | None = None,
 ) -> tuple[Float[Array, " parameters"], Float[Array, ""]]:
     """Return dCd/d(parameters, Re) to as many digits as the flow has; NaN where not converged."""
-    return _exact_gradient(bodies, parameters, reynolds, state, operators)
+    if operators is None:
+        operators = programs.assemble(bodies.domain, bodies.markers(parameters), reynolds)
+    effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
+    found = programs.load_gradient(drag, bodies.domain, effort, operators, state, reynolds)
+    return _in_parameters(bodies, parameters, found)
 
 
 @exact_gradient.defjvp
@@ -88,14 +88,14 @@ def _second_derivative(bodies, primals, tangents):
     )
 
 
-@functools.partial(jax.jit, static_argnames="bodies")
-def _exact_gradient(bodies, parameters, reynolds, state, operators):
-    if operators is None:
-        operators = bodies.assemble(parameters, reynolds)
-    effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    query = bodies.query(parameters, reynolds)
-    *found, work = load_gradient(drag, bodies.domain, operators, state, query, effort)
-    return tuple(jnp.where(work.converged, part, jnp.nan) for part in found)
+@compiled("bodies")
+def _in_parameters(bodies, parameters, found):
+    """Return a gradient in the markers as one in the body's parameters; NaN if not converged."""
+    by_parameters = jax.vjp(bodies.markers, parameters)[1](found.by_markers)[0]
+    return tuple(
+        jnp.where(found.work.converged, part, jnp.nan)
+        for part in (by_parameters, found.by_reynolds)
+    )
 
 
 def named_gradient(
@@ -117,17 +117,21 @@ def named_gradient(
     return dict(zip((*bodies.body_class.names, "reynolds"), flat.tolist(), strict=True))
 
 
-@functools.partial(jax.jit, static_argnames="bodies")
 def drag_and_gradient(
     bodies: DiscreteBodies,
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
 ) -> DragGradient:
     """Return Cd of a body and its gradient by one adjoint, to ``QUICK_ADJOINT``."""
-    state, info, operators = _solved(bodies, parameters, reynolds)
-    query = bodies.query(parameters, reynolds)
-    *slopes, work = load_gradient(drag, bodies.domain, operators, state, query, QUICK_ADJOINT)
-    converged = info.converged & work.converged & jnp.all(jnp.isfinite(slopes[0]))
-    spent = info.products + work.products + bodies.domain.assembly_cost
-    values = drag_coefficient(state.amplitude), *slopes
+    operators, state, info = bodies.solved(parameters, reynolds)
+    found = programs.load_gradient(drag, bodies.domain, QUICK_ADJOINT, operators, state, reynolds)
+    return _drag_gradient(bodies, parameters, state, info, found)
+
+
+@compiled("bodies")
+def _drag_gradient(bodies, parameters, state, info, found):
+    by_parameters, by_reynolds = _in_parameters(bodies, parameters, found)
+    converged = info.converged & found.work.converged & jnp.all(jnp.isfinite(by_parameters))
+    spent = info.products + found.work.products + bodies.domain.assembly_cost
+    values = drag_coefficient(state.amplitude), by_parameters, by_reynolds
     return DragGradient(*(jnp.where(converged, v, jnp.nan) for v in values), spent, converged)

@@ -12,12 +12,13 @@ from jaxtyping import Bool, Float
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass, padded
 from surrogate.body.measures import least_mean_thickness
+from surrogate.body.shape import body_markers
 from surrogate.errors import InvalidInput
+from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.immersed import Markers
-from surrogate.flow.solver.adjoint import BodyQuery
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
-from surrogate.flow.solver.steady import FlowState, Operators, assemble, body_flow
+from surrogate.flow.solver.steady import FlowState, Operators
 
 OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
 
@@ -48,23 +49,14 @@ class DiscreteBodies:
 
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
         """Return a body's surface markers: its contour in 2-D, a quarter of its skin in 3-D."""
-        return self.body_class.markers(parameters, self.domain.nodes)
+        return body_markers(self.body_class, parameters, self.domain.nodes)
 
-    def assemble(
+    def solved(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Operators:
-        """Assemble the operators of a body at a Reynolds number."""
-        return assemble(self.domain, self.markers(parameters), reynolds)
-
-    def solve(self, operators: Operators) -> tuple[FlowState, NewtonInfo]:
-        """Solve for the steady flow from the Oseen flow."""
-        return body_flow(self.domain, operators, settings=self.settings)
-
-    def query(
-        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> BodyQuery:
-        """Return the body as a function of its parameters, for derivatives there."""
-        return BodyQuery(self.markers, parameters, reynolds)
+    ) -> tuple[Operators, FlowState, NewtonInfo]:
+        """Return the operators of a body and the steady flow past it, solved from Oseen flow."""
+        operators = programs.assemble(self.domain, self.markers(parameters), reynolds)
+        return operators, *programs.solve(self.domain, self.settings, operators)
 
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
         """Return whether a body fits the box of the grid and is resolved by its cells."""

@@ -117,4 +117,4 @@ def restored(flow: Flow, stored: StoredOperators) -> Operators:
     if isinstance(stored, Operators):
         return stored
     parameters, reynolds = stored
-    return flow.bodies.assemble(parameters, reynolds)
+    return steady.assemble(flow.domain, flow.bodies.markers(parameters), reynolds)

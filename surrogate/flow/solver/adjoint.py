@@ -1,9 +1,10 @@
 """Adjoints of loads: the gradient of any functional of a solved flow, by one linear solve.
 
-With F(x, p) = 0 the equations of body flow in the state x = (u', a) and the parameters p, and J a
-load, the adjoint lambda solves A^T lambda = -dJ/dx, A = dF/dx, and dJ/dp = (explicit) + lambda .
-dF/dp (equation (7) of ``surrogate/flow/README.md``). GMRES runs in single precision, preconditioned
-by the transposed elimination; where that is not enough its residual is renewed in double precision.
+With F(x, p) = 0 the equations of body flow in the state x = (u', a), p the body's markers and Re,
+and J a load, the adjoint lambda solves A^T lambda = -dJ/dx, A = dF/dx, and dJ/dp = (explicit) +
+lambda . dF/dp (equation (7) of ``surrogate/flow/README.md``). GMRES runs in single precision,
+preconditioned by the transposed elimination; where that is not enough its residual is renewed in
+double precision.
 """
 
 from collections.abc import Callable
@@ -48,18 +49,10 @@ class Work(NamedTuple):
     converged: Bool[Array, ""]
 
 
-class BodyQuery(NamedTuple):
-    """A body as a function from parameters to markers, and where to differentiate it."""
-
-    markers: Callable[[Array], Markers]
-    parameters: Float[AnyArray, " parameters"]
-    reynolds: Float[AnyArray, ""]
-
-
 class LoadGradient(NamedTuple):
-    """Derivatives of a load in the body's parameters and in Re, and the work they took."""
+    """Derivatives of a load in the body's markers and in Re, and the work they took."""
 
-    by_parameters: Float[Array, " parameters"]
+    by_markers: Markers
     by_reynolds: Float[Array, ""]
     work: Work
 
@@ -69,30 +62,31 @@ def load_gradient(
     domain: Domain,
     operators: Operators,
     state: FlowState,
-    query: BodyQuery,
+    reynolds: Float[AnyArray, ""],
     effort: Effort,
 ) -> LoadGradient:
-    """Return the gradient of a load by one adjoint: reverse through the body, forward in Re."""
+    """Return the gradient of a load by one adjoint: reverse in the markers, forward in Re."""
 
-    def value(amplitude, parameters):
-        return load(domain.modes, amplitude, query.markers(parameters))
+    def value(amplitude, markers):
+        return load(domain.modes, amplitude, markers)
 
-    by_amplitude, explicit = jax.grad(value, (0, 1))(state.amplitude, query.parameters)
+    by_amplitude, explicit = jax.grad(value, (0, 1))(state.amplitude, operators.markers)
     adjoint, work = load_adjoint(domain, operators, state, by_amplitude, effort)
     adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
 
-    def with_body(parameters, reynolds):
-        body = domain.spread_body(query.markers(parameters), reynolds)
+    def with_body(markers, reynolds):
+        body = domain.spread_body(markers, reynolds)
         return residual(domain, eqx.tree_at(lambda o: o.body, operators, body), state)
 
     def with_stream(reynolds):
         moved = stream_operators(domain, reynolds)
         return residual(domain, eqx.tree_at(lambda o: (o.green, o.far), operators, moved), state)
 
-    by_shape, by_re = jax.vjp(with_body, query.parameters, query.reynolds)[1](adjoint)
-    change = jax.jvp(with_stream, (query.reynolds,), (jnp.ones_like(query.reynolds),))[1]
+    by_body, by_re = jax.vjp(with_body, operators.markers, reynolds)[1](adjoint)
+    change = jax.jvp(with_stream, (reynolds,), (jnp.ones_like(reynolds),))[1]
     by_re = by_re + optax.tree.vdot(adjoint, change)
-    return LoadGradient(explicit + by_shape, by_re, work._replace(products=work.products + 2))
+    by_markers = jax.tree.map(jnp.add, explicit, by_body)
+    return LoadGradient(by_markers, by_re, work._replace(products=work.products + 2))
 
 
 def load_adjoint(

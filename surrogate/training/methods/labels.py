@@ -135,10 +135,10 @@ class Inversion(abc.ABC):
             return none
 
         def adjoint():
-            query = sample.flow.bodies.query(sample.parameters, sample.reynolds)
-            by_shape, by_re, work = load_gradient(
-                drag, sample.domain, operators, state, query, QUICK_ADJOINT
+            by_markers, by_re, work = load_gradient(
+                drag, sample.domain, operators, state, sample.reynolds, QUICK_ADJOINT
             )
+            by_shape = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1](by_markers)[0]
             slopes = jnp.append(by_shape, sample.reynolds * by_re)
             slopes = slopes / drag_coefficient(state.amplitude)
             found = work.converged & jnp.all(jnp.isfinite(slopes))

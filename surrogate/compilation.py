@@ -1,0 +1,40 @@
+"""Compilation of the programs that answer single calls, where compiling costs more than running."""
+
+import functools
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+import jax
+
+from surrogate.checks import traced
+
+# On a CPU, XLA compiles the flow in half the time with its older emitters and without the costlier
+# optimisations of LLVM, and the program is as fast: most of its time goes into Fourier transforms
+# (study ``compilation``).
+QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+Function = Callable[Parameters, Result]
+
+
+def compiled(*static: str) -> Callable[[Function], Function]:
+    """Return a decorator like ``jax.jit`` that compiles quickly; ``static`` arguments are hashed.
+
+    Inside another transformation of JAX the function is traced as it stands.
+    """
+
+    def decorate(function: Function) -> Function:
+        @functools.cache
+        def program():
+            options = QUICK if jax.default_backend() == "cpu" else {}
+            return jax.jit(function, static_argnames=static, compiler_options=options)
+
+        @functools.wraps(function)
+        def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+            inner = function if traced(*jax.tree.leaves((args, kwargs))) else program()
+            return inner(*args, **kwargs)
+
+        return call
+
+    return decorate

@@ -1,0 +1,47 @@
+"""The compiled programs of one flow, which drags, gradients, designs and solutions share.
+
+They depend on the discrete problem, not on the class of bodies: whatever is asked of bodies on one
+domain, its operators, its Newton solver and its adjoint are compiled once.
+"""
+
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.compilation import compiled
+from surrogate.flow.grid.domain import Domain
+from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.loads import Load
+from surrogate.flow.solver import adjoint, steady
+from surrogate.flow.solver.adjoint import Effort, LoadGradient
+from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
+from surrogate.flow.solver.steady import FlowState, Operators
+
+
+@compiled("domain")
+def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
+    """Assemble the operators of a body given by its markers."""
+    return steady.assemble(domain, markers, reynolds)
+
+
+@compiled("domain", "settings")
+def solve(
+    domain: Domain,
+    settings: NewtonSettings,
+    operators: Operators,
+    guess: FlowState | None = None,
+) -> tuple[FlowState, NewtonInfo]:
+    """Solve for the flow past a body, from a guess or from its Oseen flow."""
+    return steady.body_flow(domain, operators, guess, settings)
+
+
+@compiled("load", "domain", "effort")
+def load_gradient(
+    load: Load,
+    domain: Domain,
+    effort: Effort,
+    operators: Operators,
+    state: FlowState,
+    reynolds: Float[Array, ""],
+) -> LoadGradient:
+    """Return the gradient of a load in the body's markers and in Re, by one adjoint."""
+    return adjoint.load_gradient(load, domain, operators, state, reynolds, effort)
