@@ -6,14 +6,13 @@ of all others by the fine grid.
 
 import contextlib
 import functools
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from unittest import mock
 
 import jax
 import numpy as np
 from elements import unbounded_cd
-from scipy.stats import qmc
+from random_bodies import random_bodies
 from studies.accuracy_3d import BETAS as BETAS_3D
 from study import TINY, Result, Row, Run, Study, Table, columns, values
 from tools import SILENT
@@ -34,15 +33,8 @@ from surrogate import (
 from surrogate.flow.check.error_estimate import ERROR_MODELS
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
-KINDS = ("symmetric", "incidence", "general", "tunnel")
 SCENE = "symmetric, on a scene's grid"  # which is larger than one for the body alone
 FLOOR = 5e-4  # smaller errors count as this one, the uncertainty of fine grids
-ASPECT, REYNOLDS = (0.4, 6.0), (0.25, 60.0)  # the error tolerance is for 0.5 to 5 and 0.5 to 45
-BETAS = {"beta2": 0.3, "beta3": 0.2, "beta4": 0.12}  # at most
-INCIDENCE = 15.0  # degrees, at most
-TUNNELS = (4.0, 8.0, 16.0)
-WAVES = np.arange(2, 6)  # of a general body's radius
-WAVY = 0.3  # amplitude of wave k, at most, times k
 SECTION = ("0012", 5.0, (40.0, 100.0))  # NACA code, incidence, Re
 ASPECT_3D, REYNOLDS_3D = (0.45, 4.4), (0.08, 120.0)  # the tolerance is for 0.5 to 4, 0.1 to 100
 FAMILIES = {
@@ -63,40 +55,6 @@ def _in_scene(case: Row) -> bool:
     """Whether a symmetric body and its Re may be of the usual scene; the flow refuses the rest."""
     low, high = Scene().reynolds
     return case["kind"] == "symmetric" and low <= case["reynolds"] <= high
-
-
-def random_bodies(count: int, seed: int) -> Iterator[Row]:
-    """As many of every kind: Re and aspect evenly in their logarithms, the rest evenly."""
-    draws = qmc.Sobol(2 + 2 * len(WAVES) + 1, rng=seed).random_base2(math.ceil(math.log2(count)))
-    for k, (re, aspect, choice, *rest) in enumerate(draws[:count]):
-        reynolds = float(REYNOLDS[0] * (REYNOLDS[1] / REYNOLDS[0]) ** re)
-        aspect, signs = ASPECT[0] * (ASPECT[1] / ASPECT[0]) ** aspect, 2 * np.array(rest) - 1
-        kind, stream = KINDS[k * len(KINDS) // count], "unbounded"
-        if kind == "general":
-            shape = contour_shape(wavy(aspect, *signs.reshape(2, -1)))
-        else:
-            turn = INCIDENCE * (2 * choice - 1) if kind == "incidence" else 0.0
-            shape = valid(aspect, signs[: len(BETAS)] * [*BETAS.values()], turn)
-        if kind == "tunnel":
-            stream = f"tunnel:{TUNNELS[int(choice * len(TUNNELS))]:g}"
-        yield {"kind": kind, "reynolds": reynolds, "stream": stream, "shape": shape}
-
-
-def valid(aspect: float, betas: np.ndarray, turn: float) -> Shape:
-    """A body of the family, its betas halved until it does not cross itself."""
-    try:
-        return family_shape({"aspect": aspect} | dict(zip(BETAS, betas, strict=True)), turn)
-    except InvalidInput:
-        return valid(aspect, betas / 2, turn)
-
-
-def wavy(aspect: float, cosines: np.ndarray, sines: np.ndarray) -> np.ndarray:
-    """A lopsided smooth contour: an ellipse whose radius is multiplied by a random wave."""
-    t = 2 * np.pi * np.arange(200) / 200
-    size = WAVY / WAVES / len(WAVES)
-    radius = 1 + (size * cosines) @ np.cos(np.outer(WAVES, t))
-    radius += (size * sines) @ np.sin(np.outer(WAVES, t))
-    return (radius * [aspect**0.5 * np.cos(t), aspect**-0.5 * np.sin(t)]).T
 
 
 def sections(run: Run) -> list[Row]:
