@@ -201,6 +201,7 @@ def _verification_record(
                 "cd_surrogate": drag,
                 "cd_verified": solution.drag,
                 "status": solution.status,
+                "expected_error": solution.expected_error,
                 "estimated_error": solution.estimated_error,
             }
             for shift, weight, cylinder, drag, solution in rows
@@ -209,6 +210,8 @@ def _verification_record(
             "cd_start": verified.cylinder_objective,
             "cd_verified": verified.objective,
             "status": verified.status,
+            "accuracy": verified.accuracy,
+            "expected_error": verified.expected_error,
             "estimated_error": verified.estimated_error,
             "verify_s": verified.seconds,
             "cases": cases,

@@ -107,11 +107,9 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
-    error = r["estimated_error"]
-    error = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     lines = [
         f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D",
-        f"{name} {r['cd_verified']:.4f} verified ({r['status']}, {error}), "
+        f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
         f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
         f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
