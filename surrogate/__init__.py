@@ -2,12 +2,16 @@
 
 This is the public API. ``Flow`` and ``Surrogate`` are the two drag models, with the same
 ``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model.
-Importing the package switches JAX to 64-bit numbers.
+Importing the package switches JAX to 64-bit numbers and its compilation cache on (``cache.py``).
 """
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
+
+from surrogate.cache import use_compilation_cache  # noqa: E402
+
+use_compilation_cache()
 
 from surrogate.body.contour import naca4  # noqa: E402
 from surrogate.body.contour_file import read_contour  # noqa: E402

@@ -1,6 +1,11 @@
-"""JAX's persistent compilation cache, so that later processes start faster."""
+"""JAX's persistent compilation cache, which later processes start from; on by default.
+
+JAX's own settings rule: ``JAX_COMPILATION_CACHE_DIR=/folder`` moves it (and leaves its limits to
+JAX), ``JAX_ENABLE_COMPILATION_CACHE=false`` turns it off. The same by ``jax.config.update``.
+"""
 
 import os
+import time
 from pathlib import Path
 
 import jax
@@ -8,16 +13,35 @@ import jax
 from surrogate.errors import InvalidInput
 from surrogate.files import make_folder
 
+LARGEST = 2 * 1024**3  # bytes; JAX then removes what was not used for longest
+LEAST_SECONDS = 0.1  # of compilation that are worth a file
+
 
 def use_compilation_cache() -> None:
-    """Keep compiled code in the user's cache folder, if that is writable."""
+    """Keep compiled code in the user's cache folder, if it is writable and no other is set."""
+    if jax.config.jax_compilation_cache_dir is not None:
+        return
     root = Path(os.environ.get("XDG_CACHE_HOME", ""))
     root = root if root.is_absolute() else Path.home() / ".cache"
-    folder = root / "drag-surrogates" / "jax"
+    folder = root / "drag-surrogates" / "compiled"  # "jax" is that of versions without a bound
     try:
         make_folder(folder)
-    except InvalidInput:
+        _complete(folder)
+    except (InvalidInput, OSError):
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_compilation_cache_max_size", LARGEST)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def _complete(folder):
+    """Add the time stamps that entries lack.
+
+    JAX writes an entry before its time stamp. Where a process was killed between the two, or the
+    folder had no bound before, it could remove nothing from the cache and add nothing to it.
+    """
+    for entry in folder.glob("*-cache"):
+        stamp = entry.with_name(f"{entry.name.removesuffix('-cache')}-atime")
+        if not stamp.exists():
+            stamp.write_bytes(time.time_ns().to_bytes(8, "little"))

@@ -1,6 +1,7 @@
 """Compilation of the programs that answer single calls, where compiling costs more than running."""
 
 import functools
+import os
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
@@ -21,13 +22,15 @@ Function = Callable[Parameters, Result]
 def compiled(*static: str) -> Callable[[Function], Function]:
     """Return a decorator like ``jax.jit`` that compiles quickly; ``static`` arguments are hashed.
 
-    Inside another transformation of JAX the function is traced as it stands.
+    Inside another transformation of JAX the function is traced as it stands. Where the user has set
+    ``XLA_FLAGS`` these rule.
     """
 
     def decorate(function: Function) -> Function:
         @functools.cache
         def program():
-            options = QUICK if jax.default_backend() == "cpu" else {}
+            quick = jax.default_backend() == "cpu" and not os.environ.get("XLA_FLAGS")
+            options = QUICK if quick else {}
             return jax.jit(function, static_argnames=static, compiler_options=options)
 
         @functools.wraps(function)

@@ -18,13 +18,11 @@ import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
 from surrogate import Fidelity, Scene, Unbounded  # noqa: E402
-from surrogate.cache import use_compilation_cache  # noqa: E402
 from surrogate.flow.grid.domain_2d import Domain2D  # noqa: E402
 
 TESTS = Path(__file__).parent
 SCRIPTS = TESTS.parent / "scripts"
 sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
-use_compilation_cache()
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, promise=0.1)  # the same in 3-D

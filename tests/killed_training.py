@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from surrogate import Fidelity, Scene
-from surrogate.cache import use_compilation_cache
 from surrogate.processes import first, join
 from surrogate.training.loop import make_setup, run_training
 from surrogate.training.plan import Plan
 
-use_compilation_cache()
 folder, together = Path(sys.argv[1]), sys.argv[2:]
 if together:
     join(together[0], *map(int, together[1:]))

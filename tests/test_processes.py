@@ -64,6 +64,7 @@ def test_an_empty_cache_home_means_the_default(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", "")
     before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", None)
     use_compilation_cache()
     chosen = jax.config.jax_compilation_cache_dir
     jax.config.update("jax_compilation_cache_dir", before)

@@ -16,12 +16,10 @@ jax.config.update("jax_num_cpu_devices", count)
 import numpy as np  # noqa: E402
 
 from surrogate import Fidelity, Scene  # noqa: E402
-from surrogate.cache import use_compilation_cache  # noqa: E402
 from surrogate.devices import choose_devices  # noqa: E402
 from surrogate.training.loop import make_setup, run_training  # noqa: E402
 from surrogate.training.plan import Plan  # noqa: E402
 
-use_compilation_cache()
 scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=4, report_every=2)
 setup = make_setup(plan, choose_devices(count))

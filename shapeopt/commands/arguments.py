@@ -1,8 +1,12 @@
 """Options that several commands share: bodies, scenes, optimisation problems."""
 
 import argparse
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-from shapeopt.commands.cli import Parser, numbers
+from shapeopt.commands.cli import Parser
+from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
@@ -15,6 +19,7 @@ from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
+from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
@@ -47,32 +52,72 @@ def add_body_arguments(parser: Parser) -> None:
     add = parser.add_argument
     add("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
     add("--naca", help="NACA 4-digit section, as 0012")
-    add("--incidence", type=float, default=0.0, help="nose up in degrees, -180 to 180 (0)")
+    incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or as -4:12:9 (0)"
+    add("--incidence", default="0", help=incidence)
     add("--keep-size", action="store_true", help="do not scale a contour")
 
 
-def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
-    """The body that the options describe.
+def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, Shape]:
+    """The body that the options describe, by its incidence in degrees.
 
     Raises:
       InvalidInput: there is none, or options contradict each other.
     """
+    turns = numbers(arguments.incidence, "--incidence", "-4,0,4", "-4:12:9", logarithmic=False)
+    return {turn: _shape(arguments, turn, dimension) for turn in turns}
+
+
+def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
+    """The body that the options describe, at one incidence.
+
+    Raises:
+      InvalidInput: as ``shapes_of``, or there are several incidences.
+    """
+    shapes = list(shapes_of(arguments, dimension).values())
+    if len(shapes) > 1:
+        raise InvalidInput("--incidence: one angle; run once for each")
+    return shapes[0]
+
+
+@contextmanager
+def refusals_by_options(keep_size: bool, prefix: str = "") -> Iterator[None]:
+    """Let a grid's refusal of a body name ``--cells``, and ``--keep-size`` where that is the cause.
+
+    The library's messages say how many cells per D would do; ``prefix`` is put before them.
+    """
+    try:
+        yield
+    except InvalidInput as error:
+        message = re.sub(r"(\d+) cells per D", _name_cells, str(error))
+        if keep_size and "too large" in message:
+            message += "; without --keep-size it is"
+        raise InvalidInput(f"{prefix}{message}") from None
+
+
+def _name_cells(cells: re.Match[str]) -> str:
+    """The option for so many cells per D, or that there is none for so many."""
+    if int(cells[1]) <= MOST_CELLS:
+        return f"--cells {cells[1]}"
+    return f"{cells[0]}, more than --cells takes ({MOST_CELLS}),"
+
+
+def _shape(arguments: argparse.Namespace, incidence: float, dimension: int) -> Shape:
     given = [name for name in ("aspect", "contour", "naca") if getattr(arguments, name) is not None]
     if len(given) != 1:
         raise InvalidInput("body: give exactly one of --aspect, --contour and --naca")
     if arguments.aspect is not None:
         if arguments.keep_size:
             raise InvalidInput("--keep-size: goes with --contour or --naca")
-        return family_shape(family_named(arguments), arguments.incidence, dimension)
+        return family_shape(family_named(arguments), incidence, dimension)
     if dimension == 3:
         raise InvalidInput("--dimension 3: goes with --aspect; a contour is 2-D")
     if any(getattr(arguments, name) for name in PARAMETERS if name != "aspect"):
         raise InvalidInput("body: --flatness and --beta2 to --beta12 go with --aspect")
     if arguments.contour is None:
-        return contour_shape(naca4(arguments.naca), arguments.incidence, arguments.keep_size)
+        return contour_shape(naca4(arguments.naca), incidence, arguments.keep_size)
     points = read_contour(arguments.contour)
     try:
-        return contour_shape(points, arguments.incidence, arguments.keep_size)
+        return contour_shape(points, incidence, arguments.keep_size)
     except InvalidInput as error:
         raise InvalidInput(f"{arguments.contour}: {error}") from None
 
@@ -83,7 +128,7 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--surrogate", default="pretrained", help="folder, pretrained[:METHOD] (default) or none")
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
-    add("--reynolds", required=True, help=f"one, or several as 1,10,40: {REYNOLDS_HELP}")
+    add("--reynolds", required=True, help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
     add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")

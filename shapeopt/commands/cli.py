@@ -5,11 +5,11 @@ import json
 import re
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from surrogate.cache import use_compilation_cache
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject
 
@@ -52,12 +52,14 @@ FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: L
 def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | None = None) -> int:
     """Run the main function of a command and return the exit status.
 
-    An error becomes one line on stderr. SIGTERM, by which job schedulers end a job, acts as Ctrl-C.
+    An error becomes one line on stderr, and so does every warning. SIGTERM, by which job schedulers
+    end a job, acts as Ctrl-C.
     """
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        use_compilation_cache()
-        main(argv)
+        with warnings.catch_warnings():
+            warnings.showwarning = _print_warning
+            main(argv)
         return DONE
     except (InvalidInput, NotConverged, ProcessLost) as error:
         status, message = FAILURES[type(error)], str(error)
@@ -68,26 +70,20 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
         status, message = INTERRUPTED, "interrupted; the same command resumes a training"
     finally:
         signal.signal(signal.SIGTERM, before)
-    print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
+    _print_line(message)
     return status
+
+
+def _print_warning(message: Warning | str, *_: object) -> None:
+    """Print a warning; takes the place of ``warnings.showwarning``."""
+    _print_line(f"warning: {message}")
+
+
+def _print_line(message: str) -> None:
+    print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
 
 
 def emit(result: JsonObject, as_json: bool, text: str) -> JsonObject:
     """Print the result as one line of JSON or as text, and return it."""
     print(json.dumps(result, allow_nan=False) if as_json else text, flush=True)
     return result
-
-
-def numbers(text: str, name: str = "--reynolds", example: str = "1,10,40") -> list[float]:
-    """Parse comma-separated numbers, such as '1,10,40'.
-
-    Raises:
-      InvalidInput: a word is not a number, or there is none.
-    """
-    try:
-        values = [float(word) for word in text.split(",") if word.strip()]
-    except ValueError:
-        values = []
-    if not values:
-        raise InvalidInput(f"{name} {text!r}: one number, or several with commas, as {example}")
-    return values

@@ -5,7 +5,8 @@ python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out
 
 from collections.abc import Sequence
 
-from shapeopt.commands.cli import Parser, emit, numbers
+from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.ranges import numbers
 from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
 from surrogate.files import JsonObject, check_file
@@ -17,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
     reynolds = sorted(numbers(arguments.reynolds))
-    lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2"))
+    lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5"))
     rows, seconds = designs_over(surrogate, reynolds, lengths, arguments.min_thickness)
     plot_designs(surrogate.scene.family, rows, out)
     result = {"designs": rows, "seconds": seconds, "out": str(out)}
@@ -33,7 +34,7 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     add = parser.add_argument
     add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
-    add("--reynolds", required=True, help="one, or several as 1,3,10,40")
+    add("--reynolds", required=True, help="one, several as 1,3,10,40, or 1:40:log5")
     add("--max-length", required=True, help="bounds on the chord in D, as 1.2,1.5,2")
     add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
     add("--out", required=True, help="picture, .png")

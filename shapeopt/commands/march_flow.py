@@ -12,8 +12,9 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.commands.arguments import add_body_arguments, reynolds_numbers, shape_of
+from shapeopt.commands.arguments import add_body_arguments, shape_of
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.sections import add_reynolds_arguments, reference_record, reynolds_of
 from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
@@ -36,11 +37,11 @@ LEAST_REYNOLDS = 1.0  # the stable time step falls with Re
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """March, compare with the steady flow if there is one, render."""
     arguments = _parser().parse_args(argv)
-    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
+    shape = shape_of(arguments)
+    reynolds = reynolds_of(arguments, shape.chord, allow_unsteady=True, dimension=2)
     if len(reynolds) != 1:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
-    shape = shape_of(arguments)
     sheds = re > float(onset_of_shedding(shape.extent))
     duration = (160.0 if sheds else 60.0) if arguments.time is None else arguments.time
     if re < LEAST_REYNOLDS:
@@ -62,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
-        "reynolds": re,
+        **reference_record(re, shape.chord),
         "blockage": float(height / arguments.height),
         "time": duration,
         "cd": float(drag[-1]),
@@ -123,7 +124,7 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     add_body_arguments(parser)
     add = parser.add_argument
-    add("--reynolds", required=True, help="U D / nu, 1 to 300")
+    add_reynolds_arguments(parser)
     add("--time", type=float, help="duration in D / U, 5 to 2000 (60; with shedding 160)")
     add("--height", type=float, default=16.0, help="of the periodic domain in D, 6 to 64 (16)")
     add("--out", required=True, help="folder of march.gif and march.json")

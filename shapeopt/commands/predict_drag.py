@@ -2,6 +2,8 @@
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
+python scripts/predict_drag.py --aspect 4 --chord-reynolds 2:60:log20 --reference chord --json
+python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
 """
 
 from collections.abc import Sequence
@@ -10,13 +12,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.commands.arguments import (
-    REYNOLDS_HELP,
-    add_family_arguments,
-    family_named,
-    reynolds_numbers,
-)
+from shapeopt.commands.arguments import add_family_arguments, family_named
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.sections import (
+    CHORD,
+    add_reference_argument,
+    add_reynolds_arguments,
+    check_reference,
+    reference_line,
+    reference_record,
+    reynolds_of,
+)
 from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
@@ -32,10 +38,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         raise InvalidInput("body: --aspect is needed")
     surrogate, named = load(arguments.surrogate), family_named(arguments)
     dimension = surrogate.scene.dimension
-    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True, dimension=dimension)
-    family_shape(named, dimension=dimension)  # refuses what is no body
+    check_reference(arguments.reference, dimension)
+    chord = family_shape(named, dimension=dimension).chord  # refuses what is no body
+    reynolds = reynolds_of(arguments, chord, allow_unsteady=True, dimension=dimension)
     parameters = surrogate.scene.family.parameters(named)
-    results = [_predict(surrogate, parameters, value) for value in reynolds]
+    at = arguments.reference, arguments.extrapolate
+    results = [_predict(surrogate, parameters, re, *at) for re in reynolds]
     if arguments.verify:
         for row in results:
             row |= _verify(surrogate, parameters, row)
@@ -43,15 +51,27 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "results": results,
         "surrogate": arguments.surrogate,
         "method": surrogate.recorded("method"),
+        "warning": surrogate.inaccuracy,
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
         "parameters": surrogate.scene.family.named(parameters),
     }
-    return emit(result, arguments.json, "\n".join(map(_line, results)))
+    return emit(
+        result, arguments.json, "\n".join([reference_line(results[0]), *map(_line, results)])
+    )
 
 
-def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> JsonObject:
+def _predict(
+    surrogate: Surrogate,
+    parameters: np.ndarray,
+    reynolds: float,
+    reference: str,
+    extrapolate: bool,
+) -> JsonObject:
+    length = surrogate.scene.family.body_class.length
+
     def drag(body):
-        return surrogate.drag(body, reynolds, extrapolate=True)
+        by = length(body) if reference == CHORD else 1.0
+        return surrogate.drag(body, reynolds, extrapolate) / by
 
     cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
     beyond = surrogate.beyond(parameters, reynolds)
@@ -60,7 +80,7 @@ def _predict(surrogate: Surrogate, parameters: np.ndarray, reynolds: float) -> J
         worst = max(beyond, key=lambda name: beyond[name])
         confidence = f"outside: {worst} by {beyond[worst]:.2g} of its trained range"
     return {
-        "reynolds": reynolds,
+        **reference_record(reynolds, float(length(parameters)), reference),
         "cd": float(cd),
         "gradient": surrogate.scene.family.named(gradient),
         "in_trained_range": not beyond,
@@ -74,9 +94,10 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
     if not row["in_trained_range"]:
         body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
     solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
+    drag = solution.drag / (row["chord"] if row["reference"] == CHORD else 1.0)
     return {
-        "cd_flow": solution.drag,
-        "error": abs(row["cd"] / solution.drag - 1),
+        "cd_flow": drag,
+        "error": abs(row["cd"] / drag - 1),
         "status": solution.status,
         "accuracy": solution.accuracy,
         "expected_error": solution.expected_error,
@@ -96,7 +117,9 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
     add_family_arguments(parser)
-    reynolds = f"one, or several as 1,10,40: {REYNOLDS_HELP}"
-    parser.add_argument("--reynolds", required=True, help=reynolds)
+    add_reynolds_arguments(parser)
+    add_reference_argument(parser)
+    beyond = "answer outside the trained ranges too"
+    parser.add_argument("--extrapolate", action="store_true", help=beyond)
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
     return parser

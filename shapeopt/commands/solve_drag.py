@@ -4,61 +4,118 @@ python scripts/solve_drag.py --aspect 1 --reynolds 1,10,40
 python scripts/solve_drag.py --dimension 3 --aspect 2 --flatness 1.5 --reynolds 40
 python scripts/solve_drag.py --dimension 3 --aspect 0.5 --settling 2.65,1e-6,2e-4
 python scripts/solve_drag.py --naca 0012 --incidence 10 --reynolds 20 --stream tunnel:8 --json
+python scripts/solve_drag.py --naca 2412 --incidence -4:12:5 --chord-reynolds 60 \\
+    --reference chord --table polar.csv --plot polar.png
 """
 
 import argparse
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 
 from shapeopt.commands.arguments import (
-    REYNOLDS_HELP,
     add_body_arguments,
-    reynolds_numbers,
+    family_named,
+    refusals_by_options,
     shape_of,
+    shapes_of,
 )
-from shapeopt.commands.cli import Parser, emit, numbers
+from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.ranges import numbers
+from shapeopt.commands.sections import (
+    CHORD,
+    add_reference_argument,
+    add_reynolds_arguments,
+    by_reference,
+    check_reference,
+    reference_line,
+    reynolds_of,
+)
+from shapeopt.commands.sweep import Case, check_converged, solve_cases, text_table, write_table
+from shapeopt.render.polar import plot_polar
 from surrogate.body.family import Family
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject
+from surrogate.files import JsonObject, check_file
 from surrogate.flow.flow import Flow
+from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.settling import RANGE, Particle, settle
 from surrogate.flow.solution import Solution
-from surrogate.progress import progress_bar
-from surrogate.scene.fidelity import read_fidelity
+from surrogate.scene.fidelity import MOST_CELLS, read_fidelity
 from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import parse_stream
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, solve at every Reynolds number, report."""
+    """Parse the arguments, solve at every incidence and Reynolds number, report."""
     arguments = _parser().parse_args(argv)
-    dimension = arguments.dimension
-    if (arguments.reynolds is None) == (arguments.settling is None):
-        raise InvalidInput("--reynolds: give it, or --settling instead")
     if arguments.settling is not None:
-        if arguments.gradient or arguments.allow_unsteady:
-            raise InvalidInput("--settling: goes without --gradient and --allow-unsteady")
+        _check_settling(arguments)
         return _settling(arguments)
-    reynolds = reynolds_numbers(arguments.reynolds, arguments.allow_unsteady, dimension)
-    scene, shape = _scene(arguments, reynolds), shape_of(arguments, dimension)
-    for value in reynolds:  # all, before the first is solved
-        check_reynolds(value, arguments.allow_unsteady, dimension, shape.extent)
-    if arguments.gradient and (shape.parameters is None or not shape.symmetric):
-        raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
-    flow, results = Flow(scene), []
-    with progress_bar("body flow") as progress:
-        for k, value in enumerate(reynolds):
-            solution = flow.solve(
-                shape,
-                value,
-                gradient=arguments.gradient,
-                allow_unsteady=arguments.allow_unsteady,
-            )
-            results.append(_row(solution))
-            progress((k + 1) / len(reynolds), f"Re {value:g}: Cd {solution.drag:.4f}")
-    result = {"results": results, "scene": scene.record}
-    return emit(result, arguments.json, "\n".join(map(_line, results)))
+    if arguments.reynolds is None and arguments.chord_reynolds is None:
+        raise InvalidInput("--reynolds: give it, or --chord-reynolds or --settling instead")
+    scene, cases = _cases(arguments)
+    flow = Flow(scene)
+
+    def solve(case: Case) -> JsonObject:
+        solution = flow.solve(
+            case.shape,
+            case.reynolds,
+            gradient=arguments.gradient,
+            allow_unsteady=arguments.allow_unsteady,
+        )
+        return by_reference(case.record | _row(solution))
+
+    results = solve_cases(cases, solve)
+    result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
+    if arguments.table:
+        write_table(results, arguments.table)
+    if arguments.plot:
+        plot_polar(results, _title(arguments, results[0]), arguments.plot)
+    check_converged(results)
+    return result
+
+
+def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
+    """The scene and every incidence at every Re, refusing what cannot be answered or written."""
+    dimension, unsteady = arguments.dimension, arguments.allow_unsteady
+    check_reference(arguments.reference, dimension)
+    shapes = shapes_of(arguments, dimension)
+    chord = next(iter(shapes.values())).chord
+    reynolds = reynolds_of(arguments, chord, unsteady, dimension)
+    cases = [
+        Case(shape, turn, value, arguments.reference)
+        for turn, shape in shapes.items()
+        for value in reynolds
+    ]
+    if arguments.gradient:
+        if any(s.parameters is None or not s.symmetric for s in shapes.values()):
+            raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
+        if arguments.reference == CHORD:
+            raise InvalidInput("--reference chord: goes without --gradient, which is by D")
+    if arguments.table:
+        check_file(arguments.table, ".csv")
+    if arguments.plot:
+        check_file(arguments.plot, ".png", ".svg", ".pdf")
+        if len(cases) < 2:
+            raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
+    scene = _scene(arguments, reynolds)
+    for turn, shape in shapes.items():
+        which = f"--incidence {turn:g}: " if len(shapes) > 1 else ""
+        with refusals_by_options(arguments.keep_size, which):
+            for value in scene.reynolds:
+                check_reynolds(value, unsteady, dimension, shape.extent)
+                fitted_domain(scene.stream, scene.fidelity, shape, value)
+    return scene, cases
+
+
+def _check_settling(arguments: argparse.Namespace) -> None:
+    """Raise InvalidInput if an option goes without --settling."""
+    others = ("reynolds", "chord_reynolds", "gradient", "allow_unsteady", "table", "plot")
+    given = [name for name in others if getattr(arguments, name)]
+    given += ["reference"] if arguments.reference == CHORD else []
+    if given:
+        raise InvalidInput(f"--settling: goes without --{given[0].replace('_', '-')}")
 
 
 def _settling(arguments: argparse.Namespace) -> JsonObject:
@@ -69,7 +126,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     particle = Particle(*values)
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
-    row = _row(settled.solution)
+    row = Case(shape, 0.0, settled.solution.reynolds).record | _row(settled.solution)
     row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
     turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:]))
@@ -86,8 +143,10 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
 def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
     fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
-        if not 4 <= arguments.cells <= 64:
-            raise InvalidInput(f"--cells {arguments.cells}: a whole number from 4 to 64 is needed")
+        if not 4 <= arguments.cells <= MOST_CELLS:
+            raise InvalidInput(
+                f"--cells {arguments.cells}: a whole number from 4 to {MOST_CELLS} is needed"
+            )
         fidelity = dataclasses.replace(fidelity, cells=arguments.cells)
     stream = parse_stream(arguments.stream)
     family = Family(dimension=arguments.dimension)
@@ -96,7 +155,6 @@ def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
 
 def _row(s: Solution) -> JsonObject:
     return {
-        "reynolds": s.reynolds,
         "cd": s.drag,
         "cd_extrapolated": s.extrapolated_drag,
         "cd_pressure": s.drag_pressure,
@@ -115,6 +173,22 @@ def _row(s: Solution) -> JsonObject:
         "status": s.status,
         "accuracy": s.accuracy,
     }
+
+
+def _text(results: list[JsonObject]) -> str:
+    """The results for a person: a line for each if it is one or has a gradient, else a table."""
+    in_lines = len(results) == 1 or all(row["gradient"] for row in results)
+    text = "\n".join(map(_line, results)) if in_lines else text_table(results)
+    return f"{reference_line(results[0])}\n{text}"
+
+
+def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
+    """What a plot shows: the body, its chord, and the reference of the coefficients."""
+    name = f"NACA {arguments.naca}" if arguments.naca else Path(arguments.contour or "").stem
+    if arguments.aspect is not None:
+        given = {n: v for n, v in family_named(arguments).items() if v}
+        name = ", ".join(f"{n} {v:g}" for n, v in given.items())
+    return f"{name}: chord {row['chord']:.3f} D, coefficients by the {row['reference']}"
 
 
 def _line(r: JsonObject) -> str:
@@ -142,13 +216,16 @@ def _parser() -> Parser:
         "in m^2/s, diameter of the sphere of equal volume in m"
     )
     add = parser.add_argument
-    add("--reynolds", help=f"one, or several as 1,10,40: {REYNOLDS_HELP}")
+    add_reynolds_arguments(parser)
+    add_reference_argument(parser)
     add("--settling", help=settling)
     add("--dimension", type=int, choices=(2, 3), default=2, help="2-D or 3-D flow (2)")
     add("--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D")
     add("--fidelity", default="standard", help="draft, standard (default) or fine")
-    add("--cells", type=int, help="cells per D, 4 to 64, instead of the fidelity's")
+    add("--cells", type=int, help=f"cells per D, 4 to {MOST_CELLS}, instead of the fidelity's")
     add("--gradient", action="store_true", help="dCd/d(parameters, Re)")
     unsteady = "beyond the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies"
     add("--allow-unsteady", action="store_true", help=unsteady)
+    add("--table", help="CSV file of the results, one row for each flow")
+    add("--plot", help="picture of the polar, .png, .svg or .pdf")
     return parser

@@ -49,6 +49,11 @@ class Design:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}
 
     @property
+    def chord(self) -> float:
+        """The body's length from nose to tail, in D."""
+        return float(self.problem.scene.family.body_class.length(self.parameters))
+
+    @property
     def converged(self) -> bool:
         """Whether the KKT residual is at most 1e-2, up to which the flow's designs are accepted."""
         return self.kkt_residual <= KKT_ACCEPTED

@@ -33,6 +33,7 @@ def designs_over(
             "reynolds": design.problem.reynolds,
             "max_length": design.problem.max_length,
             "parameters": surrogate.scene.family.named(design.parameters),
+            "chord": design.chord,
             "cd": design.drag,
             "excess": design.drag / unbounded[design.problem.reynolds] - 1,
             "kkt_residual": design.kkt_residual,

@@ -108,6 +108,14 @@ def smooth_contour(
     return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
 
 
+def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool = False) -> float:
+    """Return the extent along x in D of a valid contour, scaled as by ``smooth_contour``."""
+    points = np.asarray(points, float)
+    area, _ = moments(points - points.mean(axis=0))
+    scale = 1.0 if keep_size else np.sqrt(AREA / abs(float(area)))
+    return float(scale * np.ptp(points[:, 0]))
+
+
 def _farthest(points, smooth):
     """Greatest distance of the points from the smooth contour."""
     return float(cKDTree(smooth).query(points)[0].max())

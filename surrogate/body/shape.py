@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
-from surrogate.body.contour import smooth_contour
+from surrogate.body.contour import contour_length, smooth_contour
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.registry import body_class
 from surrogate.body.skin import Skin
@@ -26,16 +26,27 @@ class Shape:
     """A 2-D body given by a function from a number of nodes to its contour, at incidence.
 
     ``symmetric`` says whether the body is symmetric about the x axis. ``parameters`` are those of a
-    family body by name, None for other bodies.
+    family body by name, None for other bodies. ``length`` is the chord in D where it is known, as
+    contours turned by their incidence do not show it.
     """
 
     draw: Callable[[int], np.ndarray]
     symmetric: bool
     parameters: Mapping[str, float] | None = None
+    length: float | None = None
 
     @property
     def dimension(self) -> int:
         return 2
+
+    @functools.cached_property
+    def chord(self) -> float:
+        """Chord in D: length from nose to tail along x at zero incidence.
+
+        A contour has that of the points it was given by, before corners are rounded. The flow at
+        U c / nu = R is that at Re = U D / nu = R / chord.
+        """
+        return float(np.ptp(self.draw(NODES)[:, 0])) if self.length is None else self.length
 
     def markers(self, nodes: int) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the flow solver takes it: the contour."""
@@ -72,6 +83,10 @@ class FamilyShape(Shape):
         return self.body_class.rotated(
             body_markers(self.body_class, self.values, nodes), self.incidence
         )
+
+    @functools.cached_property
+    def chord(self) -> float:
+        return float(self.body_class.length(self.values))
 
     @functools.cached_property
     def extent(self) -> Float[np.ndarray, " axes"]:
@@ -120,7 +135,7 @@ def contour_shape(
     def draw(nodes):
         return np.asarray(rotate(smooth_contour(points, nodes, keep_size), turn))
 
-    return Shape(draw, symmetric=False)
+    return Shape(draw, symmetric=False, length=contour_length(points, keep_size))
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))

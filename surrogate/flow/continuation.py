@@ -58,7 +58,7 @@ def solve_by_continuation(
         guess, steps = None, 2**halvings
         for k in range(1, steps + 1):
             found = solve_markers(
-                domain, settings, markers, jnp.asarray(reynolds * k / steps), guess
+                domain, settings, markers, jnp.asarray(reynolds * k / steps, float), guess
             )
             spent += int(found.info.products) + domain.assembly_cost
             if not bool(found.info.converged):

@@ -109,7 +109,7 @@ def named_gradient(
     Raises:
       NotConverged: the adjoint did not converge.
     """
-    at = jnp.asarray(parameters), jnp.asarray(reynolds)
+    at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     by_parameters, by_reynolds = exact_gradient(bodies, *at, state)
     flat = np.array([*by_parameters, by_reynolds], float)
     if not np.all(np.isfinite(flat)):

@@ -56,7 +56,7 @@ class DiscreteBodies:
     ) -> tuple[Operators, FlowState, NewtonInfo]:
         """Return the operators of a body and the steady flow past it, solved from Oseen flow."""
         operators = programs.assemble(self.domain, self.markers(parameters), reynolds)
-        return operators, *programs.solve(self.domain, self.settings, operators)
+        return operators, *programs.solve(self.domain, self.settings, operators, None)
 
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
         """Return whether a body fits the box of the grid and is resolved by its cells."""

@@ -28,7 +28,7 @@ def solve(
     domain: Domain,
     settings: NewtonSettings,
     operators: Operators,
-    guess: FlowState | None = None,
+    guess: FlowState | None,
 ) -> tuple[FlowState, NewtonInfo]:
     """Solve for the flow past a body, from a guess or from its Oseen flow."""
     return steady.body_flow(domain, operators, guess, settings)

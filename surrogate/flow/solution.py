@@ -90,6 +90,16 @@ class Solution:
         """Return Cp and friction at points of a 3-D body's skin, given with their area vectors."""
         return skin_loads(self.domain, self.markers, self.state, self.reynolds, points, areas)
 
+    @property
+    def chord(self) -> float:
+        """The body's length from nose to tail at zero incidence, in D."""
+        return self.shape.chord
+
+    @property
+    def chord_reynolds(self) -> float:
+        """U c / nu, by the chord c."""
+        return self.reynolds * self.chord
+
     def surface(self, points: int = SURFACE_POINTS) -> Surface:
         """Return Cp and Cf along the contour of a 2-D body.
 

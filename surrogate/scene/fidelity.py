@@ -1,7 +1,6 @@
 """How finely a flow is solved, and which error of the drag that resolution is made for."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +8,7 @@ from surrogate.checks import expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 LONGEST_WINDOW = 40.0  # D downstream, up to which a window is lengthened for a wake
+LONGER = 8.0  # D, by which a window is lengthened first: few lengths share compiled code
 FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thickness
 LONGEST = 2 * LONGEST_WINDOW  # D, any side of a window
 COARSER = 0.9  # of the cells, at most, that a coarser grid has
@@ -70,7 +70,8 @@ class Fidelity:
         missing = min(wake * reynolds * height**2, LONGEST_WINDOW) - self.downstream
         if missing <= 2:
             return self
-        longer = min(self.downstream + 8 * math.ceil(missing / 8), LONGEST_WINDOW)
+        longer = self.downstream + LONGER if missing <= LONGER else LONGEST_WINDOW
+        longer = min(longer, LONGEST_WINDOW)
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def coarser(self, share: float, fewest: int = 0) -> "Fidelity":

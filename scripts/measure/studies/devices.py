@@ -16,7 +16,6 @@ from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
 from tools import free_port, medians, platform_of
 
 from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
-from surrogate.cache import use_compilation_cache
 from surrogate.devices import choose_devices, partition_bodies
 from surrogate.flow.batch import batch_solver, estimated_cost
 from surrogate.processes import first, join
@@ -185,7 +184,6 @@ def child(asked: Row) -> Row:
         jax.config.update("jax_num_cpu_devices", asked["devices"])
     if asked["processes"] > 1:
         join(asked["coordinator"], asked["processes"], asked["process"])
-    use_compilation_cache()
     flow = Flow(Scene(fidelity=FIDELITIES[asked["fidelity"]]))
     samples = training_samples(flow.scene, 0, asked["bodies"])
     devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])

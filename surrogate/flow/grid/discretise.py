@@ -21,8 +21,8 @@ from surrogate.scene.stream import Stream
 
 DOMAINS: dict[int, type[Domain]] = {2: Domain2D, 3: Domain3D}
 SCENE_CLEARANCE = (1.0, 0.5)  # D from a scene's largest body to the domain's edges
+ROUNDING = 4  # extents are rounded up to 1 / 4 D where a message names them
 OUTLINE_NODES = 400  # of the contour whose mean thickness is measured
-ROUNDING = 4  # extents are rounded up to 1 / 4 D, so that similar bodies share compiled code
 
 
 def scene_domain(scene: Scene) -> Domain:
@@ -38,15 +38,17 @@ def scene_domain(scene: Scene) -> Domain:
 def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
     """Return a domain for one body, as long as the wake at this Re needs.
 
+    There are few domains of a fidelity, whatever the bodies, so that few programs are compiled.
+
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
     kind, extent = DOMAINS[shape.dimension], shape.extent
     check_resolution(kind, fidelity, shape)
     fidelity = fidelity.for_wake(reynolds, float(extent[1:].max()))
-    rounded = np.ceil(extent * ROUNDING) / ROUNDING
-    check_stream(stream, fidelity, rounded, kind.CLEARANCE)
-    return kind.around(stream, fidelity, rounded, shape)
+    extent = np.ceil(extent * ROUNDING) / ROUNDING
+    check_stream(stream, fidelity, extent, kind.CLEARANCE)
+    return kind.around(stream, fidelity, extent, shape)
 
 
 def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:

@@ -61,7 +61,7 @@ class Domain(abc.ABC):
     def around(
         cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
     ) -> "Domain":
-        """Discretise a stream around one body in a box of ``extent`` D."""
+        """Discretise a stream around one body of ``extent`` D, in one of few boxes that hold it."""
 
     @classmethod
     @abc.abstractmethod

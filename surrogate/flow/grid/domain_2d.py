@@ -22,6 +22,7 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream, Tunnel, window_height
 
 FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
+LEAST_EXTENT = 4.0  # D, of the box around a fitted body; larger ones have twice that, and so on
 MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
 
 
@@ -44,7 +45,9 @@ class Domain2D(Domain):
     def around(
         cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
     ) -> "Domain2D":
-        return cls.make(stream, fidelity, tuple(extent.tolist()), shape.symmetric)
+        doublings = math.ceil(max(math.log2(extent.max() / LEAST_EXTENT), 0.0))
+        room = (LEAST_EXTENT * 2**doublings,) * 2
+        return cls.make(stream, fidelity, tuple(extent.tolist()), shape.symmetric, room)
 
     @classmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D:
@@ -52,9 +55,16 @@ class Domain2D(Domain):
 
     @classmethod
     def make(
-        cls, stream: Stream, fidelity: Fidelity, extent: tuple[float, float], symmetric: bool
+        cls,
+        stream: Stream,
+        fidelity: Fidelity,
+        extent: tuple[float, float],
+        symmetric: bool,
+        box_extent: tuple[float, float] | None = None,
     ) -> "Domain2D":
-        """Discretise a stream around bodies that fit a box of ``extent`` (length, height) in D.
+        """Discretise a stream around bodies of at most ``extent`` (length, height) in D.
+
+        Their box has this extent too, or a larger ``box_extent`` as far as the lattice goes.
 
         Raises:
           InvalidInput: the box does not fit between the tunnel's walls.
@@ -89,6 +99,12 @@ class Domain2D(Domain):
                 f"{stream}: {lattice.unfolded.shape[1]} rows of cells from wall to wall, and a "
                 f"body {extent[1]:g} D high needs {box[1]}; {needed} cells per D would do"
             )
+        if box_extent is not None:
+            held = 2 * min(lattice.inlet, lattice.shape[0] - lattice.inlet)
+            sides = zip(
+                box_around(box_extent, cells), (held, lattice.unfolded.shape[1]), strict=True
+            )
+            box, extent = tuple(min(side) for side in sides), box_extent
         nodes = 2 * math.ceil(max(extent) * math.pi * cells / MARKER_SPACING)
         return cls(lattice, far, Modes2D(fidelity.harmonics, symmetric), box, nodes, height)
 

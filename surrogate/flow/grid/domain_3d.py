@@ -25,6 +25,7 @@ from surrogate.scene.stream import Stream
 FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, as in 2-D
 MAX_CELLS = 4_000_000  # of a quarter, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
+ROUNDING = 0.5  # D, to multiples of which the extent of a fitted body is rounded up
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
 
 
@@ -50,6 +51,7 @@ class Domain3D(Domain):
     ) -> "Domain3D":
         flattened = shape.parameters.get("flatness", 1.0) != 1
         modes = cls.modes_of(("flatness",) if flattened else (), fidelity)
+        extent = np.ceil(extent / ROUNDING) * ROUNDING
         return cls.make(fidelity, tuple(extent.tolist()), modes)
 
     @classmethod

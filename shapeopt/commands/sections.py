@@ -1,0 +1,90 @@
+"""Reynolds numbers and coefficients by the chord c, beside those by the equivalent diameter D."""
+
+import argparse
+
+from shapeopt.commands.arguments import REYNOLDS_HELP
+from shapeopt.commands.cli import Parser
+from shapeopt.commands.ranges import numbers
+from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject
+from surrogate.scene.limits import check_reynolds
+
+DIAMETER, CHORD = "diameter", "chord"  # what coefficients are by
+SEVERAL = "one, several as 1,10,40, or a range as 1:40:20 or 1:40:log20"
+POWERS = {  # of the chord, by which coefficients by D are divided
+    "cd": 1,
+    "cd_extrapolated": 1,
+    "cd_pressure": 1,
+    "cd_friction": 1,
+    "cl": 1,
+    "estimated_lift_error": 1,
+    "cm": 2,
+}
+
+
+def add_reynolds_arguments(parser: Parser) -> None:
+    """Add --reynolds and --chord-reynolds, of which one is to be given."""
+    parser.add_argument("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
+    parser.add_argument("--chord-reynolds", help="U c / nu instead, c the chord; in the same forms")
+
+
+def add_reference_argument(parser: Parser) -> None:
+    """Add --reference, the length by which coefficients are printed."""
+    reference = "length of the coefficients: diameter (D, the default) or chord (Cm: its square)"
+    parser.add_argument("--reference", choices=(DIAMETER, CHORD), default=DIAMETER, help=reference)
+
+
+def reynolds_of(
+    arguments: argparse.Namespace, chord: float, allow_unsteady: bool, dimension: int
+) -> list[float]:
+    """The Reynolds numbers U D / nu of --reynolds, or of --chord-reynolds for a chord in D.
+
+    Raises:
+      InvalidInput: neither or both are given, or one is outside the range of the solver.
+    """
+    if (arguments.reynolds is None) == (arguments.chord_reynolds is None):
+        raise InvalidInput("--reynolds: give it, or --chord-reynolds instead")
+    if arguments.reynolds is not None:
+        values = numbers(arguments.reynolds)
+        return [check_reynolds(value, allow_unsteady, dimension) for value in values]
+    values = numbers(arguments.chord_reynolds, "--chord-reynolds")
+    try:
+        return [check_reynolds(value / chord, allow_unsteady, dimension) for value in values]
+    except InvalidInput as error:
+        text = f"--chord-reynolds {arguments.chord_reynolds}, chord {chord:.4g} D: {error}"
+        raise InvalidInput(text) from None
+
+
+def check_reference(reference: str, dimension: int) -> None:
+    """Raise InvalidInput where coefficients by the chord have no usual meaning."""
+    if reference == CHORD and dimension == 3:
+        raise InvalidInput("--reference chord: is for 2-D bodies; 3-D ones have areas")
+
+
+def by_reference(row: JsonObject) -> JsonObject:
+    """A row whose coefficients are by D, with coefficients by its "reference" instead.
+
+    By the chord, forces' coefficients are divided by it and the moment's by its square.
+    """
+    if row["reference"] == DIAMETER:
+        return row
+    given = {name: power for name, power in POWERS.items() if row.get(name) is not None}
+    return row | {name: row[name] / row["chord"] ** power for name, power in given.items()}
+
+
+def reference_record(reynolds: float, chord: float, reference: str = DIAMETER) -> JsonObject:
+    """Re = U D / nu, the chord in D, Re = U c / nu by it, and what coefficients are by."""
+    return {
+        "reynolds": reynolds,
+        "chord": chord,
+        "chord_reynolds": reynolds * chord,
+        "reference": reference,
+    }
+
+
+def reference_line(row: JsonObject) -> str:
+    """Words on the chord and on what the coefficients of a row are by."""
+    by = "the equivalent diameter D"
+    if row["reference"] == CHORD:
+        by = "the chord c (Cm by its square)"
+    return f"chord {row['chord']:.4f} D; coefficients by {by}; Re = U D / nu"

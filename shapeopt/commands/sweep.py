@@ -1,0 +1,118 @@
+"""Many flows past one body, at several incidences and Reynolds numbers: solved, as a table."""
+
+import csv
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from shapeopt.commands.sections import DIAMETER, reference_record
+from surrogate.body.shape import Shape
+from surrogate.errors import NotConverged
+from surrogate.files import JsonObject, whole_file
+from surrogate.progress import progress_bar
+
+COLUMNS = {  # of the text: key in a row, head and format
+    "incidence": ("incidence", "g"),
+    "reynolds": ("Re", ".4g"),
+    "chord_reynolds": ("chord Re", ".4g"),
+    "cd": ("Cd", ".4f"),
+    "cd_pressure": ("pressure", ".4f"),
+    "cd_friction": ("friction", ".4f"),
+    "cl": ("Cl", ".4f"),
+    "estimated_lift_error": ("+-", ".4f"),
+    "cm": ("Cm", ".4f"),
+    "estimated_error": ("error", ".2%"),
+    "status": ("status", ""),
+    "sufficient": ("would do", ""),
+}
+
+
+class Case(NamedTuple):
+    """A body at an incidence in degrees, Re = U D / nu, and what its coefficients are by."""
+
+    shape: Shape
+    incidence: float
+    reynolds: float
+    reference: str = DIAMETER
+
+    @property
+    def record(self) -> JsonObject:
+        """The case as part of a row."""
+        return {"incidence": self.incidence} | reference_record(
+            self.reynolds, self.shape.chord, self.reference
+        )
+
+    def __str__(self) -> str:
+        turned = f", incidence {self.incidence:g}" if self.incidence else ""
+        return f"Re {self.reynolds:.4g}{turned}"
+
+
+def solve_cases(cases: Sequence[Case], solve: Callable[[Case], JsonObject]) -> list[JsonObject]:
+    """The rows of all cases; where a flow does not converge, a row without numbers.
+
+    Args:
+      cases: to be solved in this order, with a progress bar.
+      solve: returns the row of a case.
+
+    Raises:
+      NotConverged: no flow converged.
+    """
+    rows, failures = [], []
+    with progress_bar("body flow") as progress:
+        for k, case in enumerate(cases):
+            try:
+                rows.append(solve(case))
+                state = f"Cd {rows[-1]['cd']:.4f}"
+            except NotConverged as error:
+                rows.append({})
+                failures.append(error)
+                state = "did not converge"
+            progress((k + 1) / len(cases), f"{case}: {state}")
+    if len(failures) == len(cases):
+        raise failures[0]
+    empty = dict.fromkeys(next(row for row in rows if row))
+    empty |= {"converged": False, "status": "not converged"}
+    return [row or empty | case.record for case, row in zip(cases, rows, strict=True)]
+
+
+def check_converged(rows: Sequence[JsonObject]) -> None:
+    """Raise NotConverged if a flow did not converge, naming all that did not."""
+    if missing := [row for row in rows if not row["converged"]]:
+        words = (f"incidence {row['incidence']:g} at Re {row['reynolds']:.4g}" for row in missing)
+        raise NotConverged(
+            f"{len(missing)} of {len(rows)} flows did not converge: {'; '.join(words)}"
+        )
+
+
+def text_table(rows: Sequence[JsonObject]) -> str:
+    """Rows as aligned columns, of which empty ones are left out; a dash where there is no value."""
+    columns = {key: c for key, c in COLUMNS.items() if any(row[key] is not None for row in rows)}
+    lines = [[head for head, _ in columns.values()]]
+    for row in rows:
+        cells = ((row[key], form) for key, (_, form) in columns.items())
+        lines.append(["-" if value is None else format(value, form) for value, form in cells])
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
+        for line in lines
+    )
+
+
+def write_table(rows: Sequence[JsonObject], path: str | Path) -> None:
+    """Write rows as CSV: a column for each key, of tables in them 'name.key'; None is empty."""
+    flat = [dict(_flat(row)) for row in rows]
+    names = list(dict.fromkeys(itertools.chain.from_iterable(flat)))
+    with whole_file(path) as part, part.open("w", newline="") as file:
+        writer = csv.DictWriter(file, names, restval="")
+        writer.writeheader()
+        writer.writerows(flat)
+
+
+def _flat(row: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:
+    """Keys and values, of nested tables with their names."""
+    for key, value in row.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value

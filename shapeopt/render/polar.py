@@ -1,0 +1,91 @@
+"""Polars: Cl, Cd and Cm over incidence for each Reynolds number, or over the Reynolds number."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from shapeopt.render.figures import INK, OPTIMUM, STYLE, plt, save_figure
+from surrogate.files import JsonObject
+
+LABELS = {
+    "cd": "$C_d$",
+    "cl": "$C_l$",
+    "cm": "$C_m$",
+    "incidence": "incidence, degrees",
+    "reynolds": "Reynolds number $U D / \\nu$",
+    "chord_reynolds": "Reynolds number $U c / \\nu$",
+}
+SYMBOLS = {"reynolds": "Re", "chord_reynolds": "chord Re"}
+PANELS = (("cd", "cl"), ("incidence", "cl"), ("incidence", "cd"), ("incidence", "cm"))
+
+
+def plot_polar(rows: Sequence[JsonObject], title: str, path: str | Path) -> Path:
+    """Plot the rows of one body's flows that converged, and return the path of the picture.
+
+    With several incidences, Cl over Cd, and Cl, Cd and Cm over incidence, a line for each Re. With
+    one incidence Cd, and of a body with lift also Cl and Cm, over Re. Re is by the chord where the
+    coefficients are.
+
+    Args:
+      rows: with "incidence", "reynolds", "chord_reynolds", "reference", "cd", "cl", "cm", of which
+        the coefficients are None where a flow did not converge.
+      title: of the figure.
+      path: of the picture.
+    """
+    found = [row for row in rows if row["cd"] is not None]
+    number = "chord_reynolds" if rows[0]["reference"] == "chord" else "reynolds"
+    with plt.rc_context(STYLE):
+        if len({row["incidence"] for row in rows}) > 1:
+            figure = _over_incidence(found, number)
+        else:
+            figure = _over_reynolds(found, number)
+        figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        return save_figure(figure, path)
+
+
+def _over_incidence(rows: list[JsonObject], number: str) -> plt.Figure:
+    figure, axes = plt.subplots(2, 2, figsize=(10, 7.6), layout="constrained")
+    reynolds = sorted({row[number] for row in rows})
+    colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.8, len(reynolds)))
+    for axis, (x, y) in zip(axes.flat, PANELS, strict=True):
+        for value, colour in zip(reynolds, colours, strict=True):
+            line = sorted((r for r in rows if r[number] == value), key=lambda r: r["incidence"])
+            _draw(axis, line, x, y, color=colour, label=f"{SYMBOLS[number]} {value:.4g}")
+        if y != "cd":
+            axis.axhline(0, color=INK, lw=0.6)
+    axes[0, 0].legend()
+    return figure
+
+
+def _over_reynolds(rows: list[JsonObject], number: str) -> plt.Figure:
+    lifts = any(abs(row["cl"]) > 1e-6 * row["cd"] for row in rows)
+    panels = ("cd", "cl", "cm") if lifts else ("cd",)
+    size = 4.2 * len(panels) + 2, 4.4
+    figure, axes = plt.subplots(1, len(panels), figsize=size, layout="constrained", squeeze=False)
+    line = sorted(rows, key=lambda row: row[number])
+    for axis, y in zip(axes[0], panels, strict=True):
+        _draw(axis, line, number, y, color=OPTIMUM)
+        axis.set_xscale("log")
+        _plain_ticks(axis.xaxis)
+        if y == "cd":
+            axis.set_yscale("log")
+            _plain_ticks(axis.yaxis)
+        else:
+            axis.axhline(0, color=INK, lw=0.6)
+    return figure
+
+
+def _draw(axis: plt.Axes, rows: list[JsonObject], x: str, y: str, **look: object) -> None:
+    points = ([row[name] for row in rows] for name in (x, y))
+    axis.plot(*points, marker="o", ms=4, lw=1.8, **look)
+    axis.set(xlabel=LABELS[x], ylabel=LABELS[y])
+
+
+def _plain_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers at 1, 2 and 5 times powers of ten."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())

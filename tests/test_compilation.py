@@ -1,0 +1,87 @@
+"""Few programs are compiled, they are shared, and later processes load them from JAX's cache."""
+
+import os
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from surrogate import Fidelity, Flow, Scene, contour_shape
+from surrogate.cache import use_compilation_cache
+
+LENS = np.array([2.0, 0.1, 0.0, 0.0])
+CACHED = """
+import jax, surrogate
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+jax.jit(lambda x: x @ x)(jax.numpy.ones((3, 3)))
+"""
+
+
+def test_drag_gradient_and_solution_share_their_programs(compiled):
+    flow = Flow(Scene(fidelity=Fidelity("shared", 8, 2.5, 4, 4, 5, wake=0.0)))
+    drag = flow.drag(LENS, 10.0)
+    assert compiled.count("jit(solve)") == compiled.count("jit(assemble)") == 1
+    gradient = jax.grad(flow.drag)(jnp.array(LENS), 10.0)
+    slope = flow.slope(LENS, 10.0)
+    solution = flow.solve(LENS, 10.0, gradient=True, estimate=False)
+    assert compiled.count("jit(solve)") == compiled.count("jit(assemble)") == 1
+    assert compiled.count("jit(load_gradient)") == 2  # to full precision, and to that of designs
+    assert float(drag) == float(slope.drag) == solution.drag
+    assert list(solution.gradient.values())[:4] == pytest.approx(gradient.tolist(), rel=1e-6)
+
+
+def random_contour(generator: np.random.Generator) -> np.ndarray:
+    t = np.linspace(0, 2 * np.pi, generator.integers(60, 300), endpoint=False)
+    waves = generator.uniform(-0.3, 0.3, 2) @ np.stack([np.cos(t), np.cos(2 * t)])
+    camber = generator.uniform(-0.1, 0.1) * np.sin(t) ** 2
+    y = np.sin(t) * (1 + waves) / generator.uniform(2, 8) + camber
+    return np.stack([-np.cos(t) / 2, y], axis=1)
+
+
+def test_thirty_contours_compile_a_few_times(compiled, generator):
+    flow, solves = Flow(Scene(fidelity=Fidelity("few", 10, 4, 8, 8, 5))), []
+    for _ in range(30):
+        shape = contour_shape(random_contour(generator), generator.uniform(-20, 20))
+        before, reynolds = len(compiled), np.exp(generator.uniform(0, np.log(45)))
+        flow.solve(shape, reynolds, allow_unsteady=True)
+        solves.append(len(compiled) > before)
+    assert sum(solves) <= 5
+    assert (
+        compiled.count("jit(solve)") <= 9
+    )  # three windows of a flow and of the two of its estimate
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_the_cache_is_on_by_default_and_is_turned_off_by_jax(tmp_path, enabled):
+    switch = {} if enabled else {"JAX_ENABLE_COMPILATION_CACHE": "false"}
+    home = os.environ | {"XDG_CACHE_HOME": str(tmp_path)} | switch
+    subprocess.run([sys.executable, "-c", CACHED], env=home, check=True)
+    assert any(tmp_path.rglob("*-cache")) == enabled
+
+
+def test_the_cache_that_a_user_has_set_stays(tmp_path):
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path / "mine"))
+    try:
+        use_compilation_cache()
+        assert jax.config.jax_compilation_cache_dir == str(tmp_path / "mine")
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+
+
+def test_an_entry_without_its_time_stamp_gets_one(tmp_path, monkeypatch):
+    """A process that was killed between the two would end all removal from the cache."""
+    folder = tmp_path / "drag-surrogates" / "compiled"
+    folder.mkdir(parents=True)
+    (folder / "program-cache").write_bytes(b"")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", None)
+    try:
+        use_compilation_cache()
+        assert len((folder / "program-atime").read_bytes()) == 8
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)

@@ -1,0 +1,332 @@
+"""Sections: the chord, Reynolds numbers and coefficients by it, ranges, polars, refusals."""
+
+import csv
+import functools
+import importlib
+import json
+import re
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pictures import pixels
+
+from shapeopt.commands.arguments import add_body_arguments
+from shapeopt.commands.cli import Parser, run
+from shapeopt.commands.ranges import MOST, numbers
+from shapeopt.commands.sections import POWERS, by_reference
+from shapeopt.commands.sweep import text_table
+from surrogate import (
+    Fidelity,
+    Flow,
+    InvalidInput,
+    Scene,
+    Shape,
+    contour_shape,
+    family_shape,
+    load,
+    naca4,
+)
+from surrogate.body.measures import moments
+from surrogate.flow.grid.discretise import fitted_domain
+from surrogate.flow.solver.newton import NewtonSettings
+
+THICK = ["--naca", "2430", "--fidelity", "draft", "--cells", "8"]  # resolved by few cells
+ENDS = st.floats(-1e6, 1e6)
+ABOVE_ZERO = st.floats(1e-6, 1e6)
+COUNTS = st.integers(2, MOST)
+
+
+def call(script, *arguments):
+    return run(importlib.import_module(script).main, [str(a) for a in arguments])
+
+
+def answer(capsys, script, *arguments):
+    status = call(script, *arguments, "--json")
+    captured = capsys.readouterr()
+    assert status == 0, captured.err
+    return json.loads(captured.out.splitlines()[-1])
+
+
+def refusal(capsys, script, *arguments):
+    """The one line of a refusal."""
+    assert call(script, *arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    return line
+
+
+@given(st.lists(ENDS, min_size=1, max_size=9))
+def test_a_list_is_read_as_it_is_written(values):
+    assert numbers(",".join(map(repr, values))) == values
+
+
+@given(st.lists(ENDS, min_size=1, max_size=5))
+def test_lists_that_begin_with_a_minus_are_values_of_options(values):
+    parser = Parser("Parse incidences.")
+    add_body_arguments(parser)
+    for text in (",".join(map(repr, values)), f"{-abs(values[0])!r}:12:9"):
+        assert parser.parse_args(["--incidence", text, "--aspect", "2"]).incidence == text
+
+
+@given(ENDS, ENDS, COUNTS)
+def test_a_range_is_evenly_spaced_from_end_to_end(first, last, count):
+    values = numbers(f"{first!r}:{last!r}:{count}")
+    assert len(values) == count
+    assert (values[0], values[-1]) == (first, last)
+    assert np.diff(values) == pytest.approx((last - first) / (count - 1), abs=1e-9 * 1e6)
+
+
+@given(ABOVE_ZERO, ABOVE_ZERO, COUNTS)
+def test_a_logarithmic_range_has_equal_ratios(first, last, count):
+    values = numbers(f"{first!r}:{last!r}:log{count}")
+    assert len(values) == count
+    assert (values[0], values[-1]) == (first, last)
+    assert np.diff(np.log(values)) == pytest.approx(np.log(last / first) / (count - 1), abs=1e-9)
+
+
+def test_lists_and_ranges_can_be_mixed():
+    assert numbers("1:3:3,10,40") == [1, 2, 3, 10, 40]
+    assert numbers("1:100:log3") == pytest.approx([1, 10, 100])
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    {
+        "": "one number, or several",
+        ",": "one number, or several",
+        "1:40": "or a range, as 1:40:20",
+        "1:40:x": "or a range, as 1:40:20",
+        "1:40:2.5": "or a range, as 1:40:20",
+        "1:40:20:3": "or a range, as 1:40:20",
+        "1:40:1": "from 2 to 1000 numbers, not 1",
+        "1:40:1001": "from 2 to 1000 numbers, not 1001",
+        "1:inf:3": "must be finite",
+        "0:40:log3": "must be above 0",
+    }.items(),
+)
+def test_what_is_no_list_is_refused(text, words):
+    with pytest.raises(InvalidInput, match=re.escape(words)) as refused:
+        numbers(text)
+    assert str(refused.value).startswith(f"--reynolds {text!r}: ")
+
+
+def test_the_chord_of_a_section_is_that_of_its_definition_at_any_incidence():
+    points = naca4("0012")
+    area = float(moments(points)[0])
+    for incidence in (-4.0, 0.0, 90.0):
+        chord = contour_shape(points, incidence).chord
+        assert chord == pytest.approx(np.sqrt(np.pi / 4 / area), rel=1e-12)
+        assert contour_shape(points, incidence, keep_size=True).chord == pytest.approx(1.0)
+    markers = contour_shape(points).draw(400)  # its ends are rounded
+    assert np.ptp(markers[:, 0]) == pytest.approx(chord, rel=5e-3)
+    assert contour_shape(points[::-1] * 7 + 3).chord == pytest.approx(chord)
+
+
+@pytest.mark.parametrize("incidence", [0.0, 30.0])
+def test_the_chord_of_a_family_body_is_its_length_along_the_axis(incidence):
+    assert family_shape({"aspect": 4, "beta2": 0.2}, incidence).chord == pytest.approx(2.0)
+    ellipsoid = family_shape({"aspect": 2, "flatness": 1.5}, dimension=3)
+    assert ellipsoid.chord == pytest.approx(2 ** (2 / 3))
+    drawn = Shape(ellipsoid.draw, symmetric=True)  # of which nothing else is known
+    assert drawn.chord == pytest.approx(ellipsoid.chord, rel=1e-4)
+
+
+@given(st.floats(0.1, 10))
+def test_coefficients_by_the_chord_are_scaled_exactly(chord):
+    row = {name: 1.0 for name in POWERS} | {"estimated_error": 0.1, "cd_friction": None}
+    row |= {"reynolds": 20.0, "chord": chord, "reference": "diameter"}
+    assert by_reference(row) == row
+    scaled = by_reference(row | {"reference": "chord"})
+    assert scaled["cd"] == scaled["cl"] == scaled["estimated_lift_error"] == 1 / chord
+    assert scaled["cm"] == 1 / chord**2
+    assert (scaled["estimated_error"], scaled["cd_friction"]) == (0.1, None)
+
+
+def test_a_chord_reynolds_number_is_the_flow_at_that_over_the_chord(capsys):
+    chord = contour_shape(naca4("2430")).chord
+    arguments = ["solve_drag", *THICK, "--incidence", "5"]
+    (by_d,) = answer(capsys, *arguments, "--reynolds", repr(20 / chord))["results"]
+    arguments += ["--chord-reynolds", "20"]
+    (same,) = answer(capsys, *arguments)["results"]
+    (by_chord,) = answer(capsys, *arguments, "--reference", "chord")["results"]
+    for row, reference in ((by_d, "diameter"), (same, "diameter"), (by_chord, "chord")):
+        assert row["chord"] == chord
+        assert row["chord_reynolds"] == pytest.approx(20, rel=1e-14)
+        assert row["incidence"] == 5
+        assert row["reference"] == reference
+    for name in ("cd", "cd_pressure", "cd_friction", "cl", "cm"):
+        power = 2 if name == "cm" else 1
+        assert same[name] == by_d[name]
+        assert by_chord[name] == pytest.approx(by_d[name] / chord**power, rel=1e-14)
+    assert call(*arguments, "--reference", "chord") == 0
+    text = capsys.readouterr().out
+    assert f"chord {chord:.4f} D; coefficients by the chord c (Cm by its square)" in text
+    assert f"Cd {by_chord['cd']:.4f}" in text
+
+
+def test_a_surrogates_drag_by_the_chord_has_its_gradient(capsys):
+    arguments = ["predict_drag", "--aspect", "4", "--beta2", "0.1", "--chord-reynolds", "20,60"]
+    rows = answer(capsys, *arguments)["results"]
+    scaled = answer(capsys, *arguments, "--reference", "chord")["results"]
+    net = load("pretrained")
+    body = jnp.array([4.0, 0.1, 0, 0])
+
+    def drag(body):  # the chord is the root of the aspect
+        return net.drag(body, 10.0) / jnp.sqrt(body[0])
+
+    for by_d, by_chord, reynolds in zip(rows, scaled, (10, 30), strict=True):
+        assert (by_d["reynolds"], by_d["chord"]) == (reynolds, 2.0)
+        assert by_chord["cd"] == pytest.approx(by_d["cd"] / 2, rel=1e-12)
+    found = list(scaled[0]["gradient"].values())
+    assert found == pytest.approx(np.asarray(jax.grad(drag)(body)), rel=1e-9, abs=1e-12)
+
+
+def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
+    table, plot = tmp_path / "polar.csv", tmp_path / "polar.png"
+    arguments = ["solve_drag", *THICK, "--incidence", "-4:0:2,4", "--reynolds", "5:10:2"]
+    arguments += ["--reference", "chord", "--table", table, "--plot", plot]
+    rows = answer(capsys, *arguments)["results"]
+    cases = [(row["incidence"], row["reynolds"]) for row in rows]
+    assert cases == [(turn, re) for turn in (-4, 0, 4) for re in (5, 10)]
+    assert rows[0]["cl"] < rows[2]["cl"] < rows[4]["cl"]
+
+    with table.open() as file:
+        read = list(csv.DictReader(file))
+    for row, line in zip(rows, read, strict=True):
+        assert set(line) == set(row)
+        for name, value in row.items():
+            assert line[name] == ("" if value is None else str(value))
+
+    size, colours = pixels(plot)
+    assert size == (1400, 1064)
+    assert len(np.unique(colours[:, 1])) > 50
+    single = [*THICK, "--incidence", "-4", "--reynolds", "10", "--reference", "chord"]
+    (alone,) = answer(capsys, "solve_drag", *single)["results"]
+    for name in ("cd", "cl", "cm"):
+        assert rows[1][name] == pytest.approx(alone[name], rel=1e-6)
+
+    lines = text_table(rows).splitlines()
+    assert len(lines) == 7
+    assert len({len(line) for line in lines}) == 1
+    assert lines[0].split()[:3] == ["incidence", "Re", "chord"]
+    assert lines[1].split()[:2] == ["-4", "5"]
+
+
+@pytest.mark.parametrize("body", [["--aspect", "1"], ["--naca", "2430", "--incidence", "8"]])
+def test_the_drag_over_reynolds_numbers_is_plotted(capsys, tmp_path, body):
+    plot = tmp_path / "drag.png"
+    flows = ["--fidelity", "draft", "--cells", "8", "--reynolds", "1:10:log3", "--plot", plot]
+    rows = answer(capsys, "solve_drag", *body, *flows)["results"]
+    assert [row["reynolds"] for row in rows] == pytest.approx([1, np.sqrt(10), 10])
+    pixels(plot)
+
+
+def test_a_flow_that_does_not_converge_leaves_the_others(capsys, monkeypatch, tmp_path):
+    """Two Newton steps do at Re 0.01, not at 10."""
+    impatient = functools.partial(Flow, settings=NewtonSettings(max_steps=2))
+    monkeypatch.setattr("shapeopt.commands.solve_drag.Flow", impatient)
+    table, plot = tmp_path / "t.csv", tmp_path / "p.png"
+    flows = ["solve_drag", "--aspect", "1", "--cells", "6", "--reynolds", "0.01,10"]
+    assert call(*flows, "--json", "--table", table, "--plot", plot) == 3
+    captured = capsys.readouterr()
+    good, bad = json.loads(captured.out)["results"]
+    assert "1 of 2 flows did not converge: incidence 0 at Re 10" in captured.err.splitlines()[-1]
+    assert good["converged"]
+    assert good["cd"] == pytest.approx(374, rel=0.01)
+    assert set(bad) == set(good)
+    case = {"incidence": 0, "reynolds": 10, "chord": 1, "chord_reynolds": 10}
+    case |= {"reference": "diameter", "converged": False, "status": "not converged"}
+    assert {name: value for name, value in bad.items() if value is not None} == case
+    assert table.read_text().splitlines()[2].count(",,") > 3
+    pixels(plot)
+    assert call(*flows) == 3
+    assert re.search(r"10 .* - .*not converged", capsys.readouterr().out)
+
+
+def test_one_program_solves_a_section_at_every_reynolds_number_and_opposite_incidence(compiled):
+    flow = Flow(Scene(fidelity=Fidelity("tiny", 8, 4, 5, 6, 5, wake=0.0)))
+    points = naca4("0030")
+    found = flow.solve(contour_shape(points, 4.0), 5.0, estimate=False)
+    assert found.chord_reynolds == 5 * found.chord == 5 * found.shape.chord
+    before = len(compiled)
+    for incidence, reynolds in ((4.0, 10.0), (-4.0, 5.0), (-4.0, 8.0)):
+        flow.solve(contour_shape(points, incidence), reynolds, estimate=False)
+    assert compiled[before:] == []
+
+
+def test_a_section_has_few_grids_over_many_incidences():
+    """Programs are compiled for a grid; chords and heights are rounded."""
+    points, scene = naca4("0012"), Scene()
+    grids = {
+        fitted_domain(scene.stream, scene.fidelity, contour_shape(points, turn), 15.0)
+        for turn in np.linspace(-4, 12, 33)
+    }
+    assert len(grids) <= 3
+
+
+@pytest.mark.parametrize("section", ["0006", "0003"])
+def test_a_refusal_of_a_kept_size_names_the_cells_that_do(capsys, section, monkeypatch):
+    arguments = ["solve_drag", "--naca", section, "--keep-size", "--reynolds", "10"]
+    line = refusal(capsys, *arguments)
+    (cells,) = re.findall(r"; --cells (\d+) would resolve it$", line)
+    assert "--cells" in refusal(capsys, *arguments, "--cells", int(cells) - 1)
+    seen = []
+    monkeypatch.setattr(
+        "shapeopt.commands.solve_drag.solve_cases", lambda cases, _: seen.extend(cases) or []
+    )
+    monkeypatch.setattr("shapeopt.commands.solve_drag._text", lambda _: "")
+    assert call(*arguments, "--cells", cells) == 0  # gets as far as the flow
+    assert len(seen) == 1
+
+
+def test_a_kept_size_that_no_grid_holds_is_refused_with_what_would_do(capsys, tmp_path):
+    arguments = ["solve_drag", "--naca", "0001", "--keep-size", "--reynolds", "10"]
+    assert "more than --cells takes (128)" in refusal(capsys, *arguments)
+    np.savetxt(tmp_path / "c.csv", 10 * naca4("0012"), delimiter=",")
+    contour = ["--contour", tmp_path / "c.csv", "--reynolds", "10"]
+    assert "without --keep-size" in refusal(capsys, "solve_drag", *contour, "--keep-size")
+
+
+NACA = "solve_drag --naca 0012"
+REFUSED = {
+    f"{NACA} --reynolds 9 --chord-reynolds 9": "--reynolds: give it, or --chord-reynolds instead",
+    f"{NACA} --chord-reynolds 1:5000:9": "--chord-reynolds 1:5000:9, chord 3.101 D: Reynolds",
+    f"{NACA} --reynolds 9 --incidence 1:4:log3": "cannot be spaced logarithmically",
+    f"{NACA} --reynolds 9 --incidence 0,x": "--incidence '0,x': one number, or several",
+    "solve_drag --aspect 2 --incidence 1 --stream tunnel:1.75 --cells 6 --reynolds 9": "--cells 8",
+    f"{NACA} --reynolds 9 --incidence 0,200": "incidence 200: from -180 to 180",
+    f"{NACA} --reynolds 9 --reference radius": "invalid choice: 'radius'",
+    f"{NACA} --reynolds 9 --plot {{folder}}/p.png": "--plot: needs several values",
+    f"{NACA} --reynolds 9 --plot {{folder}}/p.bmp": "must name a file that ends",
+    f"{NACA} --reynolds 9 --table {{folder}}/p.txt": "must name a file that ends in .csv",
+    f"{NACA} --reynolds 5 --incidence 0,90 --stream tunnel:4": "--incidence 90: tunnel:4 leaves",
+    f"{NACA} --reynolds 5 --incidence 0,90 --cells 9": "--incidence 0: body: its mean thickness",
+    "solve_drag --aspect 2 --reynolds 9 --gradient --reference chord": "goes without --gradient",
+    "solve_drag --aspect 2 --reynolds 9 --dimension 3 --reference chord": "is for 2-D bodies",
+    "solve_drag --aspect 2 --dimension 3 --settling 2,1e-6,1e-4 --table t.csv": "without --table",
+    "solve_drag --aspect 2 --reynolds 40 --incidence 0,90": "--incidence 90: Reynolds number 40:",
+    "march_flow --aspect 2 --reynolds 9 --incidence 0,9 --out {folder}/m": "--incidence: one angle",
+    "march_flow --aspect 2 --reynolds 9,10 --out {folder}/m": "--reynolds: one number",
+    "march_flow --aspect 2 --out {folder}/m": "--reynolds: give it, or --chord-reynolds",
+    "predict_drag --aspect 2": "--reynolds: give it, or --chord-reynolds instead",
+}
+
+
+@pytest.mark.parametrize(("mistake", "words"), REFUSED.items())
+def test_mistakes_are_refused_before_any_flow_is_solved(capsys, tmp_path, mistake, words):
+    assert words in refusal(capsys, *mistake.format(folder=tmp_path).split())
+    assert list(Path(tmp_path).iterdir()) == []
+
+
+def test_optimised_bodies_tell_their_chords(capsys, tmp_path):
+    sheet = ["--reynolds", "1:40:log2", "--max-length", "1.6", "--out", tmp_path / "sheet.png"]
+    rows = answer(capsys, "design_sheet", *sheet)["designs"]
+    assert {round(row["reynolds"], 9) for row in rows} == {1, 40}
+    for row in rows:
+        assert row["chord"] == pytest.approx(np.sqrt(row["parameters"]["aspect"]), rel=1e-12)
