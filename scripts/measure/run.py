@@ -36,6 +36,7 @@ PICTURES = HERE.parents[1] / ".pictures"  # of the results that the project keep
 MODULES = {  # the studies of every module
     "accuracy": "flow gradients precision march",
     "accuracy_3d": "flow_3d corners extrapolated",
+    "compilation": "compilation",
     "constants": "constants",
     "designs": "designs scenarios foreseen",
     "devices": "devices trainings_on_devices",
@@ -52,8 +53,6 @@ MODULES = {  # the studies of every module
 }
 NAMES = {name: module for module, names in MODULES.items() for name in names.split()}
 OPTIONAL = ("pyvista", "scikit-learn", "ngsolve")  # recorded where they are installed
-MAPS = 30_000  # memory maps of a process; Linux grants 65530, a compiled solver takes hundreds
-SHARE = 0.3  # of the machine's memory
 
 
 def load_study(name: str) -> Study:
@@ -119,8 +118,6 @@ def measure(study: Study, run: Run, checkpoint: Checkpoint) -> tuple[Result, flo
         shown = [f"{x:g}" if isinstance(x, float) else x for x in case.values()]
         run.progress(k / len(jobs), ", ".join(str(x) for x in shown if isinstance(x, str | int)))
         checkpoint.add(_measured(run, table, case))
-        if _crowded():
-            jax.clear_caches()
     result: Result = {table.key: [] for table in study.tables}
     for (table, _), case in zip(jobs, checkpoint.cases, strict=True):
         result[table.key] += case["rows"]
@@ -138,15 +135,6 @@ def _measured(run: Run, table: Table, case: Row) -> Row:
     except Unavailable as reason:
         found = {"rows": [], "unavailable": str(reason)}
     return found | {"seconds": time.perf_counter() - start}
-
-
-def _crowded() -> bool:
-    """Whether compiled code that is kept takes too many memory maps, or too much memory."""
-    maps, memory = Path("/proc/self/maps"), Path("/proc/self/statm")
-    if not maps.is_file():
-        return False
-    resident = int(memory.read_text().split()[1]) / os.sysconf("SC_PHYS_PAGES")
-    return resident > SHARE or maps.read_bytes().count(b"\n") > MAPS
 
 
 def keep(
