@@ -36,7 +36,7 @@ class Fields:
       inside: whether a cell's centre lies inside the body.
     """
 
-    axes: tuple[Float[np.ndarray, " cells"], ...]
+    axes: tuple[Float[np.ndarray, " _cells"], ...]
     velocity: Float[np.ndarray, "axes ..."]
     p: Float[np.ndarray, "..."]
     vorticity: Float[np.ndarray, "..."]
@@ -75,7 +75,7 @@ def fields_of(
     )
 
 
-def inside(shape: Shape, axes: tuple[Float[np.ndarray, " cells"], ...]) -> Bool[np.ndarray, "..."]:
+def inside(shape: Shape, axes: tuple[Float[np.ndarray, " _cells"], ...]) -> Bool[np.ndarray, "..."]:
     """Return which points of a grid lie inside a body."""
     contour, grid = shape.draw(NODES), np.meshgrid(*axes, indexing="ij", sparse=True)
     if shape.dimension == 2:
