@@ -12,7 +12,14 @@ from shapeopt.search.verify import Verified
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import check_target, path_of, strict_json, whole_files
+from surrogate.files import (
+    JsonObject,
+    check_target,
+    file_digest,
+    path_of,
+    strict_json,
+    whole_files,
+)
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
@@ -32,6 +39,7 @@ def save_run(
     surrogate: Surrogate | None = None,
     name: str = "none",
     verify: bool = True,
+    settings: JsonObject | None = None,
 ) -> dict[str, Any]:
     """Write a design into a folder: run.json, contour.csv, contour.vtp and body.stl.
 
@@ -44,6 +52,7 @@ def save_run(
       surrogate: by which it was found, if by one.
       name: name of the surrogate, by which ``surrogate.load`` finds it.
       verify: whether to solve the flow, once for each scenario of the objective.
+      settings: what defines the design, by which ``stored_run`` knows it again.
 
     Returns:
       The record, as in run.json. cd_* are values of the problem's objective: Cd where that is the
@@ -77,6 +86,7 @@ def save_run(
         "scene": scene.record,
         "path": design.path.tolist(),
         "command": command_line(),
+        "settings": settings,
     }
     contour = np.asarray(scene.family.outline(design.parameters, SURFACE_POINTS))
     solution = verified.solutions[0] if verified and len(verified.solutions) == 1 else None
@@ -90,6 +100,7 @@ def save_run(
         else:
             write_contour_vtp(contour, vtp, solution and solution.surface())
             write_solid_stl(contour, stl)
+        record["files_sha256"] = {path.name: file_digest(path) for path in sorted(part.iterdir())}
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
     return record
 
@@ -97,6 +108,13 @@ def save_run(
 def check_run_folder(folder: str | Path) -> None:
     """Raise InvalidInput unless a run may be written to the folder."""
     check_target(folder, RECORD, ("parameters", "scene"))
+
+
+def is_whole(folder: Path, record: JsonObject) -> bool:
+    """Return whether the files of a run are those that were written with its record."""
+    files = record.get("files_sha256") or {RECORD: ""}
+    names = (folder / name for name in files)
+    return all(path.is_file() and file_digest(path) == files[path.name] for path in names)
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:
@@ -183,6 +201,7 @@ def _verification_record(
                 "cd_surrogate": drag,
                 "cd_verified": solution.drag,
                 "status": solution.status,
+                "expected_error": solution.expected_error,
                 "estimated_error": solution.estimated_error,
             }
             for shift, weight, cylinder, drag, solution in rows
@@ -191,6 +210,8 @@ def _verification_record(
             "cd_start": verified.cylinder_objective,
             "cd_verified": verified.objective,
             "status": verified.status,
+            "accuracy": verified.accuracy,
+            "expected_error": verified.expected_error,
             "estimated_error": verified.estimated_error,
             "verify_s": verified.seconds,
             "cases": cases,

@@ -1,5 +1,6 @@
 """Checks of arguments that several public functions share."""
 
+import contextlib
 import math
 from types import UnionType
 
@@ -94,8 +95,24 @@ def one_body(parameters: object, reynolds: object, size: int) -> None:
     if shapes != ((size,), ()):
         raise InvalidInput(
             f"body and Reynolds number: arrays of shapes {shapes[0]} and {shapes[1]}; of shapes "
-            f"({size},) and () are needed, and jax.vmap takes batches"
+            f"({size},) and () are needed; jax.vmap takes batches here, flow.labels outside of jit"
         )
+
+
+def check_batch(parameters: object, reynolds: object, size: int) -> None:
+    """Raise InvalidInput unless bodies and Reynolds numbers broadcast to one drag each.
+
+    Their shapes must be (..., size) and (...).
+    """
+    shapes = _shape("body", parameters), _shape("Reynolds number", reynolds)
+    with contextlib.suppress(ValueError):
+        if shapes[0][-1:] == (size,):
+            np.broadcast_shapes(shapes[0][:-1], shapes[1])
+            return
+    raise InvalidInput(
+        f"body and Reynolds number: arrays of shapes {shapes[0]} and {shapes[1]}; of shapes "
+        f"({size},) and () are needed, or of leading axes that broadcast"
+    )
 
 
 def _shape(name, value):

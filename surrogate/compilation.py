@@ -1,4 +1,4 @@
-"""Compilation of the programs that answer single calls, where compiling costs more than running."""
+"""How programs are compiled: quickly, since most of them run for less time than they compile."""
 
 import functools
 import os
@@ -13,6 +13,13 @@ from surrogate.checks import traced
 # optimisations of LLVM, and the program is as fast: most of its time goes into Fourier transforms
 # (study ``compilation``).
 QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+
+
+def quick_options() -> dict[str, bool | int]:
+    """Return options by which XLA compiles quickly on a CPU; none where ``XLA_FLAGS`` is set."""
+    quick = jax.default_backend() == "cpu" and not os.environ.get("XLA_FLAGS")
+    return QUICK if quick else {}
+
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -29,9 +36,7 @@ def compiled(*static: str) -> Callable[[Function], Function]:
     def decorate(function: Function) -> Function:
         @functools.cache
         def program():
-            quick = jax.default_backend() == "cpu" and not os.environ.get("XLA_FLAGS")
-            options = QUICK if quick else {}
-            return jax.jit(function, static_argnames=static, compiler_options=options)
+            return jax.jit(function, static_argnames=static, compiler_options=quick_options())
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:

@@ -139,6 +139,11 @@ def strict_json(text: str) -> Any:
     return json.loads(text, parse_constant=refuse)
 
 
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def json_digest(value: object) -> str:
     """SHA-256 of a JSON value, by which later changes of it are detected."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

@@ -4,8 +4,10 @@ Only the first process writes files and prints; decisions that depend on clocks 
 broadcast from it.
 """
 
+import json
 import os
 from collections.abc import Mapping
+from typing import Any
 
 import jax
 import numpy as np
@@ -68,6 +70,16 @@ def broadcast_from_first(tree: PyTree) -> PyTree:
     if jax.process_count() == 1:
         return tree
     return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
+
+
+def broadcast_json(value: Any) -> Any:
+    """The first process's JSON value, on all."""
+    if jax.process_count() == 1:
+        return value
+    letters = np.frombuffer(json.dumps(value).encode(), np.uint8)
+    size = int(broadcast_from_first(np.asarray(letters.size)))
+    letters = letters if first() else np.zeros(size, np.uint8)
+    return json.loads(bytes(broadcast_from_first(letters)))
 
 
 def gather_to_host(array: jax.Array) -> np.ndarray:

@@ -1,8 +1,10 @@
 """The commands' contract: exit status, one JSON object, one clear line for every mistake."""
 
+import dataclasses
 import functools
 import importlib
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 from pictures import pixels
 
 from shapeopt.commands.cli import run
-from surrogate import Flow
+from surrogate import Flow, load, save
 from surrogate.flow.solver.newton import NewtonSettings
 
 ROOT = Path(__file__).parents[1]
@@ -72,7 +74,7 @@ def test_solve_drag(capsys):
     assert set(first) == {
         *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "cm", "converged", "iterations"),
         *("green_applications", "wall_s", "gradient", "estimated_error", "status"),
-        *("estimated_lift_error", "sufficient", "cd_extrapolated"),
+        *("estimated_lift_error", "sufficient", "cd_extrapolated", "expected_error", "accuracy"),
         *("incidence", "chord", "chord_reynolds", "reference"),
     }
     assert first["reynolds"] == 10
@@ -90,6 +92,16 @@ def test_negative_numbers_of_every_form_are_values(capsys):
         for value in ("-0.05", "-5e-2")
     ]
     assert drags[0] == drags[1]
+
+
+def test_a_drag_outside_the_trained_ranges_must_be_asked_for(capsys):
+    arguments = ["--aspect", "6", "--reynolds", "20"]
+    assert call("predict_drag", *arguments, "--json") == 2
+    assert "--extrapolate" in capsys.readouterr().err
+    result = answer(capsys, "predict_drag", *arguments, "--extrapolate")["results"][0]
+    assert result["cd"] > 0
+    assert not result["in_trained_range"]
+    assert result["confidence"] == "outside: aspect by 0.25 of its trained range"
 
 
 def test_solve_drag_of_contours(capsys, tmp_path):
@@ -141,6 +153,109 @@ def test_train_predict_optimise_render(capsys, trained, tmp_path):
     assert page["bytes"] == (tmp_path / "page.html").stat().st_size
 
 
+def refuse_to_work(*arguments, **options):
+    raise AssertionError("this is done already")
+
+
+def without_work(monkeypatch):
+    """No training, flow or search may run."""
+    for name in ("train_surrogate.forecast", "train_surrogate.train_plan"):
+        monkeypatch.setattr(f"shapeopt.commands.{name}", refuse_to_work)
+    for name in ("optimise", "Designer", "save_run", "candidates"):
+        monkeypatch.setattr(f"shapeopt.commands.optimize_shape.{name}", refuse_to_work)
+    for name in ("solve", "solve_all", "drag"):
+        monkeypatch.setattr(Flow, name, refuse_to_work)
+
+
+def same_again(capsys, monkeypatch, folder, answers, *arguments):
+    """The command says that it is done, and prints what it printed before, without work."""
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in folder.iterdir()}
+    with monkeypatch.context() as patch:
+        without_work(patch)
+        assert call(*arguments, "--json") == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out) == answers
+    assert "is done already" in printed.err
+    assert before == {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in folder.iterdir()}
+
+
+def refused_in_one_line(capsys, monkeypatch, words, *arguments):
+    with monkeypatch.context() as patch:
+        without_work(patch)
+        assert call(*arguments, "--json") == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    (line,) = printed.err.splitlines()
+    assert words in line
+    assert "--overwrite" in line
+
+
+def test_a_training_into_the_folder_of_one(capsys, monkeypatch, scene, tmp_path):
+    arguments = ["train_surrogate", "--method", "sip", "--scene", scene, "--samples", "8"]
+    arguments += ["--out", tmp_path / "sip"]
+    first = answer(capsys, *arguments, "--budget-seconds", "1")
+    (tmp_path / "sip" / "notes.txt").write_text("mine")
+    same = [*arguments, "--budget-seconds", "1"]
+    same_again(capsys, monkeypatch, tmp_path / "sip", first, *same)
+    words = "holds another training (budget in seconds 1, not none); overwrite"
+    refused_in_one_line(capsys, monkeypatch, words, *arguments)
+    assert answer(capsys, *arguments, "--overwrite")["train_s"] != first["train_s"]
+    refused_in_one_line(capsys, monkeypatch, "seconds none, not 1", *same)
+    assert (tmp_path / "sip" / "notes.txt").read_text() == "mine"
+
+
+def test_a_design_into_the_folder_of_one(capsys, monkeypatch, trained, tmp_path):
+    out = tmp_path / "run"
+    arguments = ["optimize_shape", "--surrogate", trained, "--out", out, "--reynolds"]
+    first = answer(capsys, *arguments, "20", "--max-length", "1.5")
+    (out / "notes.txt").write_text("mine")
+    for same in ("20", "20.0"):
+        options = [*arguments, same, "--max-length", "1.5", "--until", "surrogate"]
+        same_again(capsys, monkeypatch, out, first, *options)
+    for words, options in {
+        "objective reynolds 20, not 30": ["30", "--max-length", "1.5"],
+        "max length 1.5, not none": ["20"],
+        "trust 0, not 0.1": ["20", "--max-length", "1.5", "--trust", "0.1"],
+        "until surrogate, not flow": ["20", "--max-length", "1.5", "--until", "flow"],
+        "objective kind AtReynolds, not Robust": ["20", "--spread", "0.1"],
+    }.items():
+        refused_in_one_line(capsys, monkeypatch, words, *arguments, *options)
+    again = answer(capsys, *arguments, "20", "--overwrite")
+    assert again["parameters"]["aspect"] > first["parameters"]["aspect"]
+    assert (out / "notes.txt").read_text() == "mine"
+    (out / "body.stl").unlink()  # left half written, or removed: designed again
+    capsys.readouterr()
+    assert answer(capsys, *arguments, "20")["cd_verified"] == again["cd_verified"]
+    assert (out / "body.stl").is_file()
+
+
+def test_a_design_by_weights_that_changed_is_another_one(capsys, monkeypatch, trained, tmp_path):
+    folder, run = shutil.copytree(trained, tmp_path / "net"), tmp_path / "run"
+    arguments = ["optimize_shape", "--surrogate", folder, "--reynolds", "20", "--out", run]
+    answer(capsys, *arguments)
+    net = load(folder)
+    halved = net.network.with_weights(net.network.weights * 0.999)
+    save(folder, dataclasses.replace(net, network=halved))
+    refused_in_one_line(capsys, monkeypatch, "holds another design (surrogate sip", *arguments)
+
+
+def test_commands_say_in_one_line_that_a_surrogate_is_inaccurate(capsys, trained, tmp_path):
+    folder = shutil.copytree(trained, tmp_path / "rough")
+    record = json.loads((folder / "surrogate.json").read_text())
+    errors = {"drag_error_mean": 0.064, "drag_error_max": 0.2}
+    (folder / "surrogate.json").write_text(json.dumps(record | errors))
+    predict = ["predict_drag", "--surrogate", folder, *FAMILY, "--reynolds", "20"]
+    optimise = ["optimize_shape", "--surrogate", folder, "--reynolds", "20"]
+    for arguments in (predict, [*optimise, "--out", tmp_path / "run"]):
+        assert call(*arguments, "--json") == 0
+        printed = capsys.readouterr()
+        lines = [line for line in printed.err.splitlines() if "warning" in line]
+        assert len(lines) == 1
+        assert f"warning: surrogate {folder}: its drags are inaccurate: " in lines[0]
+        assert "6.40% on average and 20.00% at most" in lines[0]
+        assert json.loads(printed.out)["warning"] in lines[0]
+
+
 def test_sheet_of_designs(capsys, tmp_path):
     arguments = ["--reynolds", "40,1", "--max-length", "1.2,1.6", "--out", tmp_path / "sheet.png"]
     result = answer(capsys, "design_sheet", *arguments)
@@ -174,7 +289,7 @@ def test_a_memory_makes_the_same_design_nearly_free(capsys, trained, tmp_path):
     memory = tmp_path / "flows.json"
     arguments = ["--surrogate", trained, "--reynolds", "20", "--until", "flow", "--memory", memory]
     first = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "run")
-    again = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "run")
+    again = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "again")
     assert first["flows"] >= 1
     assert again["flows"] <= 1
     assert again["cd_verified"] == pytest.approx(first["cd_verified"], rel=1e-4)
@@ -212,7 +327,12 @@ def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
     assert Path(result["plot"]).exists()
     before = (out / "sip" / "weights.eqx").stat().st_mtime_ns
     (out / "sip" / "notes.txt").write_text("mine")
-    again = answer(capsys, "payoff", *arguments)
+    stored = (out / "payoff.json").stat().st_mtime_ns
+    assert answer(capsys, "payoff", *arguments) == result
+    assert (out / "payoff.json").stat().st_mtime_ns == stored
+    assert call("payoff", *arguments, "--queries", "4") == 2
+    assert "another payoff (queries 3, not 4)" in capsys.readouterr().err
+    again = answer(capsys, "payoff", *arguments, "--overwrite")
     assert (out / "sip" / "weights.eqx").stat().st_mtime_ns == before
     assert (out / "sip" / "notes.txt").exists()
     assert again["drags"] == result["drags"]
@@ -303,6 +423,8 @@ MISTAKES = {  # and what the answer must say
     f"predict_drag --surrogate {{damaged}} {BODY} --reynolds 9": "damaged or",
     f"predict_drag --surrogate pretrained {BODY} --reynolds 0": "Reynolds number 0: must be a",
     "predict_drag --surrogate pretrained --aspect 2 --beta2 0.9 --reynolds 9": "beta2 0.9 make",
+    "predict_drag --aspect 6 --reynolds 45": "aspect 6 (trained from 1 to 5), Reynolds number 45 (",
+    f"{OPTIMISE} --reynolds 0.5": "Reynolds number 0.5: the scene covers 1 to 40",
     "predict_drag --surrogate pretrained --reynolds 9": "body: --aspect is needed",
     f"{OPTIMISE} --reynolds 45": "Reynolds number 45: the scene covers",  # not trained there
     f"{OPTIMISE} --reynolds nan": "Reynolds number nan: must be a",

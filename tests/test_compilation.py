@@ -49,7 +49,9 @@ def test_thirty_contours_compile_a_few_times(compiled, generator):
         flow.solve(shape, reynolds, allow_unsteady=True)
         solves.append(len(compiled) > before)
     assert sum(solves) <= 5
-    assert compiled.count("jit(solve)") <= 9  # three windows of a flow and of the two of its estimate
+    assert (
+        compiled.count("jit(solve)") <= 9
+    )  # three windows of a flow and of the two of its estimate
 
 
 @pytest.mark.parametrize("enabled", [True, False])

@@ -17,11 +17,17 @@ from surrogate import (
     Unbounded,
     family_shape,
 )
-from surrogate.flow.check.error_estimate import DragAndLift, estimate_error
+from surrogate.flow.check.error_estimate import (
+    ERROR_MODELS,
+    DragAndLift,
+    accuracy_text,
+    estimate_error,
+)
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.retraction import offset_correction, retraction
 
 DRAFT = FIDELITIES["draft"]
+MODEL = ERROR_MODELS[2]
 
 
 def spline(wave):
@@ -61,7 +67,7 @@ def test_a_resolved_cylinder_is_accurate_within_its_estimated_error():
     assert abs(found.drag / 2.754 - 1) < found.estimated_error < 0.015
 
 
-@pytest.mark.parametrize(("cells", "extrapolated"), [(24, 2.0), (16, None)])
+@pytest.mark.parametrize(("cells", "extrapolated"), [(32, 2.0), (24, None)])
 def test_exact_extrapolation_of_second_order(cells, extrapolated):
     """None where the coarser grid has fewer than 16 cells per D."""
 
@@ -113,9 +119,13 @@ def test_a_wake_longer_than_the_window_is_degraded():
 
 
 def test_a_body_too_thin_for_the_coarser_grid_has_no_estimate():
-    found = Flow(Scene(fidelity=DRAFT)).solve(ellipse(6.0), 10.0)
+    """On 10 cells per D, where 8 resolve an ellipse of aspect 6, and 10 one of aspect 8."""
+    flow = Flow(Scene(fidelity=DRAFT))
+    assert flow.solve(ellipse(6.0), 10.0).estimated_error > 0
+    found = flow.solve(ellipse(8.0), 10.0)
     assert found.estimated_error is None
     assert found.status == "degraded"
+    assert found.accuracy.startswith("not known to meet 1.5 %: no coarser grid")
 
 
 @pytest.mark.parametrize(
@@ -123,7 +133,71 @@ def test_a_body_too_thin_for_the_coarser_grid_has_no_estimate():
     [(4, 3), (5, 3), (6, 4), (7, 5), (8, 6), (10, 7), (16, 11), (128, 85)],
 )
 def test_coarser_grids_have_two_thirds_of_the_cells_but_six_where_possible(cells, coarser):
-    assert dataclasses.replace(DRAFT, cells=cells, height=4).coarser().cells == coarser
+    assert dataclasses.replace(DRAFT, cells=cells, height=4).coarser(2 / 3).cells == coarser
+
+
+def test_coarser_grids_have_the_cells_that_a_thin_body_needs():
+    standard = FIDELITIES["standard"]
+    assert standard.coarser(1 / 2).cells == 8
+    assert standard.coarser(1 / 2, fewest=13).cells == 13
+    with pytest.raises(InvalidInput, match="needs 15 of 16 cells"):
+        standard.coarser(1 / 2, fewest=15)
+
+
+def errors_of(grid, domain):
+    """A solver at Cd 2 whose grid and domain have these relative errors on standard, Cl half."""
+    standard = FIDELITIES["standard"]
+
+    def solve(fidelity):
+        size = fidelity.height / standard.height
+        window = domain * size ** (np.log(MODEL.WINDOW_ERROR) / np.log(MODEL.WINDOW))
+        error = grid * (standard.cells / fidelity.cells) ** 2 + window
+        return DragAndLift(2 * (1 + error), 1 + error)
+
+    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2)
+
+
+def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_up_are_not():
+    cancel, add = errors_of(0.005, -0.002), errors_of(0.005, 0.002)
+    assert (cancel.status, add.status) == ("accurate", "degraded")
+    assert cancel.expected_error == pytest.approx(0.003, rel=0.01)  # root of 2^2 + 2^2 + 1^2
+    assert add.expected_error == pytest.approx(0.0064, rel=0.01)  # of 6^2 + 2^2 + 1^2
+    assert add.estimated_error == pytest.approx(MODEL.SAFETY * add.expected_error)
+    assert add.estimated_lift_error == pytest.approx(add.estimated_error, rel=0.01)  # Cl is 1
+    assert add.sufficient == "fine"
+
+
+def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_tolerance():
+    def solve(fidelity):
+        return DragAndLift(1 + 0.03 * (10 / fidelity.cells) ** 2, 0.0)
+
+    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2)
+    assert (found.status, found.sufficient) == ("degraded", "standard")
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (("accurate", 0.003, 0.0045, None), "meets 0.4 % (expected 0.3 %, bound 0.45 %)"),
+        (
+            ("degraded", 0.0061, 0.0091, "fine"),
+            "does not meet 0.4 % (expected 0.61 %, bound 0.91 %; fine would do)",
+        ),
+        (
+            ("degraded", None, None, None),
+            "not known to meet 0.4 %: no coarser grid resolves the body's flow",
+        ),
+        (
+            ("degraded", 0.003, 0.0045, None),
+            "not known to meet 0.4 %: taller than the bodies of its tests "
+            "(expected 0.3 %, bound 0.45 %)",
+        ),
+        (("unknown", None, None, None), "error not estimated"),
+    ],
+)
+def test_accuracy_in_words(answer, text):
+    *errors, sufficient = answer
+    assert accuracy_text(*errors, 0.004, sufficient) == text
 
 
 def test_windows_grow_with_the_wake():

@@ -37,6 +37,16 @@ def test_march_and_payoff_refuse_folders_with_other_files(tmp_path):
         payoff_command.main(["--out", str(tmp_path / "payoff")])
 
 
+def test_another_payoff_into_the_folder_of_one_is_refused(tmp_path):
+    stored = {"payoff": [], "queries": [], "settings": {"preset": "quick"}}
+    for settings, words in ((stored["settings"], r"preset quick, not full"), (None, "unknown")):
+        record = json.dumps(stored | {"settings": settings})
+        (tmp_path / "payoff.json").write_text(record)
+        with pytest.raises(InvalidInput, match=rf"holds another payoff \(.*{words}.*--overwrite"):
+            payoff_command.main(["--preset", "full", "--out", str(tmp_path)])
+        assert (tmp_path / "payoff.json").read_text() == record
+
+
 def test_the_memory_file_must_be_outside_the_run(tmp_path):
     words = ["--until", "flow", "--reynolds", "20", "--out", f"{tmp_path}/a"]
     with pytest.raises(InvalidInput, match="choose a file outside it"):

@@ -10,8 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import TINY
+from scipy.optimize import minimize
 
 import surrogate
+from shapeopt import Problem, optimise
 from surrogate import Flow, InvalidInput, Scene, load
 
 NAMES = """
@@ -143,9 +145,6 @@ REYNOLDS_THAT_ARE_NONE = {
     "text": ("40", "must be one number"),
     "none": (None, "must be one number"),
     "complex": (20 + 0j, "must be one number"),
-    "list": ([10.0, 20.0], "must be one number"),
-    "array": (np.array([10.0, 20.0]), "must be one number"),
-    "one in an array": (np.array([10.0]), "must be one number"),
     "tiny": (1e-6, "tested from 0.001"),
     "huge": (1e4, "tested up to 300"),
     "astronomic": (10**400, "must be one number"),
@@ -160,7 +159,6 @@ BODIES_THAT_ARE_NONE = {
     "truth": ([True, False, False, False], "must be numbers"),
     "complex body": ([2j, 0, 0, 0], "must be numbers"),
     "names": ({"aspect": 2.0}, "must be numbers"),
-    "batch": (np.stack([BODY, BODY]), "a batch of 2; jax.vmap takes batches"),
     "nan": ([np.nan, 0, 0, 0], "finite number"),
     "flat": ([0.0, 0, 0, 0], "between 0.1 and 20"),
     "crossing": ([2.0, 0.9, 0, 0], "cross"),
@@ -195,20 +193,116 @@ def test_solve_refuses_what_drag_refuses(bad, unchecked):
         FLOW.solve(body, reynolds)
 
 
+BATCHES = {"bodies": (np.stack([BODY, BODY]), 20.0), "numbers": (BODY, [10.0, 20.0])}
+
+
+@pytest.mark.parametrize("many", BATCHES)
+def test_a_flow_takes_one_body_and_names_what_takes_many(many, unchecked):
+    words = {"bodies": r"batch of 2.* flow\.labels.* jax\.vmap", "numbers": "must be one number"}
+    for ask in (FLOW.drag, FLOW.solve):
+        with pytest.raises(InvalidInput, match=words[many]):
+            ask(*BATCHES[many])
+
+
+@pytest.mark.parametrize("transform", [lambda f: f, jax.jit], ids=["eager", "jit"])
+def test_a_surrogate_takes_batches_that_broadcast(transform, generator):
+    bodies = np.array([[2.0, 0.1, 0, 0], [3.0, 0, 0.1, 0], [1.5, 0, 0, -0.1]])
+    numbers, drag = np.array([1.0, 10.0, 40.0]), transform(NET.drag)
+    alone = np.array([[float(NET.drag(body, re)) for re in numbers] for body in bodies])
+    for found, expected in (
+        (drag(bodies, numbers), np.diag(alone)),
+        (drag(bodies, 10.0), alone[:, 1]),
+        (drag(bodies[0], numbers), alone[0]),
+        (drag(bodies[:, None], numbers), alone),
+        (drag(bodies[:0], numbers[:0]), np.zeros(0)),
+    ):
+        assert found.shape == expected.shape
+        assert np.allclose(found, expected, rtol=1e-12)
+
+
+def test_derivatives_of_a_batch_are_those_of_its_bodies():
+    bodies, numbers = jnp.array([[2.0, 0.1, 0, 0], [3.0, 0, 0.1, 0]]), jnp.array([5.0, 30.0])
+    slopes = jax.vmap(jax.grad(NET.drag, argnums=(0, 1)))(bodies, numbers)
+    total = jax.grad(lambda *at: NET.drag(*at).sum(), argnums=(0, 1))(bodies, numbers)
+    along = jax.jvp(NET.drag, (bodies, numbers), (jnp.ones((2, 4)), jnp.ones(2)))[1]
+    assert np.allclose(slopes[0], total[0], rtol=1e-12)
+    assert np.allclose(slopes[1], total[1], rtol=1e-12)
+    assert np.allclose(along, slopes[0].sum(axis=1) + slopes[1], rtol=1e-12)
+
+
+MANY_THAT_ARE_NONE = {
+    "of three": (([BODY[:3].tolist()] * 2, 20.0), "4 parameters are needed"),
+    "of other counts": ((np.stack([BODY] * 3), [1.0, 2.0]), r"\(3, 4\) and \(2,\).* broadcast"),
+    "crossing": (([[2.0, 0, 0, 0], [2.0, 0.9, 0, 0]], 20.0), "cross"),
+    "nan": ((BODY, [1.0, np.nan]), "must be a finite number"),
+    "negative": ((BODY, [1.0, -1.0]), "above 0"),
+    "outside": (
+        ([[2.0, 0, 0, 0], [7.0, 0, 0, 0]], [45.0, 46.0]),
+        r"aspect 7 at index 1 \(trained from 1 to 5\), Reynolds number 46 at index 1 \(trained "
+        r"from 1 to 40\); extrapolate=True \(--extrapolate\)",
+    ),
+}
+
+
+@pytest.mark.parametrize("bad", MANY_THAT_ARE_NONE)
+def test_batches_with_one_that_is_none_are_refused(bad, unchecked):
+    arguments, words = MANY_THAT_ARE_NONE[bad]
+    with pytest.raises(InvalidInput, match=words):
+        NET.drag(*arguments)
+
+
 def test_a_surrogate_beyond_its_trained_ranges():
-    """Refused, NaN when traced, answered where extrapolation is asked for."""
-    outside = {"aspect": ([7.0, 0, 0, 0], 20.0), "log Re": (BODY, 46.0)}
+    """Refused with the range, NaN when traced, answered where extrapolation is asked for."""
+    outside = {
+        r"aspect 7 \(trained from 1 to 5\)": ([7.0, 0, 0, 0], 20.0),
+        r"beta2 -0\.35 \(trained from -0\.3 to 0\.3\)": ([2.0, -0.35, 0, 0], 20.0),
+        r"Reynolds number 46 \(trained from 1 to 40\)": (BODY, 46.0),
+    }
     jitted, bold = jax.jit(NET.drag), jax.jit(functools.partial(NET.drag, extrapolate=True))
-    for name, (body, reynolds) in outside.items():
-        with pytest.raises(InvalidInput, match=f"outside the trained ranges: {name}.*extrapolate"):
+    for words, (body, reynolds) in outside.items():
+        with pytest.raises(InvalidInput, match=f"outside the trained ranges: {words}; extrapolate"):
             NET.drag(body, reynolds)
         drag = float(NET.drag(body, reynolds, extrapolate=True))
         assert drag > 0
         body = jnp.asarray(body, float)
         assert np.isnan(float(jitted(body, reynolds)))
+        assert np.isnan(jax.grad(NET.drag)(body, reynolds)).all()
         assert float(bold(body, reynolds)) == pytest.approx(drag)
-    with pytest.raises(InvalidInput, match="cross"):
-        NET.drag([2.0, 0.9, 0, 0], 20.0, extrapolate=True)
+
+
+@pytest.mark.parametrize(
+    ("body", "reynolds"),
+    [([2.0, 0.9, 0, 0], 20.0), ([50.0, 0, 0, 0], 20.0), (BODY, 1e4), (BODY, 1e-4)],
+    ids=["crossing", "slender", "huge", "tiny"],
+)
+def test_what_no_flow_has_is_not_extrapolated_to(body, reynolds):
+    with pytest.raises(InvalidInput):
+        NET.drag(body, reynolds, extrapolate=True)
+    bold = jax.jit(functools.partial(NET.drag, extrapolate=True))
+    assert np.isnan(bold(jnp.asarray(body, float), reynolds))
+
+
+@pytest.mark.parametrize(("rounding", "answered"), [(1e-10, True), (1e-7, False)])
+def test_rounding_at_the_ends_of_the_ranges_is_no_extrapolation(rounding, answered):
+    high = NET.scene.family.bounds[:, 1] * [1, 1, 0, 0] * (1 + rounding)
+    for body, reynolds in ((high, 20.0), (BODY, 40.0 * (1 + rounding)), (BODY, 1 - rounding)):
+        assert np.isfinite(jax.jit(NET.drag)(body, reynolds)) == answered
+        assert NET.knows(body, reynolds) == answered
+        if answered:
+            assert NET.drag(body, reynolds) > 0
+        else:
+            with pytest.raises(InvalidInput, match="outside"):
+                NET.drag(body, reynolds)
+
+
+def test_scipy_minimises_the_drag_within_the_bounds_of_the_family():
+    """As in the README; the same optimum as by ``optimise``."""
+    drag = jax.jit(jax.value_and_grad(lambda body: NET.drag(body, 40.0)))
+    found = minimize(drag, [1.5, 0, 0, 0], jac=True, bounds=NET.scene.family.bounds)
+    expected = optimise(Problem(NET.scene, 40.0), NET)
+    assert found.success
+    assert found.fun == pytest.approx(expected.drag, rel=1e-6)
+    assert np.allclose(found.x, expected.parameters, atol=2e-3)
 
 
 def test_the_steady_flow_beyond_the_onset_of_shedding_must_be_asked_for():

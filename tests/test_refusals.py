@@ -88,12 +88,15 @@ def test_invalid_reynolds_numbers_are_refused(net, bad, unchecked):
         net.beyond(BODY, bad)
 
 
-def test_traced_batches_are_refused_with_a_hint_to_vmap(net):
-    for model in (net, Flow(Scene(fidelity="draft"))):
-        with pytest.raises(InvalidInput, match=r"jax\.vmap"):
-            jax.jit(model.drag)(jnp.array([BODY]), jnp.array([20.0]))
+def test_traced_batches_are_refused_by_the_flow_with_a_hint_to_vmap(net):
+    flow = Flow(Scene(fidelity="draft"))
+    with pytest.raises(InvalidInput, match=r"jax\.vmap"):
+        jax.jit(flow.drag)(jnp.array([BODY]), jnp.array([20.0]))
+    for model in (net, flow):
         with pytest.raises(InvalidInput, match=r"\(4,\)"):
             jax.jit(model.drag)(jnp.array(BODY[:3]), jnp.asarray(20.0))
+    with pytest.raises(InvalidInput, match=r"\(3, 4\) and \(2,\)"):
+        jax.jit(net.drag)(jnp.array([BODY] * 3), jnp.ones(2))
 
 
 WRONG_TYPES = {

@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+import warnings
 
 import equinox as eqx
 import jax
@@ -16,7 +17,7 @@ from surrogate.model.network import blank_network
 from surrogate.model.store import BEST
 from surrogate.training.loop import drag_errors
 from surrogate.training.plan import METHODS, make_plan
-from surrogate.training.record import matches_plan
+from surrogate.training.record import plan_differences
 from surrogate.training.samples import held_out_samples
 
 BODY = np.array([2.0, 0.1, 0.0, 0.0])
@@ -195,21 +196,63 @@ def test_the_shipped_surrogate_is_the_best_of_those_that_ship():
 
 
 def test_a_surrogate_of_another_plan_is_not_taken_for_it():
-    surrogate = load("pretrained:sip")
-    assert matches_plan(make_plan(None, "sip", seed=2), surrogate)
-    others = (
-        make_plan(None, "sip", "quick", seed=2),
-        make_plan(None, "hig", seed=2),
-        make_plan(None, "sip", seed=1),
-        make_plan(None, "sip", samples=64, seed=2),
-        make_plan(None, "sip", published=True, seed=2),
-        make_plan(Scene(family=Family(aspect=(1, 3))), "sip", seed=2),
-    )
-    assert not any(matches_plan(plan, surrogate) for plan in others)
-    record = {**surrogate.record, "iterations": 7}
-    assert not matches_plan(
-        make_plan(None, "sip", seed=2), dataclasses.replace(surrogate, record=record)
-    )
+    record = load("pretrained:sip").record
+    assert plan_differences(make_plan(None, "sip", seed=2), record) == ""
+    narrow = Scene(family=Family(**dict(Family().ranges) | {"aspect": (1, 3)}))
+    others = {
+        "samples 256, not 64; held-out bodies 128, not 48; iterations 400, not 160": make_plan(
+            None, "sip", "quick", seed=2
+        ),
+        "method sip, not hig; iterations 400, not 100": make_plan(None, "hig", seed=2),
+        "seed 2, not 1": make_plan(None, "sip", seed=1),
+        "samples 256, not 64": make_plan(None, "sip", samples=64, seed=2),
+        "published False, not True": make_plan(None, "sip", published=True, seed=2),
+        "budget in seconds none, not 9": make_plan(None, "sip", budget_seconds=9, seed=2),
+        "family aspect 1 to 5, not 1 to 3": make_plan(narrow, "sip", seed=2),
+        "reynolds 1 to 40, not 1 to 20": make_plan(Scene(reynolds=(1, 20)), "sip", seed=2),
+    }
+    for words, plan in others.items():
+        assert plan_differences(plan, record) == words
+    unfinished = {**record, "iterations": 7}
+    assert "7, not 400" in plan_differences(make_plan(None, "sip", seed=2), unfinished)
+
+
+def test_a_surrogate_of_large_error_says_so_when_it_is_loaded(folder):
+    """Large is beyond the flow's tolerance, 0.4 %, on average or ten times that at most."""
+    for mean, most, large in ((0.0039, 0.039, False), (0.0041, 0.02, True), (0.003, 0.041, True)):
+        edited(
+            folder,
+            lambda record, e=(mean, most): dict(
+                zip(("drag_error_mean", "drag_error_max"), e, strict=True)
+            ),
+        )
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            assert bool(load(folder).inaccuracy) == large
+        assert len(caught) == large
+        if large:
+            words = str(caught[0].message)
+            assert words.startswith(f"surrogate {folder}: its drags are inaccurate")
+            assert f"{mean:.2%} on average and {most:.2%} at most" in words
+            assert "tolerance is 0.40%" in words
+
+
+def test_what_would_help_an_inaccurate_surrogate():
+    net = load("pretrained")
+    rough = {"drag_error_mean": 0.064, "drag_error_max": 0.3, "samples": 64, "budget_s": 1.0}
+    for record, words in (
+        (rough, "a budget above 1 s or more samples than 64 would help"),
+        (rough | {"budget_s": None}, "; more samples than 64 would help"),
+        ({"drag_error_mean": 0.1}, "; more samples would help"),
+    ):
+        assert words in dataclasses.replace(net, record=record).inaccuracy
+    assert net.inaccuracy is None
+    assert dataclasses.replace(net, record={}).inaccuracy is None
+
+
+def test_what_ships_is_accurate():
+    for method in (*METHODS, "space"):
+        assert load(f"pretrained:{method}").inaccuracy is None
 
 
 def test_golden_pretrained_surrogate_on_unseen_bodies():

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import shutil
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +18,7 @@ from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.record import surrogate_of
 from surrogate.training.samples import held_out_samples, training_samples
 from surrogate.training.step import compile_step, first_state
-from surrogate.training.train import checkpoint_path, train_plan
+from surrogate.training.train import checkpoint_path, train_all, train_plan
 
 
 @pytest.fixture(scope="module")
@@ -226,6 +227,125 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
     assert np.array_equal(surrogate.network.weights, trained("sip").network.weights)
     assert not checkpoint_path(out).exists()
     assert np.array_equal(load(out).network.weights, surrogate.network.weights)
+
+
+def refuse_to_work(*arguments, **options):
+    raise AssertionError("this is done already")
+
+
+@pytest.fixture(scope="module")
+def finished(plan, setup, tmp_path_factory):
+    out = tmp_path_factory.mktemp("finished") / "sip"
+    return train_plan(plan, out, progress=False, setup=setup), out
+
+
+@pytest.fixture
+def stored(finished, tmp_path):
+    """A finished training, and a copy of its folder."""
+    surrogate, out = finished
+    return surrogate, shutil.copytree(out, tmp_path / "stored")
+
+
+def test_the_same_training_is_not_repeated(plan, stored, monkeypatch, capfd):
+    surrogate, out = stored
+    (out / "notes.txt").write_text("mine")
+    files = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.iterdir()}
+    for name in ("make_setup", "run_training", "save"):
+        monkeypatch.setattr(training, name, refuse_to_work)
+    again = train_plan(plan, out)
+    assert np.array_equal(again.network.weights, surrogate.network.weights)
+    assert surrogate.record.items() <= again.record.items()
+    assert f"already done in {out}" in capfd.readouterr().err
+    assert files == {p: (p.read_bytes(), p.stat().st_mtime_ns) for p in out.iterdir()}
+
+
+def test_another_training_into_the_folder_of_one_must_be_asked_for(
+    plan, stored, setup, monkeypatch
+):
+    surrogate, out = stored
+    other = dataclasses.replace(plan, seed=plan.seed + 1)
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "make_setup", refuse_to_work)
+        words = rf"holds another training \(seed {plan.seed}, not {other.seed}\); .*--overwrite"
+        with pytest.raises(InvalidInput, match=words):
+            train_plan(other, out, progress=False)
+    assert np.array_equal(load(out).network.weights, surrogate.network.weights)
+    (out / "notes.txt").write_text("mine")
+    replaced = train_plan(other, out, progress=False, setup=setup, overwrite=True)
+    assert load(out).recorded("seed") == other.seed
+    assert not np.array_equal(replaced.network.weights, surrogate.network.weights)
+    assert (out / "notes.txt").read_text() == "mine"
+    assert train_plan(other, out, progress=False).recorded("seed") == other.seed
+
+
+def test_to_overwrite_repeats_the_same_training_too(plan, stored, setup, monkeypatch):
+    surrogate, out = stored
+    steps = []
+
+    def counted(*arguments, **options):
+        steps.append(1)
+        return run_training(*arguments, **options)
+
+    monkeypatch.setattr(training, "run_training", counted)
+    again = train_plan(plan, out, progress=False, setup=setup, overwrite=True)
+    assert steps == [1]
+    assert np.array_equal(again.network.weights, surrogate.network.weights)
+
+
+def test_a_folder_left_half_written_is_trained_again(plan, stored, setup):
+    """The process was killed between the record, which is written first, and the weights."""
+    surrogate, out = stored
+    (out / "weights.eqx").unlink()
+    again = train_plan(plan, out, progress=False, setup=setup)
+    assert np.array_equal(again.network.weights, surrogate.network.weights)
+    assert np.array_equal(load(out).network.weights, surrogate.network.weights)
+
+
+def test_checkpoints_of_interrupted_trainings(plan, setup, tmp_path, monkeypatch):
+    """One of another training is kept before any work, and removed where that is asked for."""
+    out = tmp_path / "surrogate"
+    place = checkpoint_path(out)
+    with pytest.raises(Killed):
+        run_training(plan, setup, place, interrupt, checkpoint_every_s=0.0)
+    other, intact = dataclasses.replace(plan, seed=plan.seed + 1), place.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "make_setup", refuse_to_work)
+        with pytest.raises(InvalidInput, match=r"interrupted \(seed .*--overwrite"):
+            train_plan(other, out, progress=False)
+        place.write_bytes(b"a file of the user")
+        for overwrite in (False, True):
+            with pytest.raises(InvalidInput, match="damaged"):
+                train_plan(other, out, progress=False, overwrite=overwrite)
+        assert place.read_bytes() == b"a file of the user"
+    place.write_bytes(intact)
+    train_plan(other, out, progress=False, setup=setup, overwrite=True)
+    assert not place.exists()
+    place.write_bytes(intact)  # of another training that was interrupted later: stays
+    assert train_plan(other, out, progress=False).recorded("seed") == other.seed
+    assert place.read_bytes() == intact
+
+
+def test_all_trainings_of_a_payoff_are_checked_before_any_work(
+    plan, setup, finished, tmp_path, monkeypatch
+):
+    plans = {"first": plan, "second": dataclasses.replace(plan, seed=5)}
+    shutil.copytree(finished[1], tmp_path / "second")
+    monkeypatch.setattr(training, "make_setup", refuse_to_work)
+    with pytest.raises(InvalidInput, match="second: holds another training"):
+        train_all(plans, tmp_path)
+    monkeypatch.setattr(training, "make_setup", lambda plan, devices: setup)
+    assert list(train_all(plans, tmp_path, overwrite=True)) == list(plans)
+    monkeypatch.setattr(training, "run_training", refuse_to_work)
+    assert train_all(plans, tmp_path, overwrite=True)["second"].recorded("seed") == 5
+
+
+def test_training_warns_of_a_large_error(plan, setup, monkeypatch):
+    rough = dataclasses.replace(plan.scene.fidelity, promise=1e-6)
+    scene = dataclasses.replace(plan.scene, fidelity=rough)
+    monkeypatch.setattr(training, "make_setup", lambda plan, devices: setup)
+    monkeypatch.setattr(training, "make_plan", lambda *_: dataclasses.replace(plan, scene=scene))
+    with pytest.warns(UserWarning, match="training by sip: its drags are inaccurate"):
+        train(scene, "sip", progress=False)
 
 
 def test_damaged_and_foreign_checkpoints_are_refused(plan, setup, tmp_path):

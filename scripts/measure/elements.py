@@ -22,6 +22,8 @@ START = 5.0  # highest Re at which Newton's method converges from rest
 RISE = 5.0  # largest ratio of successive Re of the continuation
 STEPS = 20  # of Newton's method
 TOLERANCE = 1e-8
+BOX_RATIO = 0.377  # of the errors of Cd in a box and in one of half its size
+START_OF_SERIES = 0.5  # Re from which a box of 100 D ends where the series of K0 holds
 CORNERS = 1e-9  # compressibility, so that corner elements without free velocities have a pressure
 
 
@@ -85,6 +87,18 @@ def reference_cd(
 ) -> float:
     """Cd by ``solve_by_elements``, solved once for all rows of a study that need it."""
     return _solved_once(geometry, tuple(body.items()), reynolds, elements)
+
+
+def unbounded_cd(body: Mapping[str, float], reynolds: float) -> float:
+    """Cd of a body of the 2-D family in an unbounded stream, extrapolated from two boxes.
+
+    Of boxes of 100, 200, 400 and 800 D at Re 1 every difference of Cd is 0.377 of the last.
+    """
+    boxes = (100.0, 200.0) if reynolds >= START_OF_SERIES else (200.0, 400.0)
+    small, large = (
+        solve_by_elements(PLANE, body, reynolds, FINE._replace(box=box)).cd for box in boxes
+    )
+    return large + (large - small) * BOX_RATIO / (1 - BOX_RATIO)
 
 
 @functools.cache
@@ -214,6 +228,7 @@ def axisymmetric_form(ng: Any, space: Any, reynolds: float, traction: Any) -> An
 WALLS = "body|stream"
 HALF = (("dirichlet", WALLS), ("dirichlety", f"axis|{WALLS}"))
 FEW = Elements(wall=0.15, near=0.4, wake=2.0)  # so few that the far field's error is the larger
+FINE = Elements(wall=0.08, near=0.25, wake=1.2)
 PLANE = Geometry(2, half_plane, cartesian_form, green_2d, 2.0, 2.0, HALF, FEW)
 AXISYMMETRIC = Geometry(
     3, half_plane, axisymmetric_form, green_3d, 2 * math.pi, 8 / math.pi, HALF, Elements()

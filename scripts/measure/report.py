@@ -18,7 +18,8 @@ from studies import training
 from study import Result, columns, words
 from tools import mean_and_most
 
-from shapeopt.commands.cli import Parser, emit, numbers, run
+from shapeopt.commands.cli import Parser, emit, run
+from shapeopt.commands.ranges import numbers
 from shapeopt.payoff.tables import payoff_tables, short_table
 from surrogate import InvalidInput, load
 from surrogate.files import whole_file

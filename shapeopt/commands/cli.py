@@ -5,6 +5,7 @@ import json
 import re
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -51,11 +52,14 @@ FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: L
 def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | None = None) -> int:
     """Run the main function of a command and return the exit status.
 
-    An error becomes one line on stderr. SIGTERM, by which job schedulers end a job, acts as Ctrl-C.
+    An error becomes one line on stderr, and so does every warning. SIGTERM, by which job schedulers
+    end a job, acts as Ctrl-C.
     """
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        main(argv)
+        with warnings.catch_warnings():
+            warnings.showwarning = _print_warning
+            main(argv)
         return DONE
     except (InvalidInput, NotConverged, ProcessLost) as error:
         status, message = FAILURES[type(error)], str(error)
@@ -66,8 +70,17 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
         status, message = INTERRUPTED, "interrupted; the same command resumes a training"
     finally:
         signal.signal(signal.SIGTERM, before)
-    print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
+    _print_line(message)
     return status
+
+
+def _print_warning(message: Warning | str, *_: object) -> None:
+    """Print a warning; takes the place of ``warnings.showwarning``."""
+    _print_line(f"warning: {message}")
+
+
+def _print_line(message: str) -> None:
+    print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
 
 
 def emit(result: JsonObject, as_json: bool, text: str) -> JsonObject:

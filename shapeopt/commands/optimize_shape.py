@@ -14,6 +14,7 @@ over the worst of them. Reynolds numbers are truncated to the scene's range. All
 values of that objective, and "cases" lists the drags.
 """
 
+import argparse
 import sys
 from collections.abc import Sequence
 
@@ -23,12 +24,17 @@ from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
+from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
+from shapeopt.stored import design_settings, stored_run
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, path_of
 from surrogate.flow.flow import Flow
+from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
+
+HIDDEN = ("scene", "path", "command", "surrogate", "settings", "files_sha256")
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -46,9 +52,30 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.memory and _within(arguments.memory, arguments.out):
         raise InvalidInput("--memory: is in the folder --out; choose a file outside it")
     problem = problem_of(arguments, surrogate)
+    on_flow = surrogate is None or arguments.until == "flow"
+    settings = design_settings(problem, surrogate, on_flow, arguments.memory)
+    record = stored_run(arguments.out, settings, arguments.overwrite)
+    if record is not None:
+        said = "this design is done already; --overwrite repeats it"
+        print(f"{arguments.out}: {said}", file=sys.stderr)
+    else:
+        design = _design(arguments, problem, surrogate, on_flow, devices)
+        record = save_run(arguments.out, design, surrogate, arguments.surrogate, settings=settings)
+    result = {key: value for key, value in record.items() if key not in HIDDEN}
+    result["warning"] = surrogate and surrogate.inaccuracy
+    return emit(result, arguments.json, _text(record, problem, arguments.out))
+
+
+def _design(
+    arguments: argparse.Namespace,
+    problem: Problem,
+    surrogate: Surrogate | None,
+    on_flow: bool,
+    devices: int | None,
+) -> Design:
+    """Search and verify, with progress."""
     candidates(problem)  # raises InvalidInput where the constraints contradict each other
     model = surrogate or Flow(problem.scene)
-    on_flow = surrogate is None or arguments.until == "flow"
     if on_flow:
         designer = Designer(model, arguments.memory, devices)
         print(problem.scene.explain(), file=sys.stderr)
@@ -66,10 +93,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
         verified = design.verified
         progress(1.0, f"{verified.objective:.4f} verified")
-    record = save_run(arguments.out, design, surrogate, arguments.surrogate)
-    hidden = ("scene", "path", "command", "surrogate")
-    result = {key: value for key, value in record.items() if key not in hidden}
-    return emit(result, arguments.json, _text(record, problem, arguments.out))
+    return design
 
 
 def _within(file: str, folder: str) -> bool:
@@ -83,11 +107,9 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
-    error = r["estimated_error"]
-    error = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
     lines = [
         f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D",
-        f"{name} {r['cd_verified']:.4f} verified ({r['status']}, {error}), "
+        f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
         f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
         f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
@@ -109,5 +131,6 @@ def _parser() -> Parser:
     memory = "JSON file of solved flows and adjoints, which later designs use and extend"
     parser.add_argument("--memory", help=memory)
     parser.add_argument("--out", required=True, help="folder of the run")
+    parser.add_argument("--overwrite", action="store_true", help="replace a run that is there")
     add_device_argument(parser)
     return parser

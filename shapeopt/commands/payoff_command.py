@@ -3,7 +3,8 @@
 python scripts/payoff.py --preset quick --out out/quick
 python scripts/payoff.py --preset full --out out/full --json
 
-Surrogates that are already in --out are not trained again.
+Surrogates that are already in --out are not trained again, and the same command after it is done
+prints the stored result.
 """
 
 import argparse
@@ -32,10 +33,11 @@ from shapeopt.search.optimise import optimise
 from surrogate.checks import whole_number
 from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, check_target, whole_file
+from surrogate.files import JsonObject, check_target, strict_json, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
+from surrogate.repeats import differences, refusal
 from surrogate.scene.scene import Scene
 from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
 from surrogate.training.record import command_line
@@ -62,6 +64,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if count < len(queries):
         raise InvalidInput(f"--queries {count}: at least {len(queries)}")
     queries += query_stream(scene, arguments.seed, count - len(queries))
+    settings = _settings(arguments, scene, seeds, count)
+    if (stored := _stored(out, settings, arguments.overwrite)) is not None:
+        print(f"{out}: this payoff is done already; --overwrite repeats it", file=sys.stderr)
+        return _emit(stored, arguments.json)
     print(scene.explain(arguments.samples or PRESETS[preset].samples), file=sys.stderr)
     start = time.perf_counter()
     groups = [
@@ -69,6 +75,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             _plans(arguments, scene, arguments.seed + k),
             out / f"seed{arguments.seed + k}" if k else out,
             devices,
+            arguments.overwrite,
         )
         for k in range(seeds)
     ]
@@ -86,6 +93,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "seconds": time.perf_counter() - start,
         "compile_s": compile_s,
         "scene": scene.record,
+        "settings": settings,
         "payoff": rows,
         "direct": {key: rows[0][key] for key in keys},
         "queries": [_query(problem) for problem in queries],
@@ -94,11 +102,45 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "best": best,
         **_pictures(strategies, groups[0][best], queries[: PLAIN[preset]], best, out),
     }
-    pictures = "\n\n".join(f"-> {result[name]}" for name in ("shapes", "plot"))
-    emit(result, arguments.json, f"{payoff_tables(result)}\n\n{pictures}")
+    _emit(result, arguments.json)
     with whole_file(out / RECORD) as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
     return result
+
+
+def _emit(result: JsonObject, as_json: bool) -> JsonObject:
+    pictures = "\n\n".join(f"-> {result[name]}" for name in ("shapes", "plot"))
+    return emit(result, as_json, f"{payoff_tables(result)}\n\n{pictures}")
+
+
+def _settings(arguments: argparse.Namespace, scene: Scene, seeds: int, count: int) -> JsonObject:
+    """What defines a payoff."""
+    return {
+        **scene.record,
+        "preset": arguments.preset,
+        "samples": arguments.samples or PRESETS[arguments.preset].samples,
+        "budget_seconds": arguments.budget_seconds,
+        "queries": count,
+        "seed": arguments.seed,
+        "seeds": seeds,
+    }
+
+
+def _stored(out: Path, settings: JsonObject, overwrite: bool) -> JsonObject | None:
+    """Return the payoff that the folder holds if it is of these settings and whole, else None.
+
+    Raises:
+      InvalidInput: it is of others, and ``overwrite`` is not set.
+    """
+    if overwrite or not (out / RECORD).is_file():
+        return None
+    stored = strict_json((out / RECORD).read_text(encoding="utf-8"))
+    known = stored.get("settings")
+    found = differences(known, settings) if isinstance(known, dict) else "of unknown settings"
+    if found:
+        raise InvalidInput(refusal(out, "payoff", found))
+    places = {name: str(out / f) for name, f in zip(("plot", "shapes"), PICTURES, strict=True)}
+    return stored | places if all((out / name).is_file() for name in PICTURES) else None
 
 
 def _plans(arguments: argparse.Namespace, scene: Scene, seed: int) -> dict[str, Plan]:
@@ -175,5 +217,6 @@ def _parser() -> Parser:
     add("--seed", type=int, default=0, help="the first seed, from 0 (0)")
     add("--seeds", type=int, default=1, help="trainings of every method, 1 to 20 (1)")
     add("--out", required=True, help="folder for surrogates, runs and pictures")
+    add("--overwrite", action="store_true", help="replace a payoff and trainings of others")
     add_device_argument(parser)
     return parser

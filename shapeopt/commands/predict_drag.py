@@ -3,6 +3,7 @@
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
 python scripts/predict_drag.py --aspect 4 --chord-reynolds 2:60:log20 --reference chord --json
+python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
 """
 
 from collections.abc import Sequence
@@ -41,7 +42,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     chord = family_shape(named, dimension=dimension).chord  # refuses what is no body
     reynolds = reynolds_of(arguments, chord, allow_unsteady=True, dimension=dimension)
     parameters = surrogate.scene.family.parameters(named)
-    results = [_predict(surrogate, parameters, re, arguments.reference) for re in reynolds]
+    at = arguments.reference, arguments.extrapolate
+    results = [_predict(surrogate, parameters, re, *at) for re in reynolds]
     if arguments.verify:
         for row in results:
             row |= _verify(surrogate, parameters, row)
@@ -49,6 +51,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "results": results,
         "surrogate": arguments.surrogate,
         "method": surrogate.recorded("method"),
+        "warning": surrogate.inaccuracy,
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
         "parameters": surrogate.scene.family.named(parameters),
     }
@@ -58,13 +61,17 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _predict(
-    surrogate: Surrogate, parameters: np.ndarray, reynolds: float, reference: str
+    surrogate: Surrogate,
+    parameters: np.ndarray,
+    reynolds: float,
+    reference: str,
+    extrapolate: bool,
 ) -> JsonObject:
     length = surrogate.scene.family.body_class.length
 
     def drag(body):
         by = length(body) if reference == CHORD else 1.0
-        return surrogate.drag(body, reynolds, extrapolate=True) / by
+        return surrogate.drag(body, reynolds, extrapolate) / by
 
     cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
     beyond = surrogate.beyond(parameters, reynolds)
@@ -92,6 +99,8 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
         "cd_flow": drag,
         "error": abs(row["cd"] / drag - 1),
         "status": solution.status,
+        "accuracy": solution.accuracy,
+        "expected_error": solution.expected_error,
         "estimated_error": solution.estimated_error,
     }
 
@@ -99,7 +108,8 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
 def _line(r: JsonObject) -> str:
     line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
     if "cd_flow" in r:
-        line += f"  by the flow {r['cd_flow']:.4f} ({r['status']}), error {100 * r['error']:.3f} %"
+        line += f"  by the flow {r['cd_flow']:.4f}, which {r['accuracy']}"
+        line += f", error {100 * r['error']:.3f} %"
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 
 
@@ -109,5 +119,7 @@ def _parser() -> Parser:
     add_family_arguments(parser)
     add_reynolds_arguments(parser)
     add_reference_argument(parser)
+    beyond = "answer outside the trained ranges too"
+    parser.add_argument("--extrapolate", action="store_true", help=beyond)
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
     return parser

@@ -177,10 +177,12 @@ def _row(s: Solution) -> JsonObject:
         "green_applications": s.green_applications,
         "wall_s": s.seconds,
         "gradient": s.gradient,
+        "expected_error": s.expected_error,
         "estimated_error": s.estimated_error,
         "estimated_lift_error": s.estimated_lift_error,
         "sufficient": s.sufficient,
         "status": s.status,
+        "accuracy": s.accuracy,
     }
 
 
@@ -203,18 +205,15 @@ def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
 
 
 def _line(r: JsonObject) -> str:
-    error, lift = r["estimated_error"], f"Cl {r['cl']:.4f}"
+    estimate, lift = r["accuracy"], f"Cl {r['cl']:.4f}"
     if r["estimated_lift_error"]:
         lift += f" +- {r['estimated_lift_error']:.4f}"
-    estimate = "no estimate of the error" if error is None else f"error within {100 * error:.2f} %"
-    if r["sufficient"]:
-        estimate += f", {r['sufficient']} would do"
     if r["cd_extrapolated"]:
         estimate += f", extrapolated Cd {r['cd_extrapolated']:.4f}"
     line = (
         f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
         f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "
-        f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {r['status']}: {estimate}"
+        f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
     )
     if r.get("forces_N"):
         line += f"\n  {forces_line(r)}"

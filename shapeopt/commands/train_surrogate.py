@@ -1,4 +1,4 @@
-"""Train a drag surrogate; the same command resumes an interrupted training.
+"""Train a drag surrogate; the same command resumes an interrupted training, or says it is done.
 
 python scripts/train_surrogate.py --method sip --preset quick --out out/sip
 python scripts/train_surrogate.py --method hig --scene tunnel.toml --samples 64 --out out/hig --json
@@ -26,14 +26,21 @@ from shapeopt.commands.distributed import (
     needs_supervision,
     supervise,
 )
-from surrogate.devices import choose_devices
+from surrogate.devices import Devices, choose_devices
 from surrogate.files import JsonObject
-from surrogate.model.store import check_surrogate_folder
+from surrogate.model.store import warn_of_inaccuracy
+from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.scene.scene import Scene
 from surrogate.training.forecast import forecast
-from surrogate.training.plan import METHODS, PRESETS, SAMPLES_HELP, make_plan
+from surrogate.training.plan import METHODS, PRESETS, SAMPLES_HELP, Plan, make_plan
+from surrogate.training.stored import stored_training
 from surrogate.training.train import train_plan
+
+KEYS = (
+    *("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s", "weights"),
+    *("compile_s", "foreseen_g", "foreseen_s"),
+)
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -46,7 +53,34 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     scene = Scene.read(a.scene) if a.scene else None
     plan = make_plan(scene, a.method, a.preset, a.samples, a.seed, a.budget_seconds, a.published)
     out, devices = Path(a.out), choose_devices(count, a.lanes)
-    check_surrogate_folder(out)
+    with exit_when_disconnected():
+        stored = stored_training(plan, out, a.overwrite)
+        if stored is None or a.overwrite:
+            surrogate = _train(plan, out, devices, a.overwrite)
+        else:
+            surrogate = stored
+    if not first():
+        return {}
+    if surrogate is stored:
+        print(f"{out}: this training is done already; --overwrite repeats it", file=sys.stderr)
+    warn_of_inaccuracy(surrogate, str(out))
+    record = surrogate.record
+    result = {key: record.get(key) for key in KEYS}
+    result |= {"out": str(out), "warning": surrogate.inaccuracy}
+    forecasts = [record.get("foreseen_g"), record.get("foreseen_s")]
+    work, seconds = ("" if f is None else f" (forecast {f:.0f})" for f in forecasts)
+    text = (
+        f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
+        f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
+        f"{result['green_applications']} convolutions{work}, "
+        f"{record['setup_s'] + result['train_s']:.1f} s{seconds} and {record['compile_s']:.1f} s "
+        f"of compiling -> {out}"
+    )
+    return emit(result, a.json, text)
+
+
+def _train(plan: Plan, out: Path, devices: Devices, overwrite: bool) -> Surrogate:
+    """Say what the training will cost, and train."""
     foreseen = forecast(plan)
     seconds = plan.budget_s or foreseen.flow_s / devices.count + foreseen.network_s
     if first():
@@ -58,19 +92,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             f"{'' if devices.count == 1 else 's'}.",
             file=sys.stderr,
         )
-    with exit_when_disconnected():
-        record = train_plan(plan, out, first(), devices).record
-    keys = ("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s")
-    result = {key: record[key] for key in (*keys, "weights", "compile_s")}
-    result |= {"out": str(out), "foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
-    text = (
-        f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
-        f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
-        f"{result['green_applications']} convolutions (forecast "
-        f"{foreseen.green_applications:.0f}), {record['setup_s'] + result['train_s']:.1f} s "
-        f"(forecast {seconds:.1f}) and {record['compile_s']:.1f} s of compiling -> {out}"
-    )
-    return emit(result, a.json, text) if first() else result
+    notes = {"foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
+    return train_plan(plan, out, first(), devices, overwrite=overwrite, notes=notes)
 
 
 def _parser() -> Parser:
@@ -84,5 +107,6 @@ def _parser() -> Parser:
     add("--published", action="store_true", help="the method as published, not at its best")
     add("--seed", type=int, default=0, help="of samples and weights, from 0 (0)")
     add("--out", required=True, help="folder of the surrogate")
+    add("--overwrite", action="store_true", help="replace a surrogate that is there")
     add_distributed_arguments(parser)
     return parser

@@ -11,6 +11,7 @@ from shapeopt.problem.scenarios import combine
 from surrogate.arrays import AnyArray, Body
 from surrogate.checks import expect
 from surrogate.errors import InvalidInput
+from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 
@@ -35,15 +36,27 @@ class Verified:
 
     @property
     def status(self) -> str:
-        """``accurate`` where every flow is, else ``degraded``."""
+        """``accurate`` where every flow is, ``unknown`` without estimates, else ``degraded``."""
         statuses = {solution.status for solution in self.solutions}
+        if "unknown" in statuses:
+            return "unknown"
         return "accurate" if statuses == {"accurate"} else "degraded"
 
     @property
+    def expected_error(self) -> float | None:
+        """The largest expected relative error of the flows; None where one has no estimate."""
+        return _largest([solution.expected_error for solution in self.solutions])
+
+    @property
     def estimated_error(self) -> float | None:
-        """The largest estimated relative error of the flows; None where one has no estimate."""
-        errors = [solution.estimated_error for solution in self.solutions]
-        return None if None in errors else max(errors)
+        """The largest bound of a flow's relative error; None where one has no estimate."""
+        return _largest([solution.estimated_error for solution in self.solutions])
+
+    @property
+    def accuracy(self) -> str:
+        """Whether every flow meets the tolerance, in words, with the largest errors."""
+        errors = self.expected_error, self.estimated_error
+        return accuracy_text(self.status, *errors, self.solutions[0].tolerance)
 
     @property
     def green_applications(self) -> int:
@@ -54,6 +67,10 @@ class Verified:
     def seconds(self) -> float:
         """Wall time of the body's flows."""
         return sum(solution.seconds for solution in self.solutions)
+
+
+def _largest(errors):
+    return None if None in errors else max(errors)
 
 
 def verify(

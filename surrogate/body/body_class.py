@@ -165,10 +165,14 @@ class BodyClass(abc.ABC):
 
     def valid(self, bodies: Float[np.ndarray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
         """Which of many bodies ``check`` accepts."""
+        return np.asarray(_are_valid(self, padded(bodies)))[: len(bodies)]
+
+    def is_valid(self, parameters: Float[AnyArray, " parameters"]) -> Bool[Array, ""]:
+        """Whether ``check`` accepts a body; its parameters may be traced."""
         low, high = np.array([(p.low, p.high) for p in self.parameters[: self.ratios]]).T
-        ratios = bodies[:, : self.ratios]
-        sound = np.isfinite(bodies).all(axis=1) & ((ratios >= low) & (ratios <= high)).all(axis=1)
-        return sound & (self.min_thickness_ratios(bodies) >= MIN_THICKNESS_RATIO)
+        ratios = parameters[: self.ratios]
+        sound = jnp.isfinite(parameters).all() & ((ratios >= low) & (ratios <= high)).all()
+        return sound & (self.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO)
 
     def check(self, parameters: Float[AnyArray, " parameters"]) -> None:
         """Raise InvalidInput unless the parameters describe a body."""
@@ -224,3 +228,8 @@ def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
 @functools.partial(jax.jit, static_argnums=0)
 def _min_thickness_ratios(body_class, bodies):
     return jax.vmap(body_class.min_thickness_ratio)(bodies)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _are_valid(body_class, bodies):
+    return jax.vmap(body_class.is_valid)(bodies)

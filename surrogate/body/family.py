@@ -166,7 +166,10 @@ class Family:
                 f"where they are traced; {self._wanted}"
             )
         if values.ndim == 2:
-            raise InvalidInput(f"body: a batch of {len(values)}; jax.vmap takes batches, one here")
+            raise InvalidInput(
+                f"body: a batch of {len(values)}, one is needed here; flow.labels(bodies, reynolds)"
+                " and jax.vmap take batches"
+            )
         if values.shape != (len(self.names),):
             raise InvalidInput(f"body: an array of shape {values.shape}; {self._wanted}")
         return values

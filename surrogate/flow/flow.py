@@ -25,7 +25,7 @@ from surrogate.flow.derivatives import (
     named_gradient,
 )
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.grid.discretise import fitted_domain, scene_domain
+from surrogate.flow.grid.discretise import fewest_cells, fitted_domain, scene_domain
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.loads import lift
 from surrogate.flow.solution import Solution
@@ -177,10 +177,12 @@ class Flow:
             self._check_dimension(body)
             reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
             shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
+            fidelity = self.scene.fidelity.for_wake(reynolds, float(body.extent[1:].max()))
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
             named = self.scene.family.named(parameters)
             shape, domain = family_shape(named, dimension=self.scene.dimension), self.domain
+            fidelity = self.scene.fidelity_for_wakes
         if gradient and (shape.parameters is None or not shape.symmetric):
             raise InvalidInput("gradient: is for bodies of the family at zero incidence")
         start = time.perf_counter()
@@ -194,11 +196,13 @@ class Flow:
             slopes = named_gradient(bodies, shape.values, reynolds, found.state)
         error = ErrorEstimate()
         if estimate:
-            error = self._estimated(DragAndLift(force["drag"], force["lift"]), shape, reynolds)
+            loads = DragAndLift(force["drag"], force["lift"])
+            error = self._estimated(loads, shape, fidelity, reynolds)
         return Solution(
             reynolds=reynolds,
             **force,
             **error._asdict(),
+            tolerance=self.scene.fidelity.promise,
             green_applications=work,
             newton_steps=int(found.info.steps),
             seconds=seconds,
@@ -235,15 +239,16 @@ class Flow:
         found = solve(*devices.place((partition, parameters, reynolds)))
         return jax.tree.map(np.asarray, found)
 
-    def _estimated(self, forces, shape, reynolds):
+    def _estimated(self, forces, shape, fidelity, reynolds):
         def solve(fidelity: Fidelity) -> DragAndLift:
             domain = self._fitted(shape, fidelity, reynolds)
             found, _ = solve_by_continuation(domain, self.settings, shape, reynolds)
             cl = lift(domain.modes, found.state.amplitude, shape.markers(domain.nodes))
             return DragAndLift(found.drag, float(cl))
 
-        height = float(shape.extent[1:].max())
-        return estimate_error(forces, solve, self.scene.fidelity, reynolds, height, shape.dimension)
+        height, fewest = float(shape.extent[1:].max()), fewest_cells(shape)
+        at = reynolds, height, shape.dimension, fewest
+        return estimate_error(forces, solve, fidelity, *at)
 
     def _fitted(self, shape, fidelity, reynolds):
         return fitted_domain(self.scene.stream, fidelity, shape, reynolds)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
+from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.fields import Fields, fields_of
 from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.flow.grid.domain import Domain
@@ -31,11 +32,14 @@ class Solution:
       drag: Cd; ``drag_pressure`` and ``drag_friction`` are its parts.
       lift: Cl, positive along y; 0 in 3-D.
       moment: Cm about the centroid, positive nose up; 0 in 3-D.
-      status: "accurate", "degraded", or "unknown" without an estimate.
-      estimated_error: relative bound of the error of Cd; None where there is no estimate.
+      status: "accurate" where Cd is expected to meet the tolerance, else "degraded", or "unknown"
+        without an estimate; ``accuracy`` says why.
+      expected_error: expected relative error of Cd; None where there is no estimate.
+      estimated_error: relative bound of the error of Cd, which 95 % of the errors are within.
       estimated_lift_error: bound of the error of Cl itself.
       sufficient: name of a fidelity that should meet the tolerance that this one does not.
       extrapolated_drag: Cd extrapolated from two grids, where both are fine enough.
+      tolerance: relative error of Cd that the scene's fidelity is made for.
       green_applications: convolutions with G of this flow, without gradient and estimate.
       newton_steps: Newton steps of the last solve.
       seconds: wall time of this flow, without gradient and estimate.
@@ -52,10 +56,12 @@ class Solution:
     lift: float
     moment: float
     status: Literal["accurate", "degraded", "unknown"]
+    expected_error: float | None
     estimated_error: float | None
     estimated_lift_error: float | None
     sufficient: str | None
     extrapolated_drag: float | None
+    tolerance: float
     green_applications: int
     newton_steps: int
     seconds: float
@@ -63,6 +69,12 @@ class Solution:
     shape: Shape
     domain: Domain
     state: FlowState
+
+    @property
+    def accuracy(self) -> str:
+        """Whether Cd meets the tolerance, in words: "meets 0.4 % (expected 0.3 %, bound ...)"."""
+        errors = self.expected_error, self.estimated_error
+        return accuracy_text(self.status, *errors, self.tolerance, self.sufficient)
 
     @property
     def markers(self) -> Markers:

@@ -33,7 +33,7 @@ RESIDUAL_AMPLITUDE = (-7.0, 1.5)  # the same for the residual of a trained base
 NOISE_DEVIATION = 0.5  # prior deviation of the log of the noise over VALUE_NOISE, SLOPE_NOISE
 BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of amplitude, noise, lengths
 FITTED = 64  # observations at most from which hyperparameters are fitted: bounds the cost
-MIN_CAPACITY, GROWTH = 8, 2  # of the padded arrays, so that few sizes are compiled
+MIN_CAPACITY, GROWTH = 16, 4  # of the padded arrays, so that few sizes are compiled
 
 
 class Observation(NamedTuple):

@@ -1,8 +1,8 @@
 """Surrogates on disk: a folder of weights and a record of scene, training, versions and error."""
 
-import hashlib
 import json
 import math
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,14 @@ import numpy as np
 
 from surrogate.checks import expect, whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import check_target, json_digest, path_of, strict_json, whole_files
+from surrogate.files import (
+    check_target,
+    file_digest,
+    json_digest,
+    path_of,
+    strict_json,
+    whole_files,
+)
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
@@ -46,7 +53,7 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
             "format": FORMAT,
             "scene": surrogate.scene.record,
             "sizes": [int(layer.weight.shape[0]) for layer in surrogate.network.layers],
-            "weights_sha256": _digest(part / WEIGHTS),
+            "weights_sha256": file_digest(part / WEIGHTS),
             "scene_sha256": json_digest(surrogate.scene.record),
             "versions": versions(),
         }
@@ -65,9 +72,24 @@ def load(name: str | Path) -> Surrogate:
       name: a folder; ``"pretrained"`` for the most accurate one in 2-D, ``"pretrained:METHOD"`` for
         that of a method, ``"pretrained:space"`` for the one in 3-D.
 
+    A surrogate of large error (``Surrogate.inaccuracy``) is loaded with a warning.
+
     Raises:
       InvalidInput: it is missing, damaged, or not a surrogate.
     """
+    surrogate = read_surrogate(name)
+    warn_of_inaccuracy(surrogate, f"surrogate {name}", stacklevel=3)
+    return surrogate
+
+
+def warn_of_inaccuracy(surrogate: Surrogate, what: str, stacklevel: int = 2) -> None:
+    """Warn if the error of a surrogate is large; the warning begins with ``what``."""
+    if surrogate.inaccuracy:
+        warnings.warn(f"{what}: {surrogate.inaccuracy}", stacklevel=stacklevel)
+
+
+def read_surrogate(name: str | Path) -> Surrogate:
+    """``load`` without a warning."""
     folder = path_of(name)
     kind, _, method = str(name).partition(":")
     if kind == "pretrained":
@@ -76,7 +98,7 @@ def load(name: str | Path) -> Surrogate:
     if not folder.is_dir():
         shipped = ", ".join(f"pretrained:{one.name}" for one in sorted(PRETRAINED.iterdir()))
         raise InvalidInput(f"surrogate {name}: no such folder; what ships: pretrained, {shipped}")
-    record = _read_record(folder, what)
+    record = read_record(folder)
     try:
         scene = Scene.of(record["scene"])
         sizes = [whole_number("layer", size, 1, MAX_WIDTH) for size in record["sizes"]]
@@ -91,7 +113,7 @@ def load(name: str | Path) -> Surrogate:
         )
     blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
-    if _digest(folder / WEIGHTS) != record.get("weights_sha256"):
+    if file_digest(folder / WEIGHTS) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
     saved = json_digest(record["scene"])
     if record.get("scene_sha256", saved) != saved:  # older records have none
@@ -100,8 +122,13 @@ def load(name: str | Path) -> Surrogate:
     return Surrogate(network, scene, record)
 
 
-def _read_record(folder: Path, what: str) -> dict[str, Any]:
-    path = folder / RECORD
+def read_record(folder: Path) -> dict[str, Any]:
+    """Read the record of a surrogate's folder.
+
+    Raises:
+      InvalidInput: it is missing, damaged, not a surrogate's, or of another format.
+    """
+    what, path = f"surrogate {folder}", folder / RECORD
     if path.is_file() and path.stat().st_size > MAX_RECORD:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {RECORD} is too large")
     try:
@@ -129,7 +156,3 @@ def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
     known, own = (np.array([i.low, i.high]) for i in (scene_inputs(scene), network.inputs))
     if not np.allclose(known, own, atol=1e-9):
         raise InvalidInput(f"{what}: damaged, its weights are of other ranges than its scene")
-
-
-def _digest(path):
-    return hashlib.sha256(path.read_bytes()).hexdigest()

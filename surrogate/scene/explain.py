@@ -54,7 +54,8 @@ def explain_scene(
             f"({math.prod(shape)} cells in its {words.part}), where the flow "
             "is non-linear; outside it the Oseen Green's function G and the far field's "
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
-            f"{words.tested}.",
+            f"{words.tested}; every solved flow says whether it meets this, with its expected "
+            "error and a bound that 95 % of the errors are within.",
             f"Left out: {words.left_out}unsteadiness (bluff bodies shed vortices beyond "
             f"Re {ONSET_OF_SHEDDING[dimension]:g}, those shorter than wide sooner), "
             "compressibility, roughness.",

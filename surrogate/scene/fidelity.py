@@ -10,6 +10,8 @@ from surrogate.errors import InvalidInput
 LONGEST_WINDOW = 40.0  # D downstream, up to which a window is lengthened for a wake
 LONGER = 8.0  # D, by which a window is lengthened first: few lengths share compiled code
 FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thickness
+LONGEST = 2 * LONGEST_WINDOW  # D, any side of a window
+COARSER = 0.9  # of the cells, at most, that a coarser grid has
 MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a 2-D window
 WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
 
@@ -28,7 +30,7 @@ class Fidelity:
       wake: how much longer a window a wake takes: ``downstream`` is at least
         wake * Re * (height of the body / D)^2. By default 0.2 in 2-D and 0 in 3-D.
       promise: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
-        estimated error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
+        expected error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
         2-D, at Re 0.1 to 100 and aspect 0.5 to 4 in 3-D.
     """
 
@@ -47,7 +49,7 @@ class Fidelity:
             "cells": whole_number("cells per D", self.cells, 3, MOST_CELLS),
             "harmonics": whole_number("harmonics", self.harmonics, 1, 31),
         }
-        limits = dict.fromkeys(("upstream", "downstream", "height"), (1, 2 * LONGEST_WINDOW))
+        limits = dict.fromkeys(("upstream", "downstream", "height"), (1, LONGEST))
         limits |= {} if self.wake is None else {"wake": (0, 1)}
         for name, (low, high) in (limits | {"promise": (0, 1)}).items():
             plain[name] = finite_number(name, getattr(self, name))
@@ -72,19 +74,26 @@ class Fidelity:
         longer = min(longer, LONGEST_WINDOW)
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
-    def coarser(self) -> "Fidelity":
-        """Return two thirds of the cells, but not fewer than usual bodies need if it has them."""
-        fewest = min(self.cells - 2, FEWEST_CELLS)
-        return dataclasses.replace(self, cells=max(round(2 * self.cells / 3), fewest))
+    def coarser(self, share: float, fewest: int = 0) -> "Fidelity":
+        """Return this share of the cells, but no fewer than bodies need.
 
-    def smaller(self, share: float) -> "Fidelity":
+        Args:
+          share: of the cells.
+          fewest: cells per D that a certain body needs; usual ones need ``FEWEST_CELLS``.
+
+        Raises:
+          InvalidInput: the body needs more than 0.9 times the cells.
+        """
+        if fewest > COARSER * self.cells:
+            raise InvalidInput(f"fidelity: a body that needs {fewest} of {self.cells} cells per D")
+        usual = min(self.cells - 2, FEWEST_CELLS)
+        return dataclasses.replace(self, cells=max(round(share * self.cells), usual, fewest))
+
+    def scaled(self, share: float) -> "Fidelity":
         """Return the fidelity with all lengths of the window multiplied by ``share``."""
-        return dataclasses.replace(
-            self,
-            upstream=share * self.upstream,
-            downstream=share * self.downstream,
-            height=share * self.height,
-        )
+        sizes = ("upstream", "downstream", "height")
+        scaled = {name: min(share * getattr(self, name), LONGEST) for name in sizes}
+        return dataclasses.replace(self, **scaled)
 
 
 LEVELS = {

@@ -17,7 +17,7 @@ ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded str
 # The onset goes with these powers of length over width, for bodies wider than long. By linear
 # stability: in 2-D the ellipse of aspect 0.5 sheds from Re 26.7; in 3-D study ``onset``.
 ONSET_POWERS = {2: math.log(46.7 / 26.7) / math.log(2), 3: 0.9}
-ROUNDING = 1e-9  # relative, of an extent that was measured on a contour
+ROUNDING = 1e-9  # relative, of a limit
 
 
 def onset_of_shedding(extent: Float[AnyArray, " axes"]) -> Float[Array, ""]:
@@ -57,9 +57,9 @@ def check_reynolds(
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
     (low, high), onset = REYNOLDS[dimension], ONSET_OF_SHEDDING[dimension]
     onset = onset if extent is None else float(onset_of_shedding(extent))
-    if value < low:
+    if value < low * (1 - ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
-    if value > high:
+    if value > high * (1 + ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
     if value > onset * (1 + ROUNDING) and not allow_unsteady:
         raise InvalidInput(

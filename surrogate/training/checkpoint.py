@@ -11,6 +11,7 @@ from surrogate.devices import Partition, is_sharded
 from surrogate.errors import InvalidInput
 from surrogate.leaves import read_header, read_leaves, write_leaves
 from surrogate.processes import broadcast_from_first, first, gather_to_host
+from surrogate.repeats import differences
 from surrogate.training.plan import Plan
 
 
@@ -38,11 +39,8 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
         lambda state: _map_sharded(state, lambda rows: rows[partition.places]), like
     )
     if first():
-        if read_header(path, "checkpoint") != _describe(plan):
-            raise InvalidInput(
-                f"checkpoint {path}: belongs to another training; remove it, or choose another "
-                "folder"
-            )
+        if found := checkpoint_differences(path, plan):
+            raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
         saved = read_leaves(path, shapes, "checkpoint")
     else:
         saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
@@ -52,6 +50,18 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
         return partition.scatter(rows) if is_sharded(node) else rows
 
     return jax.tree.map(scatter, like, saved, is_leaf=is_sharded)
+
+
+def checkpoint_differences(path: Path, plan: Plan) -> str:
+    """Return in words how the plan of a checkpoint differs from this one; "" if it does not.
+
+    Raises:
+      InvalidInput: the file is damaged, or no checkpoint.
+    """
+    header = read_header(path, "checkpoint")
+    if not isinstance(header, dict) or set(header) != set(_describe(plan)):
+        raise InvalidInput(f"checkpoint {path}: damaged, or of another program; remove it")
+    return differences(header, _describe(plan))
 
 
 def _map_sharded(state, function):

@@ -3,13 +3,27 @@
 import sys
 from pathlib import Path
 
+from surrogate.files import JsonObject
 from surrogate.model.surrogate import Surrogate
+from surrogate.repeats import differences
+from surrogate.scene.scene import Scene
 from surrogate.training.loop import TrainingResult, TrainingSetup
 from surrogate.training.plan import Plan
 
+SETTINGS = {  # of a plan and of a record, as messages call them
+    "method": "method",
+    "published": "published",
+    "samples": "samples",
+    "held_out": "held-out bodies",
+    "seed": "seed",
+    "budget_s": "budget in seconds",
+}
 
-def surrogate_of(plan: Plan, trained: TrainingResult, setup: TrainingSetup) -> Surrogate:
-    """The surrogate of a finished training, with its record."""
+
+def surrogate_of(
+    plan: Plan, trained: TrainingResult, setup: TrainingSetup, notes: JsonObject | None = None
+) -> Surrogate:
+    """The surrogate of a finished training, with its record, to which ``notes`` are added."""
     last = trained.history[-1]
     record = {
         "method": plan.method,
@@ -34,19 +48,23 @@ def surrogate_of(plan: Plan, trained: TrainingResult, setup: TrainingSetup) -> S
         "failed_samples": last.failed,
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],
+        **(notes or {}),
     }
     return Surrogate(trained.network, plan.scene, record)
 
 
-def matches_plan(plan: Plan, surrogate: Surrogate) -> bool:
-    """Whether a surrogate is the result of this plan's training, not interrupted."""
-    record = surrogate.record
-    keys = ("method", "published", "samples", "held_out", "seed", "budget_s")
-    planned = tuple(getattr(plan, key) for key in keys)
-    recorded = tuple(record.get(key) for key in keys)
-    done = record.get("iterations") == plan.iterations or plan.budget_s is not None
-    finished = done or record.get("stopped") is not None
-    return recorded == planned and surrogate.scene == plan.scene and finished
+def plan_differences(plan: Plan, record: JsonObject) -> str:
+    """Return in words how the training of a surrogate's record differs from a plan; "" if not.
+
+    Raises:
+      InvalidInput: the record has no valid scene.
+    """
+    stored = {name: record.get(key) for key, name in SETTINGS.items()}
+    asked = {name: getattr(plan, key) for key, name in SETTINGS.items()}
+    if not (plan.budget_s or record.get("budget_s") or record.get("stopped")):
+        stored["iterations"], asked["iterations"] = record.get("iterations"), plan.iterations
+    stored |= Scene.of(record.get("scene")).record
+    return differences(stored, asked | plan.scene.record)
 
 
 def command_line() -> str:

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from surrogate.devices import Devices, choose_devices
-from surrogate.errors import InvalidInput
-from surrogate.model.store import RECORD, check_surrogate_folder, load, save
+from surrogate.files import JsonObject
+from surrogate.model.store import save, warn_of_inaccuracy
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.progress import progress_bar
@@ -14,7 +14,8 @@ from surrogate.training.history import HistoryPoint
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import Plan, make_plan
-from surrogate.training.record import matches_plan, surrogate_of
+from surrogate.training.record import surrogate_of
+from surrogate.training.stored import checkpoint_path, stored_training
 
 
 def train(
@@ -30,6 +31,7 @@ def train(
     progress: bool = True,
     devices: int | None = None,
     lanes: int | None = None,
+    overwrite: bool = False,
 ) -> Surrogate:
     """Train a small network that predicts the drag of a scene's bodies, using the flow solver.
 
@@ -59,21 +61,27 @@ def train(
       seed: of samples, held-out bodies and initial weights.
       budget_seconds: train for this many seconds, in place of the preset's steps.
       published: the method as published instead of at its best.
-      out: folder to save to. If interrupted, the same call resumes from a checkpoint beside it.
+      out: folder to save to. If interrupted, the same call resumes from a checkpoint beside it; if
+        finished, it returns the surrogate that is there.
       progress: whether to show progress on stderr.
       devices: number of devices over which the flows are distributed; by default 1.
       lanes: batch size per device: flows solved simultaneously on one device; by default 1 on a
         CPU, 32 elsewhere.
+      overwrite: train even if the folder holds a surrogate, and replace it.
 
     Returns:
-      The surrogate; its ``record`` has the drag's mean and largest error on held-out bodies.
+      The surrogate; its ``record`` has the drag's mean and largest error on held-out bodies. A
+      warning says where these are large (``Surrogate.inaccuracy``).
 
     Raises:
-      InvalidInput: an argument is invalid, or the folder holds something else.
+      InvalidInput: an argument is invalid, or the folder holds another training or something else.
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
     plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published)
-    return train_plan(plan, out, progress, choose_devices(devices, lanes))
+    chosen = choose_devices(devices, lanes)
+    surrogate = train_plan(plan, out, progress, chosen, overwrite=overwrite)
+    warn_of_inaccuracy(surrogate, f"training by {method}", stacklevel=3)
+    return surrogate
 
 
 def train_plan(
@@ -83,17 +91,22 @@ def train_plan(
     devices: Devices | None = None,
     setup: TrainingSetup | None = None,
     title: str | None = None,
+    overwrite: bool = False,
+    notes: JsonObject | None = None,
 ) -> Surrogate:
-    """``train`` by a plan, with a setup that is shared, if one is given.
+    """``train`` by a plan, without warning, with a setup that is shared, if one is given.
 
-    In a multi-process run the first process writes.
+    In a multi-process run the first process writes. ``notes`` are added to the record.
     """
-    if out is not None:
-        check_surrogate_folder(out)
+    stored = None if out is None else stored_training(plan, out, overwrite)
+    if stored is not None and not overwrite:
+        with progress_bar(f"training {title or plan.method}", progress) as update:
+            update(1.0, f"already done in {out}")
+        return stored
     checkpoint = None if out is None else checkpoint_path(out)
     setup = setup or setup_with_bar(plan, progress, devices)
     trained = train_with_bar(plan, setup, checkpoint, title=title, progress=progress)
-    surrogate = surrogate_of(plan, trained, setup)
+    surrogate = surrogate_of(plan, trained, setup, notes)
     if out is not None and first():
         save(out, surrogate)
         checkpoint.unlink(missing_ok=True)
@@ -101,29 +114,31 @@ def train_plan(
 
 
 def train_all(
-    plans: Mapping[str, Plan], out: Path, devices: Devices | None = None
+    plans: Mapping[str, Plan],
+    out: Path,
+    devices: Devices | None = None,
+    overwrite: bool = False,
 ) -> dict[str, Surrogate]:
     """Train a surrogate per plan, in folders of the plans' names; load those already trained.
 
-    Plans of equal scene, seed and counts share samples, held-out bodies and initial weights.
+    Plans of equal scene, seed and counts share samples, held-out bodies and initial weights. A
+    surrogate of another plan is replaced with ``overwrite`` only.
 
     Raises:
       InvalidInput: a folder holds something else, or a surrogate of another plan.
     """
-    for name in plans:
-        check_surrogate_folder(out / name)
+    surrogates = {
+        name: stored_training(plan, out / name, overwrite) for name, plan in plans.items()
+    }
     setups: dict[tuple, TrainingSetup] = {}
-    surrogates = {}
     for name, plan in plans.items():
-        if not (out / name / RECORD).is_file():
+        if surrogates[name] is None:
             key = plan.scene, plan.seed, plan.samples, plan.held_out
             setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
-            train_plan(plan, out / name, devices=devices, setup=setup, title=name)
-        surrogates[name] = load(out / name)
-        if not matches_plan(plan, surrogates[name]):
-            raise InvalidInput(
-                f"{out / name}: is of another method, preset or seed; choose another folder"
+            surrogates[name] = train_plan(
+                plan, out / name, devices=devices, setup=setup, title=name, overwrite=overwrite
             )
+        warn_of_inaccuracy(surrogates[name], f"surrogate {out / name}", stacklevel=3)
     return surrogates
 
 
@@ -161,9 +176,3 @@ def train_with_bar(
         if trained.stopped:
             update(1.0, f"{trained.stopped}; the last good weights are kept")
     return trained
-
-
-def checkpoint_path(folder: str | Path) -> Path:
-    """The path of a training's checkpoint, beside the surrogate's folder."""
-    place = Path(folder).resolve()
-    return place.with_name(place.name + ".checkpoint")

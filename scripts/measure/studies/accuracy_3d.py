@@ -160,6 +160,7 @@ def corner(run, parameters, re, fidelity, **_) -> Row:
         geometry, elements = FLATTENED, FINER
     error = found.drag / reference_cd(geometry, parameters, re, elements) - 1
     row = {"promise": level.promise, "estimate": found.estimated_error, "status": found.status}
+    row["expected"] = found.expected_error
     return row | {"error": error}
 
 

@@ -1,4 +1,4 @@
-"""The estimated error of a flow, from a coarser grid and from a smaller domain.
+"""The estimated error of a flow, from a coarser grid and from another domain.
 
 Notes with the formulas and their evidence are in ``surrogate/flow/README.md``.
 """
@@ -9,33 +9,32 @@ import math
 from collections.abc import Callable
 from typing import ClassVar, Literal, NamedTuple
 
-import numpy as np
-
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.grid.wall_3d import thin_layer
 from surrogate.scene.fidelity import NAMED, Fidelity
 
-SAFETY = 2.5  # bound over likely error; Roache (1994): 3 of two grids, 1.25 of three
 ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
+LIFT_SPREAD = 0.5  # of the drag's spread (study ``trust``)
 
 
 class ErrorEstimate(NamedTuple):
     """The estimated error of a flow.
 
     Attributes:
-      status: "unknown" where no estimate was asked for; "accurate" where the drag's likely error,
-        in 3-D with a margin, is within the fidelity's tolerance; "degraded" where it is not, where
-        no coarser flow could be solved, or where the body is taller than any that the tolerance
-        was tested on.
-      estimated_error: relative bound of the drag's error, ``SAFETY`` times the likely one; None
-        where no coarser flow exists.
-      estimated_lift_error: the same of the lift coefficient itself.
+      status: "unknown" where no estimate was asked for; "accurate" where the drag's expected error
+        is within the fidelity's tolerance; "degraded" where it is not, where no coarser flow could
+        be solved, or where the body is taller than any that the tolerance was tested on.
+      expected_error: relative error of the drag that is expected, in 3-D with a margin; None where
+        no coarser flow exists.
+      estimated_error: relative bound of the drag's error, which 95 % of the errors are within.
+      estimated_lift_error: such a bound of the lift coefficient itself.
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
       extrapolated_drag: limit of the two grids' drags (Richardson 1911); None where the coarser
         grid has too few cells. Of the named fidelities only fine has one.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
+    expected_error: float | None = None
     estimated_error: float | None = None
     estimated_lift_error: float | None = None
     sufficient: str | None = None
@@ -53,13 +52,14 @@ class DragAndLift(NamedTuple):
 class ErrorModel(abc.ABC):
     """How errors depend on the grid and on the domain, in 2-D or in 3-D.
 
-    ``GROWTH`` and ``SAFETY`` together make bounds that cover errors of grid and domain (studies
-    ``trust``, ``trust_space``). The domain's errors alone, which change sign with its size, are
-    covered by about half only (study ``constants``).
+    The constants are fitted to errors against finite elements and finer grids (studies ``trust``,
+    ``trust_space`` and ``constants``).
     """
 
-    SMALLER: ClassVar[float]  # domain of the estimate, as a share of the whole
-    GROWTH: ClassVar[float]  # by which the domain's error is greater there
+    COARSER: ClassVar[float]  # cells of the coarser grid, as a share of the whole
+    WINDOW: ClassVar[float]  # sides of the other domain, as a multiple of the own
+    WINDOW_ERROR: ClassVar[float]  # the domain's error there over that in the own one
+    SAFETY: ClassVar[float]  # bound over expected error
     TALLEST: ClassVar[float]  # D across the stream, the tallest body of the tests of tolerances
 
     @abc.abstractmethod
@@ -67,34 +67,63 @@ class ErrorModel(abc.ABC):
         """Return the power of the cell size that the grid's error falls with."""
 
     @abc.abstractmethod
+    def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
+        """Return the likely error of a load from its two parts.
+
+        Args:
+          grid: error of the grid, with its sign.
+          domain: error of the domain, with its sign.
+          cells: of the flow whose error it is, per D.
+          size: to which the spread of the errors is relative: Cd, for the lift half of it.
+        """
+
+    @abc.abstractmethod
     def margin(self, cells: int, reynolds: float) -> float:
-        """Return the multiple of the likely error that must be within the tolerance."""
+        """Return the expected error over the likely one; ``cells`` are of the coarser grid."""
 
 
 class ErrorModel2D(ErrorModel):
-    """Second order in the cell size."""
+    """Second order in the cell size; a larger domain shows the error of the domain with its sign.
 
-    SMALLER, GROWTH, TALLEST = 2 / 3, 3.0, 1.5
+    The two parts partly cancel, so they are added with their signs; to their sum's square are
+    added those of the domain's part, which is uncertain, and of a spread that neither part shows.
+    """
+
+    COARSER, WINDOW, WINDOW_ERROR, SAFETY, TALLEST = 1 / 2, 1.25, 0.5, 1.5, 1.5
+    GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
+    SPREAD = 0.256  # of the error left, over ``size``, on one cell per D: 0.1 % on 16
 
     def order(self, reynolds: float) -> float:
         return 2.0
+
+    def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
+        both = self.GRID_SHARE * grid + domain
+        return math.hypot(both, domain, self.SPREAD / cells**2 * size)
 
     def margin(self, cells: int, reynolds: float) -> float:
         return 1.0
 
 
 class ErrorModel3D(ErrorModel):
-    """Third order where the slip law holds, second where boundary layers thin to few cells."""
+    """Third order where the slip law holds, second where boundary layers thin to few cells.
 
-    SMALLER, GROWTH, TALLEST = 5 / 6, 5.0, 1.65  # bodies allow no smaller domain
-    FEW_CELLS = 1.5  # margin on grids of few cells, on which errors reach that multiple
+    Bodies leave room for a slightly smaller domain only, whose error's sign says little: the two
+    parts are added up, lest they cancel.
+    """
+
+    COARSER, WINDOW, WINDOW_ERROR, SAFETY, TALLEST = 2 / 3, 5 / 6, 5.0, 2.25, 1.65
+    FEW_CELLS = 1.25  # margin on grids of few cells: with 1, errors exceed the tolerance by a sixth
+    THIN_LAYERS = 2.5  # margin where boundary layers are thin: errors reach 2.2 times the likely
 
     def order(self, reynolds: float) -> float:
         return 3.0 - thin_layer(reynolds)
 
+    def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
+        return abs(grid) + abs(domain)
+
     def margin(self, cells: int, reynolds: float) -> float:
         margin = 1.0 if cells >= ASYMPTOTIC_CELLS else self.FEW_CELLS
-        return margin + (SAFETY - margin) * thin_layer(reynolds)
+        return margin + (self.THIN_LAYERS - margin) * thin_layer(reynolds)
 
 
 ERROR_MODELS: dict[int, ErrorModel] = {2: ErrorModel2D(), 3: ErrorModel3D()}
@@ -107,49 +136,84 @@ def estimate_error(
     reynolds: float,
     height: float,
     dimension: int,
+    fewest: int = 0,
 ) -> ErrorEstimate:
     """Estimate the errors of the forces on a body, at two thirds of their own cost.
 
     Args:
       forces: of the body at this fidelity.
       solve: gives those of the same body at another fidelity.
-      fidelity: of the flow whose error is estimated.
+      fidelity: of the flow whose error is estimated, with its very window.
       reynolds: U D / nu.
       height: of the body across the stream, in D.
       dimension: 2 or 3.
+      fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
     """
-    model = ERROR_MODELS[dimension]
-    fitted = fidelity.for_wake(reynolds, height)
+    model, whole = ERROR_MODELS[dimension], dataclasses.replace(fidelity, wake=0.0)
     try:
-        coarser = dataclasses.replace(fitted.coarser(), wake=0.0)
-        rough, cramped = solve(coarser), solve(coarser.smaller(model.SMALLER))
+        coarser = whole.coarser(model.COARSER, fewest)
+        rough, other = solve(coarser), solve(coarser.scaled(model.WINDOW))
     except (InvalidInput, NotConverged):
         return ErrorEstimate("degraded")
     order = model.order(reynolds)
-    growth = (fitted.cells / coarser.cells) ** order - 1
-    of_grid = [abs(a - b) / growth for a, b in zip(rough, forces, strict=True)]
-    of_domain = [abs(a - b) / (model.GROWTH - 1) for a, b in zip(cramped, rough, strict=True)]
-    likely, likely_lift = np.add(of_grid, of_domain).tolist()  # added up, lest they cancel
-    errors = SAFETY * likely / forces.drag, SAFETY * likely_lift
-    limit = forces.drag + (forces.drag - rough.drag) / growth
-    extrapolated = limit if coarser.cells >= ASYMPTOTIC_CELLS else None
-    allowed = fidelity.promise * forces.drag / model.margin(coarser.cells, reynolds)
+    growth = (whole.cells / coarser.cells) ** order - 1
+    of_grid = [(a - b) / growth for a, b in zip(rough, forces, strict=True)]
+    of_domain = [(a - b) / (1 - model.WINDOW_ERROR) for a, b in zip(rough, other, strict=True)]
+    margin, size = model.margin(coarser.cells, reynolds), forces.drag
+    likely, likely_lift = (
+        model.likely(grid, domain, whole.cells, share * size) / size
+        for grid, domain, share in zip(of_grid, of_domain, (1.0, LIFT_SPREAD), strict=True)
+    )
+    expected, bound = margin * likely, max(margin, model.SAFETY) * likely
+    limit = forces.drag - of_grid[0] if coarser.cells >= ASYMPTOTIC_CELLS else None
+    known = expected, bound, model.SAFETY * likely_lift * size if forces.lift else 0.0
     if height > model.TALLEST:
-        return ErrorEstimate("degraded", *errors, None, extrapolated)
-    if likely <= allowed:
-        return ErrorEstimate("accurate", *errors, None, extrapolated)
+        return ErrorEstimate("degraded", *known, None, limit)
+    if expected <= fidelity.promise:
+        return ErrorEstimate("accurate", *known, None, limit)
 
-    def likely_at(level):
-        grid = of_grid[0] * (fitted.cells / level.cells) ** order
-        return grid + of_domain[0] * _domain_error(fitted, level.for_wake(reynolds, height), model)
+    def expected_at(level):
+        grid = of_grid[0] * (whole.cells / level.cells) ** order
+        domain = of_domain[0] * _domain_error(whole, level.for_wake(reynolds, height), model)
+        return margin * model.likely(grid, domain, level.cells, size) / size
 
     levels = NAMED[dimension].values()
-    sufficient = next((level.name for level in levels if likely_at(level) <= allowed), None)
-    return ErrorEstimate("degraded", *errors, sufficient, extrapolated)
+    sufficient = next((f.name for f in levels if expected_at(f) <= fidelity.promise), None)
+    return ErrorEstimate("degraded", *known, sufficient, limit)
 
 
-def _domain_error(fitted, level, model):
-    """Return the domain's error at another level over that of the fitted fidelity."""
+def _domain_error(whole, level, model):
+    """Return the domain's error at another level over that of the own fidelity."""
     sizes = ("upstream", "downstream", "height")
-    larger = min(getattr(level, name) / getattr(fitted, name) for name in sizes)
-    return larger ** (math.log(model.GROWTH) / math.log(model.SMALLER))
+    larger = min(getattr(level, name) / getattr(whole, name) for name in sizes)
+    return larger ** (math.log(model.WINDOW_ERROR) / math.log(model.WINDOW))
+
+
+def accuracy_text(
+    status: str,
+    expected: float | None,
+    bound: float | None,
+    tolerance: float,
+    sufficient: str | None = None,
+) -> str:
+    """Return in words whether a drag meets its tolerance, such as "meets 0.4 % (expected ...)".
+
+    Args:
+      status: "accurate", "degraded", or "unknown" without an estimate.
+      expected: expected relative error, if known.
+      bound: relative bound of the error, if known.
+      tolerance: relative error tolerance of the fidelity.
+      sufficient: name of a fidelity that should meet this tolerance, if any.
+    """
+    promised = f"{100 * tolerance:g} %"
+    if status == "unknown":
+        return "error not estimated"
+    if expected is None or bound is None:
+        return f"not known to meet {promised}: no coarser grid resolves the body's flow"
+    sizes = f"expected {100 * expected:.2g} %, bound {100 * bound:.2g} %"
+    if status == "accurate":
+        return f"meets {promised} ({sizes})"
+    if expected <= tolerance:
+        return f"not known to meet {promised}: taller than the bodies of its tests ({sizes})"
+    remedy = f"; {sufficient} would do" if sufficient else ""
+    return f"does not meet {promised} ({sizes}{remedy})"

@@ -1,5 +1,7 @@
 """Which discrete problem a scene or a single body is solved on."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -56,7 +58,15 @@ def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:
 
 def check_resolution(kind: type[Domain], fidelity: Fidelity, shape: Shape) -> None:
     """Raise InvalidInput where a body's mean thickness has too few cells to be resolved."""
-    thickness = least_mean_thickness(shape.draw(OUTLINE_NODES), jnp.asarray(shape.extent))
-    cells = fidelity.cells * float(thickness)
+    cells = fidelity.cells * _thickness(shape)
     if cells < kind.MIN_THICKNESS:
         raise InvalidInput(too_thin(cells, kind.MIN_THICKNESS, 1 / fidelity.cells))
+
+
+def fewest_cells(shape: Shape) -> int:
+    """Return the cells per D of the coarsest grid that resolves a body."""
+    return math.ceil(DOMAINS[shape.dimension].MIN_THICKNESS / _thickness(shape))
+
+
+def _thickness(shape):
+    return float(least_mean_thickness(shape.draw(OUTLINE_NODES), jnp.asarray(shape.extent)))

@@ -1,0 +1,68 @@
+"""The ranges that a surrogate was trained in: the one rule for extrapolation."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.scene.scene import Scene
+
+ROUNDING = 1e-9  # by which a value may exceed its range, relative to its width plus 1
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainedRanges:
+    """The ranges of a scene's shape parameters and of log Re.
+
+    The last axis of all arrays is (parameters, log Re), as in ``names``; leading axes of bodies and
+    Reynolds numbers broadcast.
+    """
+
+    scene: Scene
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the shape parameters, and "log Re"."""
+        return (*self.scene.family.names, "log Re")
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "inputs 2"]:
+        """Least and greatest value of every shape parameter and of log Re."""
+        return np.concatenate([self.scene.family.bounds, np.log([self.scene.reynolds])])
+
+    def excess(
+        self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
+    ) -> Float[Array, "*batch inputs"]:
+        """Return how far each value lies outside its range; 0 inside, up to rounding."""
+        low, high = self.bounds.T
+        values = self._values(parameters, reynolds)
+        distance = jnp.maximum(low - values, values - high)
+        # NaN for NaN: a comparison with it is false
+        return jnp.where(distance <= ROUNDING * (high - low + 1), 0.0, distance)
+
+    def outside(
+        self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
+    ) -> str:
+        """Return in words which values lie outside their ranges, of each the farthest; else ""."""
+        excess = np.asarray(self.excess(parameters, reynolds))
+        if not excess.any():
+            return ""
+        values, words = np.asarray(self._values(parameters, reynolds)), []
+        *batch, size = values.shape
+        for k in np.flatnonzero(excess.reshape(-1, size).any(axis=0)):
+            index = np.unravel_index(np.argmax(excess[..., k]), batch)
+            name, numbers = self.names[k], np.array([values[(*index, k)], *self.bounds[k]])
+            if name == "log Re":
+                name, numbers = "Reynolds number", np.exp(numbers)
+            value, low, high = numbers.tolist()
+            where = f" at index {', '.join(map(str, index))}" if batch else ""
+            words.append(f"{name} {value:.10g}{where} (trained from {low:g} to {high:g})")
+        return ", ".join(words)
+
+    def _values(self, parameters, reynolds):
+        parameters, logs = jnp.asarray(parameters, float), jnp.log(jnp.asarray(reynolds, float))
+        shape = jnp.broadcast_shapes(parameters.shape[:-1], logs.shape)
+        parts = parameters, logs[..., None]
+        return jnp.concatenate([jnp.broadcast_to(p, (*shape, p.shape[-1])) for p in parts], axis=-1)
