@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.export.solid import pv
 from surrogate import Scene
+from surrogate.flow.output.meshes import pv
 
 LENS = np.array([2.0, 0.1, -0.05, 0.0])
 

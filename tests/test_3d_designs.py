@@ -9,11 +9,11 @@ from conftest import ROUGH_3D
 from pictures import pixels
 
 from shapeopt import Problem, load_run, optimise, save_run
-from shapeopt.export.solid import pv
 from shapeopt.problem.conflicts import candidates
 from shapeopt.render.bodies_3d import TURNS, render_bodies
 from shapeopt.render.pictures import Panel
 from surrogate import Family, Flow, InvalidInput, Scene, load, train
+from surrogate.flow.output.meshes import pv
 
 FAMILY = Family(dimension=3)
 

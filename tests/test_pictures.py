@@ -16,7 +16,7 @@ from pictures import LENS, pixels, record_of
 from shapeopt import Problem, optimise, save_run
 from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
-from shapeopt.export.solid import pv, solid
+from shapeopt.export.solid import solid
 from shapeopt.render.figures import draw_body, plt
 from shapeopt.render.mesh import flow_mesh
 from shapeopt.render.pictures import Panel, render_evolution, render_flows
@@ -24,6 +24,7 @@ from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after
 from surrogate import Family, Fidelity, Flow, Scene, family_shape
 from surrogate.flow.grid.wall_2d import outward
+from surrogate.flow.output.meshes import pv
 
 FAMILY = Family()
 ROOT = Path(__file__).parents[1]

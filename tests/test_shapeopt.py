@@ -10,7 +10,6 @@ import pytest
 
 import shapeopt
 from shapeopt import Design, LogNormal, Problem, Robust, load_run, optimise, save_run, verify
-from shapeopt.export.solid import pv
 from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
@@ -18,6 +17,7 @@ from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values
 from surrogate import Family, Flow, InvalidInput, Scene, Tunnel, load
+from surrogate.flow.output.meshes import pv
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,13 @@ Of a 3-D run the .gif is a turntable of the optimum in its flow, and bodies are 
 pressure, with --surface by friction.
 
 python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
+python scripts/render_shapes.py --runs out/flow --out out/flow.png  # of solve_drag.py --out
 python scripts/render_shapes.py --runs out/re40 --out out/re40.gif
 python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/loads.png
 python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
 """
 
+import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -24,6 +26,8 @@ from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
+from surrogate.flow.output.folder import is_flow, read_flow
+from surrogate.flow.output.picture import draw_flows
 from surrogate.model.store import load
 from surrogate.progress import Update, progress_bar
 
@@ -32,6 +36,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, solve the flows, render."""
     arguments = _parser().parse_args(argv)
     out = check_file(arguments.out, ".png", ".gif")
+    flows = [is_flow(folder) for folder in arguments.runs]
+    if any(flows):
+        return _flows(arguments, out, all(flows))
     records = [load_run(folder) for folder in arguments.runs]
     dimensions = {run_scene(record).dimension for record in records}
     if len(dimensions) > 1:
@@ -57,6 +64,16 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             rows = [before_and_after(record) for record in _tracked(records, progress)]
             render_panels(rows, out, load_shown)
         progress(1.0, str(out))
+    return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
+
+
+def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:
+    """Draw folders of solved flows, one row each."""
+    if not all_flows:
+        raise InvalidInput("--runs: some are flows, some runs; render them separately")
+    if arguments.surface or arguments.family or out.suffix == ".gif":
+        raise InvalidInput(f"{out}: flows are drawn as a .png, without --surface and --family")
+    draw_flows([read_flow(folder).picture for folder in arguments.runs], out)
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
 
 
@@ -94,7 +111,9 @@ def _evolution(record: JsonObject, out: Path) -> None:
 
 def _parser() -> Parser:
     parser = Parser(__doc__)
-    parser.add_argument("--runs", required=True, nargs="+", help="folders of optimize_shape.py")
+    parser.add_argument(
+        "--runs", required=True, nargs="+", help="folders of optimize_shape.py or solve_drag.py"
+    )
     parser.add_argument("--out", required=True, help="picture, .png or .gif")
     add = parser.add_mutually_exclusive_group().add_argument
     surface = "pressure and friction along the contour; 3-D: colour by friction"

@@ -21,6 +21,7 @@ from shapeopt.commands.arguments import (
     shapes_of,
 )
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.kept_flows import add_kept_arguments, forces_line, kept_flows
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.sections import (
     CHORD,
@@ -55,6 +56,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.reynolds is None and arguments.chord_reynolds is None:
         raise InvalidInput("--reynolds: give it, or --chord-reynolds or --settling instead")
     scene, cases = _cases(arguments)
+    keep = kept_flows(arguments, cases)
     flow = Flow(scene)
 
     def solve(case: Case) -> JsonObject:
@@ -64,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             gradient=arguments.gradient,
             allow_unsteady=arguments.allow_unsteady,
         )
-        return by_reference(case.record | _row(solution))
+        return by_reference(case.record | _row(solution)) | keep(case, solution)
 
     results = solve_cases(cases, solve)
     result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
@@ -111,7 +113,16 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
 
 def _check_settling(arguments: argparse.Namespace) -> None:
     """Raise InvalidInput if an option goes without --settling."""
-    others = ("reynolds", "chord_reynolds", "gradient", "allow_unsteady", "table", "plot")
+    others = (
+        "reynolds",
+        "chord_reynolds",
+        "gradient",
+        "allow_unsteady",
+        "table",
+        "plot",
+        "out",
+        "fluid",
+    )
     given = [name for name in others if getattr(arguments, name)]
     given += ["reference"] if arguments.reference == CHORD else []
     if given:
@@ -179,6 +190,8 @@ def _text(results: list[JsonObject]) -> str:
     """The results for a person: a line for each if it is one or has a gradient, else a table."""
     in_lines = len(results) == 1 or all(row["gradient"] for row in results)
     text = "\n".join(map(_line, results)) if in_lines else text_table(results)
+    if not in_lines:
+        text += "".join(f"\n{forces_line(row)}" for row in results if row.get("forces_N"))
     return f"{reference_line(results[0])}\n{text}"
 
 
@@ -202,6 +215,8 @@ def _line(r: JsonObject) -> str:
         f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "
         f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
     )
+    if r.get("forces_N"):
+        line += f"\n  {forces_line(r)}"
     if r["gradient"]:
         slopes = (f"{name}: {value:+.5f}" for name, value in r["gradient"].items())
         line += "\n  dCd/d" + "  ".join(slopes)
@@ -211,6 +226,7 @@ def _line(r: JsonObject) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add_body_arguments(parser)
+    add_kept_arguments(parser)
     settling = (
         "3-D: terminal velocity for RATIO,NU,D: density over the fluid's, kinematic viscosity "
         "in m^2/s, diameter of the sphere of equal volume in m"

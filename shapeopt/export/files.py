@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.export.solid import outline, skin_mesh, solid
+from shapeopt.export.solid import solid
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.files import whole_file
+from surrogate.flow.output.meshes import outline, skin_mesh
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import Surface
 

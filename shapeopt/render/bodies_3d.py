@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shapeopt.export.solid import pv, skin_mesh
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
 from surrogate.files import whole_file
+from surrogate.flow.output.meshes import pv, skin_mesh
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.forces_3d import curl
 

@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import zoom
 
-from shapeopt.export.solid import pv
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.output.meshes import pv
 from surrogate.flow.surface.forces_2d import vorticity
 
 Velocity = Float[AnyArray, "2 nx ny"]

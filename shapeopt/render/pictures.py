@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.export.solid import outline, polygon, pv
+from shapeopt.export.solid import polygon
 from shapeopt.render.mesh import flow_mesh
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
 from surrogate.files import whole_file
 from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.output.meshes import outline, pv
 from surrogate.flow.solution import Solution
 
 VIEW = (-1.6, 4.4, -1.35, 1.35)  # x and y range shown, in D

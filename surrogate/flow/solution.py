@@ -1,6 +1,8 @@
 """A solved flow: force coefficients, work, estimated error and fields."""
 
 import dataclasses
+import functools
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -10,6 +12,8 @@ from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.check.error_estimate import accuracy_text
+from surrogate.flow.fields import Fields, fields_of
+from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.steady import FlowState
@@ -83,6 +87,89 @@ class Solution:
         whole = np.array(self.domain.lattice.unfold(self.state.velocity))
         whole[0] += 1.0
         return whole
+
+    @functools.cached_property
+    def fields(self) -> Fields:
+        """Velocity, pressure and vorticity at the cell centres of the whole grid."""
+        return fields_of(self.domain, self.shape, self.state, self.velocity, self.reynolds)
+
+    @property
+    def x(self) -> Float[np.ndarray, " nx"]:
+        """x of the cell centres in D; fields are indexed [i, j(, k)] by x, y(, z)."""
+        return self.fields.axes[0]
+
+    @property
+    def y(self) -> Float[np.ndarray, " ny"]:
+        """y of the cell centres in D."""
+        return self.fields.axes[1]
+
+    @property
+    def z(self) -> Float[np.ndarray, " nz"]:
+        """z of the cell centres in D, of a 3-D flow."""
+        return self._in_3d("z", self.fields.axes)
+
+    @property
+    def u(self) -> Float[np.ndarray, "..."]:
+        """Velocity along x over U at the cell centres."""
+        return self.fields.velocity[0]
+
+    @property
+    def v(self) -> Float[np.ndarray, "..."]:
+        """Velocity along y over U at the cell centres."""
+        return self.fields.velocity[1]
+
+    @property
+    def w(self) -> Float[np.ndarray, "..."]:
+        """Velocity along z over U at the cell centres, of a 3-D flow."""
+        return self._in_3d("w", self.fields.velocity)
+
+    @property
+    def p(self) -> Float[np.ndarray, "..."]:
+        """Pressure over rho U^2 at the cell centres, zero far away; Cp is twice that."""
+        return self.fields.p
+
+    @property
+    def vorticity(self) -> Float[np.ndarray, "..."]:
+        """Vorticity over U / D at the cell centres; all three components first in 3-D."""
+        return self.fields.vorticity
+
+    def forces(
+        self, *, speed: float, diameter: float, density: float, viscosity: float | None = None
+    ) -> Forces:
+        """Return the forces in N and the moment in N m, in 2-D per metre of span.
+
+        Args:
+          speed: of the stream, m/s.
+          diameter: equivalent diameter D of the body, m.
+          density: of the fluid, kg/m^3.
+          viscosity: kinematic viscosity, m^2/s, to check that Re = U D / nu.
+
+        Raises:
+          InvalidInput: a number is not positive, or U D / nu is not this flow's Re.
+        """
+        conditions = Conditions(speed, diameter, density, viscosity)
+        conditions.check(self.reynolds)
+        names = [field.name for field in dataclasses.fields(Forces)]
+        coefficients = {name: getattr(self, name) for name in names}
+        return forces_of(coefficients, conditions, self.shape.dimension)
+
+    def write(self, folder: str | Path) -> Path:
+        """Write contour with Cp and Cf, fields (.vti, .npz), a picture and a record to a folder.
+
+        The folder must be new, empty or of an earlier flow; other files in it stay. Returns it.
+
+        Raises:
+          InvalidInput: the folder holds something else, or is not writable.
+        """
+        # pyvista and matplotlib take a second to import, which only files and pictures need
+        from surrogate.flow.output.folder import write_flow
+
+        return write_flow(self, folder)
+
+    def _in_3d(self, name, parts):
+        if self.shape.dimension == 2:
+            raise AttributeError(f"{name}: a 2-D flow has none")
+        return parts[2]
 
     def skin_loads(
         self, points: Float[AnyArray, "points 3"], areas: Float[AnyArray, "points 3"]

@@ -1,0 +1,76 @@
+"""Forces in newtons of a flow whose coefficients are known, from speed, size and density."""
+
+import dataclasses
+import math
+
+from surrogate.checks import finite_number
+from surrogate.errors import InvalidInput
+
+TOLERANCE = 5e-3  # relative, of Re against U D / nu: numbers of three digits agree within it
+
+
+@dataclasses.dataclass(frozen=True)
+class Conditions:
+    """The conditions of a flow in SI units.
+
+    Args:
+      speed: of the stream U, m/s.
+      diameter: equivalent diameter D of the body, m.
+      density: of the fluid rho, kg/m^3.
+      viscosity: kinematic viscosity nu, m^2/s, where it is known.
+
+    Raises:
+      InvalidInput: one is not a positive number.
+    """
+
+    speed: float
+    diameter: float
+    density: float
+    viscosity: float | None = None
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if value is None and field.name == "viscosity":
+                continue
+            if finite_number(field.name, value) <= 0:
+                raise InvalidInput(f"{field.name} {value:g}: must be above 0")
+            object.__setattr__(self, field.name, float(value))
+
+    def check(self, reynolds: float) -> None:
+        """Raise InvalidInput where U D / nu, if nu is known, is not this Reynolds number."""
+        if self.viscosity is None:
+            return
+        given = self.speed * self.diameter / self.viscosity
+        if not math.isclose(given, reynolds, rel_tol=TOLERANCE):
+            raise InvalidInput(
+                f"U D / nu = {given:.6g}, but the flow is at Re {reynolds:.6g}; "
+                "they must agree within half a per cent"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Forces:
+    """Force of the fluid on the body in N and moment in N m; in 2-D per metre of span.
+
+    Attributes:
+      drag: along the stream, N; ``drag_pressure`` and ``drag_friction`` are its parts.
+      lift: along y, N.
+      moment: about the centroid, positive nose up, N m.
+    """
+
+    drag: float
+    drag_pressure: float
+    drag_friction: float
+    lift: float
+    moment: float
+
+
+def forces_of(coefficients: dict[str, float], conditions: Conditions, dimension: int) -> Forces:
+    """Return coefficients times (1/2) rho U^2 D, in 3-D (1/2) rho U^2 pi D^2 / 4; moments by D."""
+    head = conditions.density * conditions.speed**2 / 2
+    unit = head * conditions.diameter
+    if dimension == 3:
+        unit *= math.pi * conditions.diameter / 4
+    values = {name: unit * value for name, value in coefficients.items()}
+    return Forces(**values | {"moment": values["moment"] * conditions.diameter})

@@ -1,0 +1,152 @@
+"""Fields, files, pictures and forces of a solved flow, in Python and by the commands."""
+
+import json
+
+import numpy as np
+import pytest
+import render_shapes
+import solve_drag
+from conftest import ROUGH_3D
+from pictures import pixels
+from scipy.interpolate import RegularGridInterpolator
+
+from shapeopt.commands.cli import run
+from surrogate import Flow, InvalidInput, Scene, contour_shape, family_shape, naca4
+from surrogate.flow.output.folder import read_flow
+from surrogate.flow.output.meshes import pv
+
+FILES = {"flow.json", "contour.csv", "contour.vtp", "fields.npz", "fields.vti", "flow.png"}
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    scene = Scene(fidelity="draft")
+    return Flow(scene).solve(family_shape({"aspect": 1.0}), 20.0, estimate=False)
+
+
+@pytest.fixture(scope="module")
+def ellipsoid():
+    body = family_shape({"aspect": 1.6, "flatness": 1.4}, dimension=3)
+    return Flow(Scene(dimension=3, fidelity=ROUGH_3D)).solve(body, 20.0, estimate=False)
+
+
+def test_divergence_of_the_faces_velocity_vanishes_near_the_body(cylinder):
+    """Farther off it is that of the far field's response, interpolated from coarse grids."""
+    u, v = cylinder.velocity
+    dx, dy = cylinder.domain.lattice.step
+    divergence = np.diff(u, axis=0)[1:-1, 2:-1] / dx + np.diff(v, axis=1)[2:-1, 1:-1] / dy
+    near = np.ix_(np.abs(cylinder.x[1:-1]) < 2.5, np.abs(cylinder.y[1:-1]) < 2)
+    assert np.abs(divergence[near]).max() < 1e-3
+
+
+def test_fields_are_symmetric_and_rest_on_the_body(cylinder):
+    s = cylinder
+    assert s.u.shape == s.v.shape == s.p.shape == s.vorticity.shape == (len(s.x), len(s.y))
+    np.testing.assert_allclose(s.u, s.u[:, ::-1], atol=1e-9)
+    np.testing.assert_allclose(s.v, -s.v[:, ::-1], atol=1e-9)
+    np.testing.assert_allclose(s.vorticity, -s.vorticity[:, ::-1], atol=1e-8)
+    upper = np.argmin(abs(s.x)), np.argmin(abs(s.y - 0.6))
+    assert s.vorticity[upper] < -1  # clockwise above the body
+    dx, dy = s.domain.lattice.step
+    assert s.fields.inside.sum() * dx * dy == pytest.approx(np.pi / 4, rel=0.05)
+    assert np.abs(s.u[s.fields.inside]).max() < 0.5
+    assert s.u[0].mean() == pytest.approx(1.0, abs=0.08)
+    with pytest.raises(AttributeError, match="2-D flow has none"):
+        _ = s.w
+
+
+def test_pressure_agrees_with_the_surface_and_with_bernoulli(cylinder):
+    s, surface = cylinder, cylinder.surface()
+    found = RegularGridInterpolator((s.x, s.y), 2 * s.p, method="cubic")
+    distance = 1.5 / 10
+    outward = surface.markers / np.linalg.norm(surface.markers, axis=1, keepdims=True)
+    near = found(surface.markers + distance * outward)
+    assert np.abs(near - surface.cp).max() < 0.35 * np.ptp(surface.cp)
+    assert np.corrcoef(near, surface.cp)[0, 1] > 0.98
+    far = np.array([s.x[-1] - 1.5, 3.0])  # where the pressure is that of the Oseenlet
+    expected = -s.drag * far[0] / (2 * np.pi * far @ far)
+    assert found(far[None])[0] == pytest.approx(expected, abs=0.03)
+    ahead = np.array([[-2.0, 0.0]])  # upstream the total head is the stream's
+    speed = RegularGridInterpolator((s.x, s.y), s.u)(ahead)
+    assert found(ahead)[0] == pytest.approx(1 - speed[0] ** 2, abs=0.01)
+
+
+def test_a_flow_is_written_whole_and_read_back(cylinder, tmp_path):
+    assert cylinder.write(tmp_path / "flow") == tmp_path / "flow"
+    assert {path.name for path in (tmp_path / "flow").iterdir()} == FILES
+    mesh = pv.read(tmp_path / "flow" / "fields.vti")
+    i, j = 30, 12
+    here = mesh.points.reshape(len(cylinder.y), len(cylinder.x), 3)[j, i]
+    np.testing.assert_allclose(here, [cylinder.x[i], cylinder.y[j], 0], atol=1e-6)
+    for name in ("u", "v", "p", "vorticity"):
+        values = mesh[name].reshape(len(cylinder.y), len(cylinder.x)).T
+        np.testing.assert_allclose(values, getattr(cylinder, name), atol=1e-12)
+    stored = read_flow(tmp_path / "flow")
+    np.testing.assert_array_equal(stored.fields.p, cylinder.p)
+    np.testing.assert_allclose(stored.contour[:, 2], cylinder.surface().cp, atol=1e-8)
+    pixels(tmp_path / "flow" / "flow.png")
+    cylinder.write(tmp_path / "flow")  # its own folder may be written again
+
+
+def test_a_foreign_folder_is_refused_and_kept(cylinder, tmp_path):
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(InvalidInput, match="choose another folder"):
+        cylinder.write(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_a_3d_flow_is_written_and_read_back(ellipsoid, tmp_path):
+    s = ellipsoid
+    assert s.w.shape == (len(s.x), len(s.y), len(s.z))
+    assert s.vorticity.shape == (3, *s.w.shape)
+    volume = s.fields.inside.sum() * s.domain.lattice.step[0] ** 3
+    assert volume == pytest.approx(np.pi / 6, rel=0.1)
+    s.write(tmp_path / "flow")
+    mesh = pv.read(tmp_path / "flow" / "fields.vti")
+    assert mesh.dimensions == s.w.shape
+    np.testing.assert_allclose(mesh["w"].reshape(s.w.shape, order="F"), s.w, atol=1e-6)
+    skin = pv.read(tmp_path / "flow" / "contour.vtp")
+    side = read_flow(tmp_path / "flow").contour
+    nose, tail = np.argmin(side[:, 0]), np.argmax(side[:, 0])
+    assert side[nose, 2] == pytest.approx(skin["Cp"].max(), rel=0.02)
+    assert side[nose, 2] > 1 > 0 > side[tail, 2]
+    pixels(tmp_path / "flow" / "flow.png")
+
+
+def test_forces_in_newtons(cylinder, ellipsoid):
+    air = {"speed": 0.3, "diameter": 1e-3, "density": 1.2}
+    forces = cylinder.forces(**air, viscosity=1.5e-5)
+    assert forces.drag == pytest.approx(cylinder.drag * 0.5 * 1.2 * 0.3**2 * 1e-3)
+    drag = ellipsoid.forces(**air).drag
+    assert drag == pytest.approx(ellipsoid.drag * 0.5 * 1.2 * 0.3**2 * np.pi / 4 * 1e-6)
+    with pytest.raises(InvalidInput, match="U D / nu = 10"):
+        cylinder.forces(**air, viscosity=3e-5)
+    with pytest.raises(InvalidInput, match="density 0: must be above 0"):
+        cylinder.forces(**air | {"density": 0.0})
+
+
+@pytest.mark.parametrize("stream", ["unbounded", "tunnel:6"])
+def test_a_section_at_incidence_is_written(stream, tmp_path):
+    wing = contour_shape(naca4("2418"), 10.0)
+    solution = Flow(Scene(stream=stream, fidelity="draft")).solve(wing, 20.0, estimate=False)
+    solution.write(tmp_path / "wing")
+    pixels(tmp_path / "wing" / "flow.png")
+
+
+def test_flows_by_the_commands(tmp_path, capsys):
+    out, sheet = tmp_path / "flows", tmp_path / "sheet.png"
+    words = ["--aspect", "1.5", "--fidelity", "draft", "--reynolds", "5,20", "--json"]
+    words += ["--out", str(out), "--fluid", "0.3,0.001,1.2"]
+    assert run(solve_drag.main, words) == 0
+    rows = json.loads(capsys.readouterr().out.splitlines()[-1])["results"]
+    assert [row["out"] for row in rows] == [str(out / "re5"), str(out / "re20")]
+    for row in rows:
+        assert row["forces_N"]["drag"] == pytest.approx(row["cd"] * 0.5 * 1.2 * 0.09 * 1e-3)
+    assert {path.name for path in (out / "re20").iterdir()} == FILES
+    runs = [str(out / "re5"), str(out / "re20")]
+    assert run(render_shapes.main, ["--runs", *runs, "--out", str(sheet)]) == 0
+    pixels(sheet)
+    assert run(render_shapes.main, ["--runs", *runs, "--family", "--out", str(sheet)]) == 2
+    wrong = ["--aspect", "1", "--reynolds", "5", "--fluid", "0.3,0.001,1.2,1.5e-5"]
+    assert run(solve_drag.main, wrong) == 2
+    assert "U D / nu = 20" in capsys.readouterr().err
