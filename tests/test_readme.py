@@ -1,22 +1,38 @@
 """The README's Python example runs, and the files and commands that it names exist."""
 
+import importlib
+import json
 import re
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
 
 def test_python_example_runs(capsys):
-    """At most 15 lines: a drag, its gradient, an optimum, its verified drag."""
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
-    assert len(code.splitlines()) <= 15
-    exec(compile(code, "README.md", "exec"), {})
+    """At most 15 lines: a drag, its gradient, an optimum, its verified drag; then SciPy."""
+    example, scipy = re.findall(r"```python\n(.*?)```", README, re.S)
+    assert len(example.splitlines()) <= 15
+    names: dict[str, object] = {}
+    exec(compile(example, "README.md", "exec"), names)
     printed = capsys.readouterr().out.splitlines()
-    predicted, (verified, status, error) = printed[-2].split()[-3], printed[-1].split()
+    predicted, (verified, *accuracy) = printed[-2].split()[-3], printed[-1].split()
     assert abs(float(predicted) / float(verified) - 1) < 1e-4  # the flow's own optimum
-    assert 0 < float(error) < 0.02
-    assert status == "accurate"
+    assert accuracy[0] == "meets"
+    exec(compile(scipy, "README.md", "exec"), names)
+    assert "[5." in capsys.readouterr().out  # the longest body that the network knows
+
+
+@pytest.mark.slow
+def test_the_first_hour_runs(tmp_path, capsys):
+    result = importlib.import_module("first_hour").main(["--out", str(tmp_path), "--json"])
+    assert result == json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert abs(result["drag"]["network"] / result["drag"]["flow"] - 1) < 0.01
+    assert result["section"]["cl"] > 0.5
+    assert result["design"]["kkt"] < 2e-3
+    assert {path.name for path in tmp_path.iterdir()} == {"section", "net", "run"}
 
 
 def test_ci_runs_the_readmes_test_command():

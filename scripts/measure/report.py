@@ -101,6 +101,7 @@ def short_block(name: str, record: Result) -> str:
         "accuracy": _accuracy,
         "space": _space,
         "payoff": _payoff,
+        "payoff_space": _payoff_space,
         "duration": _duration,
     }
     return tell[name](record["result"])
@@ -149,6 +150,20 @@ def _payoff(result: Result) -> str:
     )
     hours = result["robust"]["direct_seconds_extrapolated"] / 3600
     return f"{short_table(result['payoff'])}\n\n{words(form, hours=hours, **result['robust'])}"
+
+
+def _payoff_space(result: Result) -> str:
+    rows = result["payoff"]
+    paid = [row for row in rows if row["training_g"] and row["break_even_g"] is not None]
+    first = min(paid, key=lambda row: row["break_even_g"])
+    form = "In 3-D the first training (`{method}`) pays after {break_even_g:.1f} designs"
+    over = [row for row in paid if row["beats_kriging_g"] is not None]
+    if not over:
+        return words(form + ", and none beats kriging that keeps its flows.", **first)
+    best = min(over, key=lambda row: row["beats_kriging_g"])
+    form += ", and from design {from_design} on training (`{best}`) beats kriging that keeps its "
+    form += "flows, too."
+    return words(form, from_design=best["beats_kriging_g"], best=best["method"], **first)
 
 
 def _duration(result: Result) -> str:
