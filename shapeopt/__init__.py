@@ -14,6 +14,8 @@ from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise, optimise_all
 from shapeopt.search.verify import Verified, verify
 
+optimize = optimise  # the same function, spelled otherwise
+
 __all__ = [
     "Design",
     "Designer",
@@ -27,6 +29,7 @@ __all__ = [
     "load_run",
     "optimise",
     "optimise_all",
+    "optimize",
     "save_run",
     "verify",
 ]

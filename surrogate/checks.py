@@ -1,7 +1,9 @@
 """Checks of arguments that several public functions share."""
 
 import contextlib
+import difflib
 import math
+from collections.abc import Iterable
 from types import UnionType
 
 import jax
@@ -38,6 +40,12 @@ def shown(value: object) -> str:
     return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."
 
 
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return a hint at the known word that is most like a wrong one; empty where none is."""
+    close = difflib.get_close_matches(word, known, 1)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
 def finite_number(name: str, value: object) -> float:
     """The value as a float.
 
@@ -46,7 +54,9 @@ def finite_number(name: str, value: object) -> float:
     """
     found = real_numbers(value)
     if found is None or found.ndim:
-        raise InvalidInput(f"{name} {shown(value)}: must be one number")
+        several = name == "Reynolds number" and found is not None
+        hint = ", and these are several; a loop, flow.labels and net.drag take many"
+        raise InvalidInput(f"{name} {shown(value)}: must be one number{hint if several else ''}")
     number = float(found)
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")

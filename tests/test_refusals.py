@@ -101,7 +101,7 @@ def test_traced_batches_are_refused_by_the_flow_with_a_hint_to_vmap(net):
 
 WRONG_TYPES = {
     "optimise": lambda net: optimise("x", net),
-    "stations": lambda net: Problem(net.scene, 20.0, stations=[(0.5, 0.3)]),
+    "stations": lambda net: Problem(net.scene, 20.0, stations=[0.5]),
     "within": lambda net: Problem(net.scene, 20.0, within="aspect"),
     "list of numbers": lambda net: Weighted(10, 40),
     "no aspect": lambda net: family_shape({"beta2": 0.1}),

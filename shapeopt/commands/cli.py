@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from surrogate.checks import did_you_mean
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject
 
@@ -43,7 +44,9 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
     def error(self, message: str) -> NoReturn:
-        raise InvalidInput(message)
+        wrong = re.search(r"unrecognized arguments: (--[\w-]+)", message)
+        known = (name for action in self._actions for name in action.option_strings)
+        raise InvalidInput(message + (did_you_mean(wrong[1], known) if wrong else ""))
 
 
 FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: LOST}

@@ -4,6 +4,7 @@ import importlib
 import sys
 
 from shapeopt.commands.cli import BAD_INPUT, DONE, run
+from surrogate.checks import did_you_mean
 
 COMMANDS = {  # word: module, what the command does
     "solve": ("solve_drag", "drag of one body by the flow solver"),
@@ -21,6 +22,7 @@ COMMANDS = {  # word: module, what the command does
 def main() -> int:
     """Run the command that the first argument names."""
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
+    name = "optimise" if name == "optimize" else name
     if name in COMMANDS:
         sys.argv = [f"drag-surrogates {name}", *sys.argv[2:]]
         return run(importlib.import_module(f"shapeopt.commands.{COMMANDS[name][0]}").main)
@@ -28,7 +30,8 @@ def main() -> int:
         lines = (f"  {word:10}{what}" for word, (_, what) in COMMANDS.items())
         print("\n".join(["usage: drag-surrogates COMMAND ...", "", *lines]))
         return DONE
-    print(f"drag-surrogates: no command {name!r}; one of {', '.join(COMMANDS)}", file=sys.stderr)
+    known = f"one of {', '.join(COMMANDS)}{did_you_mean(name, COMMANDS)}"
+    print(f"drag-surrogates: no command {name!r}; {known}", file=sys.stderr)
     return BAD_INPUT
 
 

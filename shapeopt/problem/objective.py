@@ -16,7 +16,7 @@ from scipy import stats
 from shapeopt.problem.scenarios import Scenarios
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.arrays import AnyArray
-from surrogate.checks import expect, finite_number, whole_number
+from surrogate.checks import expect, finite_number, real_numbers, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
@@ -110,7 +110,7 @@ class Robust(Objective):
     Args:
       reynolds: nominal Reynolds number.
       spread: distribution of Re about it, ``LogNormal`` or ``Uniform``; truncated at the ends of
-        the scene's range and renormalised.
+        the scene's range and renormalised. A number is that of ``LogNormal``.
       tolerance: standard deviation of the normal distribution from which changes of every shape
         parameter are drawn, before it is truncated at +-2 standard deviations; in widths of the
         parameter's range, 0 to 0.1. After truncation the standard deviation is 0.88 of it.
@@ -121,13 +121,15 @@ class Robust(Objective):
     """
 
     reynolds: float
-    spread: LogNormal | Uniform
+    spread: LogNormal | Uniform | float
     tolerance: float = 0.0
     level: float = 0.0
     cases: int = 32
     seed: int = 0
 
     def __post_init__(self):
+        if real_numbers(self.spread) is not None:  # LogNormal refuses what is no spread
+            object.__setattr__(self, "spread", LogNormal(self.spread))
         expect("spread", self.spread, LogNormal | Uniform, "distribution, as LogNormal(0.2)")
         texts = {"reynolds": "Reynolds number", "level": "CVaR level", "tolerance": "tolerance"}
         for name, text in texts.items():

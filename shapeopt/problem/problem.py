@@ -2,13 +2,13 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
 from shapeopt.problem.constraints import BOUNDS, Limits, Station
-from shapeopt.problem.objective import AtReynolds, Objective
+from shapeopt.problem.objective import AtReynolds, Objective, Weighted
 from shapeopt.problem.scenarios import Scenarios
 from surrogate.checks import expect, finite_number, interval, shown
 from surrogate.errors import InvalidInput
@@ -25,7 +25,7 @@ class Problem:
     Args:
       scene: stream, family of bodies and fidelity.
       reynolds: a Reynolds number U D / nu, to minimise Cd there; or an objective, ``Weighted`` or
-        ``Robust``.
+        ``Robust``; several numbers are ``Weighted`` equally.
       max_length: upper bound on the chord.
       min_thickness: lower bound on the greatest thickness; in 3-D on the height.
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
@@ -41,10 +41,10 @@ class Problem:
     """
 
     scene: Scene
-    reynolds: float | Objective
+    reynolds: float | Sequence[float] | Objective
     max_length: float | None = None
     min_thickness: float | None = None
-    stations: tuple[Station, ...] = ()
+    stations: Sequence[Station | tuple[float, float]] = ()
     min_radius: float | None = None
     within: Mapping[str, tuple[float, float]] | None = None
     trust: float = 0.0
@@ -54,9 +54,8 @@ class Problem:
         if not isinstance(self.scene, Scene):
             raise InvalidInput(f"problem: {self.scene!r} is no Scene")
         if isinstance(self.reynolds, list | tuple):
-            raise InvalidInput(
-                f"Reynolds numbers {self.reynolds}: one number, or Weighted(reynolds, weights)"
-            )
+            equal = Weighted(self.reynolds, (1.0,) * len(self.reynolds))
+            object.__setattr__(self, "reynolds", equal)
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
@@ -124,8 +123,9 @@ class Problem:
 
 
 def _checked_station(given: object) -> Station:
-    if not isinstance(given, Station):
+    if not isinstance(given, list | tuple) or len(given) != 2:
         raise InvalidInput(f"stations: {shown(given)} is no Station(x, thickness)")
+    given = Station(*given)
     x = finite_number("station x/c", given.x)
     if not 0 < x < 1:
         raise InvalidInput(f"station x/c = {x:g}: between 0 (nose) and 1 (tail)")

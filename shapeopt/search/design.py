@@ -10,6 +10,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.optimality import KKT_ACCEPTED
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
+from surrogate.summary import aligned, listed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,6 +45,27 @@ class Design:
     flows: int
     green_applications: int
     seconds: float
+
+    def __repr__(self) -> str:
+        found = f"Cd {self.drag:.4f}, {self.flows} flows, KKT residual {self.kkt_residual:.0e}"
+        return f"Design({listed(self._named)}: {found})"
+
+    def summary(self) -> str:
+        """Return the body and how it was found as lines of text."""
+        return aligned(
+            {
+                "body": listed(self._named),
+                "chord": f"{self.chord:.4g} D",
+                "objective": f"{self.objective:.5g}, from {self.start:.5g} where the search began",
+                "Cd": f"{self.drag:.5g}",
+                "KKT residual": f"{self.kkt_residual:.1e}, 0 at a local optimum",
+                "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
+            }
+        )
+
+    @property
+    def _named(self):
+        return self.problem.scene.family.named(self.parameters)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}

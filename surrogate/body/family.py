@@ -15,7 +15,15 @@ from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range
 from surrogate.body.parameters import PARAMETERS
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin
-from surrogate.checks import expect, finite_number, interval, real_numbers, shown, whole_number
+from surrogate.checks import (
+    did_you_mean,
+    expect,
+    finite_number,
+    interval,
+    real_numbers,
+    shown,
+    whole_number,
+)
 from surrogate.errors import InvalidInput
 
 SLACK = 1e-9  # of the ranges, for rounding
@@ -108,6 +116,7 @@ class Family:
         if foreign:
             raise InvalidInput(
                 f"body: {foreign[0]} is none of the family's {', '.join(self.names)}"
+                f"{did_you_mean(foreign[0], self.names)}"
             )
         return np.array([values.get(name, neutral[name]) for name in self.names])
 
@@ -155,15 +164,21 @@ class Family:
         return values
 
     def numbers(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
-        """Return one number for every parameter as floats.
+        """Return one number for every parameter as floats; a table by name is accepted too.
 
         Raises:
           InvalidInput: they are anything else.
         """
+        if isinstance(parameters, Mapping):
+            return self.parameters(parameters)
         if (values := real_numbers(parameters)) is None:
             raise InvalidInput(
                 f"body {shown(parameters)}: must be numbers, none masked, and a jax.numpy array "
                 f"where they are traced; {self._wanted}"
+            )
+        if values.ndim == 2 and values.shape[1] == 2 != len(self.names):
+            raise InvalidInput(
+                f"body: {len(values)} points of a contour; flow.solve takes contour_shape(points)"
             )
         if values.ndim == 2:
             raise InvalidInput(

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import re
 import time
 
 import jax
@@ -11,7 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.body_class import MIN_THICKNESS_RATIO
-from surrogate.body.shape import Shape, family_shape
+from surrogate.body.contour import naca4
+from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices, partition_bodies
 from surrogate.errors import InvalidInput, NotConverged
@@ -151,7 +153,7 @@ class Flow:
 
     def solve(
         self,
-        body: Shape | Body,
+        body: Shape | Body | str,
         reynolds: Number,
         *,
         gradient: bool = False,
@@ -162,7 +164,8 @@ class Flow:
 
         Args:
           body: parameters of the scene's family, solved on the scene's grid; or a ``Shape``,
-            solved on a grid that fits it, in the scene's stream at the scene's fidelity.
+            solved on a grid that fits it, in the scene's stream at the scene's fidelity; the name
+            of a NACA section, as "naca 0012", is one at zero incidence.
           reynolds: U D / nu.
           gradient: compute dCd/d(parameters, Re) as well (symmetric family bodies).
           estimate: estimate the error, at two thirds of the flow's cost.
@@ -173,6 +176,8 @@ class Flow:
             the stream.
           NotConverged: the flow, or the adjoint that the gradient needs, did not converge.
         """
+        if isinstance(body, str):
+            body = contour_shape(naca4(re.sub("^naca *", "", body.lower())))
         if isinstance(body, Shape):
             self._check_dimension(body)
             reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)

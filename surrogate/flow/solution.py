@@ -19,6 +19,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_3d import SkinLoads, skin_loads
 from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
+from surrogate.summary import aligned, listed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +70,26 @@ class Solution:
     shape: Shape
     domain: Domain
     state: FlowState
+
+    def __repr__(self) -> str:
+        loads = f"Cd {self.drag:.4f}, Cl {self.lift:.4f}, Cm {self.moment:.4f}"
+        return f"Solution(Re {self.reynolds:g}: {loads}; {self.status})"
+
+    def summary(self) -> str:
+        """Return what is known of the flow as lines of text."""
+        rows = {
+            "Re": f"{self.reynolds:g} (U D / nu)",
+            "Cd": f"{self.drag:.4f}: pressure {self.drag_pressure:.4f}, "
+            f"friction {self.drag_friction:.4f}",
+            "Cl": f"{self.lift:.4f}",
+            "Cm": f"{self.moment:.4f}, about the centroid, nose up",
+            "error of Cd": f"{self.status}: {self.accuracy}",
+            "work": f"{self.newton_steps} Newton steps, {self.green_applications} convolutions "
+            f"with the Green's function, {self.seconds:.2f} s",
+        }
+        if self.gradient:
+            rows["dCd/d"] = listed(self.gradient)
+        return aligned(rows)
 
     @property
     def accuracy(self) -> str:

@@ -15,6 +15,7 @@ from surrogate.model.network import DragNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
+from surrogate.summary import aligned
 
 # Errors of single held-out bodies scatter: in trainings whose mean is within the flow's tolerance
 # they are up to 15 times the mean (RESULTS.md, training).
@@ -33,6 +34,28 @@ class Surrogate:
     network: DragNetwork
     scene: Scene
     record: dict[str, Any]
+
+    def __repr__(self) -> str:
+        low, high = self.scene.reynolds
+        method, error = self.record.get("method", "unknown"), self.record.get("drag_error_mean")
+        known = "" if error is None else f", mean error of Cd {error:.3%}"
+        names = ", ".join(self.scene.family.names)
+        return f"Surrogate({method}; {names}; Re {low:g} to {high:g}{known})"
+
+    def summary(self) -> str:
+        """Return what the surrogate was trained on, and its errors, as lines of text."""
+        low, high = self.scene.reynolds
+        family = self.scene.family
+        rows = {
+            name: f"{a:g} to {b:g}"
+            for name, (a, b) in zip(family.names, family.bounds, strict=True)
+        }
+        rows["Re"] = f"{low:g} to {high:g}"
+        rows["method"] = str(self.record.get("method", "unknown"))
+        for key, text in (("mean", "mean"), ("max", "largest")):
+            if (error := self.record.get(f"drag_error_{key}")) is not None:
+                rows[f"{text} error of Cd"] = f"{error:.3%} on held-out bodies, against the flow"
+        return aligned(rows)
 
     def drag(
         self, parameters: Bodies, reynolds: Numbers, extrapolate: bool = False

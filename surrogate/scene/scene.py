@@ -21,7 +21,7 @@ import tomli_w
 
 from surrogate.body.family import Family
 from surrogate.body.registry import check_dimension
-from surrogate.checks import interval, whole_number
+from surrogate.checks import did_you_mean, interval, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file
 from surrogate.scene.explain import explain_scene
@@ -106,7 +106,9 @@ class Scene:
         values = dict(record)
         known = [field.name for field in dataclasses.fields(cls)]
         if foreign := [key for key in values if key not in known]:
-            raise InvalidInput(f"scene: no key {foreign[0]!r}; {', '.join(known)}")
+            raise InvalidInput(
+                f"scene: no key {foreign[0]!r}; {', '.join(known)}{did_you_mean(foreign[0], known)}"
+            )
         if "family" in values:
             if not isinstance(values["family"], Mapping):
                 raise InvalidInput("family: must be a table of ranges")

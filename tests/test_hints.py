@@ -1,0 +1,81 @@
+"""What a newcomer types by mistake is accepted where it is unambiguous, or answered by a hint."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import shapeopt
+from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise
+from shapeopt.commands import entry, solve_drag
+from surrogate import Family, Flow, InvalidInput, Scene, load, naca4
+
+BODY = [2.0, 0.1, 0.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def net():
+    return load("pretrained")
+
+
+def test_a_body_may_be_a_table_of_parameters(net, tiny_scene):
+    named = {"aspect": 2.0, "beta2": 0.1}
+    assert net.drag(named, 20.0) == net.drag(BODY, 20.0)
+    assert Flow(tiny_scene).drag(named, 10.0) == Flow(tiny_scene).drag(BODY, 10.0)
+    with pytest.raises(InvalidInput, match="did you mean beta2"):
+        net.drag({"aspect": 2.0, "beta_2": 0.1}, 20.0)
+
+
+def test_contours_and_several_reynolds_numbers_have_hints(unchecked, tiny_scene):
+    flow = Flow(tiny_scene)
+    for call in (flow.solve, flow.drag):
+        with pytest.raises(InvalidInput, match=r"contour_shape\(points\)"):
+            call(naca4("0012"), 10.0)
+        with pytest.raises(InvalidInput, match="these are several"):
+            call(BODY, (1, 10, 40))
+
+
+def test_the_name_of_a_section_is_a_body(tiny_scene):
+    flow = Flow(dataclasses.replace(tiny_scene, reynolds=(1, 20)))
+    assert flow.solve("NACA 0050", 10.0, estimate=False).shape.chord == pytest.approx(1.5, abs=0.2)
+    with pytest.raises(InvalidInput, match="four digits"):
+        flow.solve("circle", 10.0)
+
+
+def test_problems_take_plain_numbers(net):
+    several = Problem(net.scene, (1, 10, 40))
+    assert several.objective == Weighted((1, 10, 40), (1, 1, 1))
+    stations = Problem(net.scene, 20, stations=[(0.5, 0.3)]).stations
+    assert stations == (Station(0.5, 0.3),)
+    assert Robust(20, 0.3) == Robust(20, LogNormal(0.3))
+
+
+def test_wrong_words_have_hints(tmp_path, capsys, monkeypatch):
+    with pytest.raises(InvalidInput, match="did you mean --reynolds"):
+        solve_drag.main(["--aspect", "2", "--reynold_s", "10", "--reynolds", "10"])
+    with pytest.raises(InvalidInput, match="did you mean reynolds"):
+        Scene.of({"reynold": [1, 40]})
+    monkeypatch.setattr("sys.argv", ["drag-surrogates", "sovle"])
+    assert entry.main() == 2
+    assert "did you mean solve?" in capsys.readouterr().err
+
+
+def test_both_spellings_are_understood(capsys, monkeypatch):
+    assert shapeopt.optimize is optimise
+    monkeypatch.setattr("sys.argv", ["drag-surrogates", "optimize", "--help"])
+    with pytest.raises(SystemExit) as ended:
+        entry.main()
+    assert ended.value.code == 0
+
+
+def test_results_print_in_one_line_and_tell_more_in_a_summary(net, tiny_scene):
+    solution = Flow(tiny_scene).solve(BODY, 10.0, gradient=True, estimate=False)
+    design = optimise(Problem(net.scene, 20.0), net)
+    for result in (solution, design, net):
+        assert "\n" not in repr(result)
+        assert "array" not in repr(result)
+        assert len(repr(result)) < 140
+        assert len(result.summary().splitlines()) >= 5
+    assert f"{solution.drag:.4f}" in solution.summary()
+    assert np.isfinite(design.drag)
+    assert Family().names[0] in net.summary()
