@@ -79,3 +79,12 @@ def test_results_print_in_one_line_and_tell_more_in_a_summary(net, tiny_scene):
     assert f"{solution.drag:.4f}" in solution.summary()
     assert np.isfinite(design.drag)
     assert Family().names[0] in net.summary()
+
+
+def test_help_tells_the_familys_formula_and_what_its_parameters_do(capsys):
+    with pytest.raises(SystemExit):
+        solve_drag.main(["--help"])
+    printed = capsys.readouterr().out
+    assert "beta3 sin 3t" in printed
+    for phrase in ("fuller fore or aft", "blunt or pointed ends", "finer fore and aft"):
+        assert phrase in printed

@@ -23,6 +23,9 @@ from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
+FAMILY = """x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ...), from the nose, t = 0,
+to the tail, t = pi, and its mirror image; aspect = c / (2 b), scaled to area pi/4, so that
+D = 1. In 3-D a meridian with elliptic cross-sections of a flatness, volume pi/6."""
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
@@ -34,9 +37,10 @@ def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2
 
 def add_family_arguments(parser: Parser) -> None:
     """Add --aspect, --flatness and --beta2 to --beta12, the parameters of a family body."""
+    group = parser.add_argument_group("body of the family", FAMILY)
     for name, low, high, neutral, meaning, *_ in PARAMETERS.values():
         usual = f" ({neutral:g})" if name != "aspect" else ""
-        parser.add_argument(f"--{name}", type=float, help=f"{meaning}, {low:g} to {high:g}{usual}")
+        group.add_argument(f"--{name}", type=float, help=f"{meaning}, {low:g} to {high:g}{usual}")
 
 
 def family_named(arguments: argparse.Namespace) -> dict[str, float]:

@@ -24,7 +24,7 @@ class Parameter(NamedTuple):
 
 def _sine_mode(k, effect):
     beta = f"\N{GREEK SMALL LETTER BETA}{k}"
-    return Parameter(f"beta{k}", -1.0, 1.0, 0.0, "shape coefficient", f"{effect}, {beta}", k)
+    return Parameter(f"beta{k}", -1.0, 1.0, 0.0, effect.lower(), f"{effect}, {beta}", k)
 
 
 EFFECTS = {2: "Fuller fore or aft", 3: "Blunt or pointed ends", 4: "Finer fore and aft"}
