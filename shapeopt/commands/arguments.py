@@ -23,7 +23,8 @@ from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
-FAMILY = """x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ...), from the nose, t = 0,
+FAMILY = """\
+x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ...), from the nose, t = 0,
 to the tail, t = pi, and its mirror image; aspect = c / (2 b), scaled to area pi/4, so that
 D = 1. In 3-D a meridian with elliptic cross-sections of a flatness, volume pi/6."""
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
