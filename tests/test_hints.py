@@ -1,6 +1,7 @@
 """What a newcomer types by mistake is accepted where it is unambiguous, or answered by a hint."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -86,5 +87,6 @@ def test_help_tells_the_familys_formula_and_what_its_parameters_do(capsys):
         solve_drag.main(["--help"])
     printed = capsys.readouterr().out
     assert "beta3 sin 3t" in printed
+    assert Path(printed.split("words and symbols: ")[1].strip()).is_file()
     for phrase in ("fuller fore or aft", "blunt or pointed ends", "finer fore and aft"):
         assert phrase in printed

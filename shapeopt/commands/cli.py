@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+import surrogate
 from surrogate.checks import did_you_mean
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject
@@ -19,6 +20,8 @@ STATUSES = (
     "exit status: 0 done, 2 bad input, 3 not converged, 4 not written, 5 a process lost, "
     "130 interrupted"
 )
+
+GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")
 
 
 class ProcessLost(RuntimeError):
@@ -36,7 +39,7 @@ class Parser(argparse.ArgumentParser):
         title, _, examples = docstring.partition("\n")
         super().__init__(
             description=title,
-            epilog=f"{examples.strip()}\n\n{STATUSES}",
+            epilog=f"{examples.strip()}\n\n{STATUSES}\nwords and symbols: {GLOSSARY}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         # argparse takes -0.1 for a value, but -1e-2 and -0.1,0.2 for options
