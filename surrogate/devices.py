@@ -21,7 +21,6 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray, Number
 from surrogate.checks import whole_number
-from surrogate.compilation import quick_options
 from surrogate.errors import InvalidInput
 from surrogate.processes import gather_to_host
 
@@ -61,7 +60,7 @@ class Devices:
         rounding. Without that pass flows are the same everywhere, and 5 % slower on a CPU.
         """
         on_cpu = self.mesh.devices.flat[0].platform == "cpu"
-        return {"xla_disable_hlo_passes": "algsimp"} | quick_options() if on_cpu else {}
+        return {"xla_disable_hlo_passes": "algsimp"} if on_cpu else {}
 
     def place(self, tree: PyTree) -> PyTree:
         """Put a pytree on the mesh: ``Sharded`` arrays split by body, all else replicated."""
@@ -128,7 +127,7 @@ def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: 
 
 @functools.cache
 def _mapped(devices, function):
-    @functools.partial(jax.jit, compiler_options=quick_options())
+    @jax.jit
     def mapped(model, rows):
         def local(model, shard):
             return Sharded(function(model, *shard.rows))

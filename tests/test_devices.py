@@ -150,7 +150,7 @@ def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods):
         folder = tmp_path / f"{count}"
         done = subprocess.run(
             [*run, str(folder), str(tmp_path / "checkpoint"), *methods],
-            env=_environment(quick=methods == ["sip"]),
+            env=_environment(),
             capture_output=True,
             text=True,
         )

@@ -21,14 +21,10 @@ from surrogate.compilation import QUICK
 from surrogate.flow.solver import steady
 
 ROOT = Path(__file__).parents[3]
-EXAMPLE, COMMAND = "the README's example", "the README's first command, installed"
+EXAMPLE = "the README's example"
 SHOWN = 8  # programs of each run
 ROUNDS = 9  # runs of a program, of which the fastest counts
 SHORT = "import surrogate, jax.numpy\njax.numpy.arange(3.0).sum()"  # of tiny runs
-PAYOFF = """
-from shapeopt.commands import payoff_command
-payoff_command.main(["--preset", "quick", "--out", "out"])
-"""
 # What surrounds the code of a child process: it lists all programs that are compiled or loaded.
 CHILD = """
 import json, time
@@ -45,7 +41,7 @@ print(json.dumps({{"seconds": time.perf_counter() - start, "programs": programs}
 
 def processes(run: Run, what: str) -> list[Row]:
     """Run code in a new process, first without compiled code, then with what the first left."""
-    code = SHORT if run.tiny else PAYOFF if what == COMMAND else _example()
+    code = SHORT if run.tiny else _example()
     with tempfile.TemporaryDirectory() as scratch:
         return [{"cache": cache} | _process(code, scratch, cache) for cache in ("empty", "filled")]
 
@@ -110,7 +106,7 @@ WAYS = [{"name": "default", "options": {}}, {"name": "quick", "options": QUICK}]
 STUDIES = {
     "compilation": Study(
         [
-            Table([{"what": EXAMPLE}, {"what": COMMAND}], processes, PROCESSES),
+            Table([{"what": EXAMPLE}], processes, PROCESSES),
             Table(WAYS, options, OPTIONS, key="options", tiny="last"),
         ]
     )
