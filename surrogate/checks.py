@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from surrogate.arrays import Number
 from surrogate.errors import InvalidInput
 
 LONGEST = 120  # characters of a refused value in a message
@@ -40,9 +41,9 @@ def shown(value: object) -> str:
     return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: object, known: Iterable[str]) -> str:
     """Return a hint at the known word that is most like a wrong one; empty where none is."""
-    close = difflib.get_close_matches(word, known, 1)
+    close = difflib.get_close_matches(str(word), known, 1)
     return f"; did you mean {close[0]}?" if close else ""
 
 
@@ -61,6 +62,19 @@ def finite_number(name: str, value: object) -> float:
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")
     return number
+
+
+def one_number(name: str, value: object) -> Number:
+    """The value as a float, or as it is where JAX traces it.
+
+    Raises:
+      InvalidInput: it is not one real number, or not finite.
+    """
+    if not traced(value):
+        return finite_number(name, value)
+    if (shape := _shape(name, value)) != ():
+        raise InvalidInput(f"{name}: an array of shape {shape}; must be one number")
+    return value
 
 
 def interval(name: str, value: object) -> tuple[float, float]:

@@ -3,13 +3,15 @@
 import dataclasses
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import shapeopt
 from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise
-from shapeopt.commands import entry, solve_drag
-from surrogate import Family, Flow, InvalidInput, Scene, load, naca4
+from shapeopt.commands import entry, optimize_shape, solve_drag
+from surrogate import Family, Flow, InvalidInput, Scene, family_shape, load, naca4
 
 BODY = [2.0, 0.1, 0.0, 0.0]
 
@@ -46,9 +48,58 @@ def test_the_name_of_a_section_is_a_body(tiny_scene):
 def test_problems_take_plain_numbers(net):
     several = Problem(net.scene, (1, 10, 40))
     assert several.objective == Weighted((1, 10, 40), (1, 1, 1))
+    assert Problem(net.scene, np.array([1.0, 10, 40])) == several
     stations = Problem(net.scene, 20, stations=[(0.5, 0.3)]).stations
     assert stations == (Station(0.5, 0.3),)
     assert Robust(20, 0.3) == Robust(20, LogNormal(0.3))
+
+
+def test_tables_of_parameters_can_be_traced(net, tiny_scene):
+    def drag(model, reynolds):
+        return lambda named: model.drag(named, reynolds)
+
+    named = {"beta2": 0.1, "aspect": 2.0}
+    by_array = jax.grad(drag(net, 20.0))(jnp.array(BODY))
+    by_name = jax.jit(jax.grad(drag(net, 20.0)))(named)
+    assert by_name["aspect"] == pytest.approx(float(by_array[0]))
+    assert by_name["beta2"] == pytest.approx(float(by_array[1]))
+    flow = Flow(tiny_scene)
+    assert jax.jit(drag(flow, 10.0))(named) == pytest.approx(float(flow.drag(BODY, 10.0)))
+    for wrong, hint in (({"bet2": 0.1}, "did you mean beta2"), ({"beta2": BODY}, "one number")):
+        with pytest.raises(InvalidInput, match=hint):
+            jax.jit(drag(net, 20.0))({"aspect": 2.0} | jax.tree.map(jnp.asarray, wrong))
+
+
+def test_batches_and_sections_have_hints(net, tiny_scene, unchecked):
+    points, flow = naca4("0012"), Flow(tiny_scene)
+    for call in (net.drag, lambda points, re: flow.labels(points, np.full(len(points), re))):
+        with pytest.raises(InvalidInput, match=r"contour_shape\(points\)"):
+            call(points, 10.0)
+    for call in (net.drag, net.knows, flow.drag, flow.slope):
+        with pytest.raises(InvalidInput, match="takes names of NACA sections"):
+            call("naca0012", 10.0)
+
+
+WRONG_WORDS = {
+    "aspect": lambda net: Family(aspct=(1, 2)),
+    "beta2": lambda net: Scene.of({"family": {"aspect": [1, 2], "betta2": [0, 0.1]}}),
+    "beta3": lambda net: family_shape({"aspect": 2, "bta3": 0.1}),
+    "beta4": lambda net: Problem(net.scene, 20.0, within={"bet4": (0, 0.1)}),
+    "standard": lambda net: Scene(fidelity="standart"),
+    "lognormal": lambda net: optimize_shape.main(["--distribution", "lognorml"]),
+}
+
+
+@pytest.mark.parametrize("meant", WRONG_WORDS)
+def test_wrong_names_and_choices_have_hints(net, meant):
+    with pytest.raises(InvalidInput, match=rf"did you mean {meant}\?"):
+        WRONG_WORDS[meant](net)
+
+
+def test_names_that_are_no_text_are_refused(net, unchecked):
+    for call in (lambda: net.drag({"aspect": 2, 3: 1}, 20.0), lambda: Scene.of({3: 1})):
+        with pytest.raises(InvalidInput, match="3"):
+            call()
 
 
 def test_wrong_words_have_hints(tmp_path, capsys, monkeypatch):

@@ -48,7 +48,7 @@ INVALID_BODIES = [
     [*BODY, 0.0],
     "abcd",
     None,
-    {"aspect": 2},
+    {"beta2": 0.1},
     [2.0, "0.1", 0, 0],
     [BODY],
 ]

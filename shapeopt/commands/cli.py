@@ -47,9 +47,13 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
     def error(self, message: str) -> NoReturn:
-        wrong = re.search(r"unrecognized arguments: (--[\w-]+)", message)
-        known = (name for action in self._actions for name in action.option_strings)
-        raise InvalidInput(message + (did_you_mean(wrong[1], known) if wrong else ""))
+        hint = ""
+        if wrong := re.search(r"unrecognized arguments: (--[\w-]+)", message):
+            known = (name for action in self._actions for name in action.option_strings)
+            hint = did_you_mean(wrong[1], known)
+        elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
+            hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
+        raise InvalidInput(message + hint)
 
 
 FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: LOST}

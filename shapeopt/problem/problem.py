@@ -10,7 +10,8 @@ from jaxtyping import Float
 from shapeopt.problem.constraints import BOUNDS, Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Weighted
 from shapeopt.problem.scenarios import Scenarios
-from surrogate.checks import expect, finite_number, interval, shown
+from surrogate.arrays import AnyArray
+from surrogate.checks import did_you_mean, expect, finite_number, interval, shown
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
@@ -41,7 +42,7 @@ class Problem:
     """
 
     scene: Scene
-    reynolds: float | Sequence[float] | Objective
+    reynolds: float | Sequence[float] | Float[AnyArray, " cases"] | Objective
     max_length: float | None = None
     min_thickness: float | None = None
     stations: Sequence[Station | tuple[float, float]] = ()
@@ -53,8 +54,8 @@ class Problem:
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
             raise InvalidInput(f"problem: {self.scene!r} is no Scene")
-        if isinstance(self.reynolds, list | tuple):
-            equal = Weighted(self.reynolds, (1.0,) * len(self.reynolds))
+        if isinstance(self.reynolds, list | tuple) or getattr(self.reynolds, "ndim", 0) == 1:
+            equal = Weighted(tuple(self.reynolds), (1.0,) * len(self.reynolds))
             object.__setattr__(self, "reynolds", equal)
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
@@ -107,7 +108,8 @@ class Problem:
         trained = dict(self.scene.family.ranges)
         for name, value in (self.within or {}).items():
             if name not in trained:
-                raise InvalidInput(f"range of {name}: the family has {', '.join(trained)}")
+                hint = did_you_mean(name, trained)
+                raise InvalidInput(f"range of {name}: the family has {', '.join(trained)}{hint}")
             (least, most), (low, high) = interval(f"range of {name}", value), trained[name]
             if not low - 1e-9 <= least <= most <= high + 1e-9:
                 raise InvalidInput(

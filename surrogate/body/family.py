@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from surrogate.arrays import AnyArray, Body
+from surrogate.arrays import AnyArray, Bodies, Body, Number
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range
 from surrogate.body.parameters import PARAMETERS
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
@@ -18,10 +18,11 @@ from surrogate.body.skin import Skin
 from surrogate.checks import (
     did_you_mean,
     expect,
-    finite_number,
     interval,
+    one_number,
     real_numbers,
     shown,
+    traced,
     whole_number,
 )
 from surrogate.errors import InvalidInput
@@ -100,8 +101,10 @@ class Family:
         """Return the parameters by name, for people and files."""
         return dict(zip(self.names, np.asarray(parameters, float).tolist(), strict=True))
 
-    def parameters(self, named: Mapping[str, float]) -> Float[AnyArray, " parameters"]:
+    def parameters(self, named: Mapping[str, Number]) -> Float[AnyArray, " parameters"]:
         """Return the array of parameters given by name; those not named are neutral.
+
+        JAX may trace the values.
 
         Raises:
           InvalidInput: a name is not the family's, the aspect is missing, or a value is not a
@@ -110,15 +113,21 @@ class Family:
         expect("body", named, Mapping, "table of parameters, as {'aspect': 2}")
         if "aspect" not in named:
             raise InvalidInput(f"body: has no aspect; {self._wanted}")
-        values = {name: finite_number(name, value) for name, value in named.items()}
+        values = {name: one_number(name, value) for name, value in named.items()}
         neutral = {name: parameter.neutral for name, parameter in PARAMETERS.items()}
-        foreign = [n for n in values if n not in self.names and values[n] != neutral.get(n)]
+        others = {n: value for n, value in values.items() if n not in self.names}
+        foreign = [n for n, value in others.items() if traced(value) or value != neutral.get(n)]
         if foreign:
             raise InvalidInput(
                 f"body: {foreign[0]} is none of the family's {', '.join(self.names)}"
                 f"{did_you_mean(foreign[0], self.names)}"
             )
-        return np.array([values.get(name, neutral[name]) for name in self.names])
+        ordered = [values.get(name, neutral[name]) for name in self.names]
+        return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)
+
+    def array(self, body: Bodies) -> Bodies:
+        """Return a table of parameters as an array, and anything else as it is."""
+        return self.parameters(body) if isinstance(body, Mapping) else body
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
         """Return bodies drawn uniformly in the bounds, without those that cross themselves.
@@ -169,17 +178,17 @@ class Family:
         Raises:
           InvalidInput: they are anything else.
         """
-        if isinstance(parameters, Mapping):
-            return self.parameters(parameters)
+        parameters = self.array(parameters)
+        if isinstance(parameters, str):
+            raise InvalidInput(
+                f"body {shown(parameters)}: flow.solve takes names of NACA sections; {self._wanted}"
+            )
         if (values := real_numbers(parameters)) is None:
             raise InvalidInput(
                 f"body {shown(parameters)}: must be numbers, none masked, and a jax.numpy array "
                 f"where they are traced; {self._wanted}"
             )
-        if values.ndim == 2 and values.shape[1] == 2 != len(self.names):
-            raise InvalidInput(
-                f"body: {len(values)} points of a contour; flow.solve takes contour_shape(points)"
-            )
+        self._refuse_contour(values)
         if values.ndim == 2:
             raise InvalidInput(
                 f"body: a batch of {len(values)}, one is needed here; flow.labels(bodies, reynolds)"
@@ -200,11 +209,18 @@ class Family:
         values = real_numbers(bodies)
         if values is None:
             raise InvalidInput(f"bodies: must be arrays of real numbers; of each {self._wanted}")
+        self._refuse_contour(values)
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
         if not (valid := self.body_class.valid(values)).all():
             self.check(values[np.argmin(valid)])
         return values
+
+    def _refuse_contour(self, values):
+        if values.ndim == 2 and values.shape[1] == 2 != len(self.names):
+            raise InvalidInput(
+                f"body: {len(values)} points of a contour; flow.solve takes contour_shape(points)"
+            )
 
     @property
     def _wanted(self):

@@ -9,6 +9,7 @@ from surrogate.body.body_2d import Body2D
 from surrogate.body.body_3d import Body3D
 from surrogate.body.body_class import BodyClass
 from surrogate.body.parameters import PARAMETERS
+from surrogate.checks import did_you_mean
 from surrogate.errors import InvalidInput
 
 BODY_CLASSES: dict[int, type[BodyClass]] = {2: Body2D, 3: Body3D}
@@ -36,5 +37,8 @@ def body_class(names: Iterable[str], dimension: int = 2, owner: str = "body") ->
     for name in names:
         if name not in kind.available:
             known = ", ".join(kind.available)
-            raise InvalidInput(f"{owner}: no parameter {name!r} of {dimension}-D bodies; {known}")
+            raise InvalidInput(
+                f"{owner}: no parameter {name!r} of {dimension}-D bodies; {known}"
+                f"{did_you_mean(name, kind.available)}"
+            )
     return kind(tuple(name for name in PARAMETERS if name in names))

@@ -94,6 +94,7 @@ class Flow:
             cover it.
           NotConverged: the solver did not converge.
         """
+        parameters = self.scene.family.array(parameters)
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
         else:
@@ -113,6 +114,7 @@ class Flow:
         Raises:
           InvalidInput: as ``drag``, except beyond the onset of vortex shedding.
         """
+        parameters = self.scene.family.array(parameters)
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, True)
         else:

@@ -75,6 +75,7 @@ class Surrogate:
         Raises:
           InvalidInput: a body or a Reynolds number is invalid, or outside the trained ranges.
         """
+        parameters = self.scene.family.array(parameters)
         given = traced(parameters, reynolds)
         if not given:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)

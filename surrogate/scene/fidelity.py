@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from surrogate.checks import expect, finite_number, whole_number
+from surrogate.checks import did_you_mean, expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
 LONGEST_WINDOW = 40.0  # D downstream, up to which a window is lengthened for a wake
@@ -130,5 +130,6 @@ def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
         return value if value.wake is not None else dataclasses.replace(value, wake=WAKE[dimension])
     levels = NAMED[dimension]
     if not isinstance(value, str) or value not in levels:
-        raise InvalidInput(f"fidelity {value!r}: one of {', '.join(levels)}")
+        hint = did_you_mean(value, levels)
+        raise InvalidInput(f"fidelity {value!r}: one of {', '.join(levels)}{hint}")
     return levels[value]
