@@ -317,7 +317,8 @@ def test_the_flows_own_optimum_is_one_from_every_start(tiny_scene):
 
 REFUSED = [
     ({"reynolds": "40"}, "must be one number"),
-    ({"reynolds": [10, 40]}, "Weighted"),
+    ({"reynolds": []}, "give one for each"),
+    ({"reynolds": [10, 41]}, "covers 1 to 40"),
     ({"reynolds": np.nan}, "finite"),
     ({"reynolds": 41.0}, "covers 1 to 40"),
     ({"max_length": -1.0}, "finite length above 0"),
