@@ -12,6 +12,7 @@ from surrogate import InvalidInput
 BODY = ["--dimension", "3", "--aspect", "1.5", "--flatness", "1.4", "--cells", "5"]
 
 
+@pytest.mark.slow
 def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
     row = solve_drag.main([*BODY, "--reynolds", "10", "--gradient", "--json"])["results"][0]
     assert set(row["gradient"]) == {"aspect", "flatness", "beta2", "beta3", "beta4", "reynolds"}

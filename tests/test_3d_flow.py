@@ -49,6 +49,7 @@ def test_exact_kernel_solves_the_discrete_oseen_equations(reynolds):
         assert np.abs(curl[inside]).max() < 1e-6 * np.abs(f).max()
 
 
+@pytest.mark.slow
 def test_order_of_the_drag_in_stokes_flow_is_near_three():
     """With the slip law at the wall, of a flattened ellipsoid (Oberbeck 1876)."""
     body = family_shape({"aspect": 2.0, "flatness": 2.0}, dimension=3)
@@ -163,6 +164,7 @@ def test_traced_drags_know_the_onset_of_shedding_of_every_body():
     assert np.isnan(drags).tolist() == [True, False]
 
 
+@pytest.mark.slow
 def test_the_error_estimate_of_the_sphere_covers_its_error():
     found = DRAFT.solve(SPHERE, 10.0)
     assert found.status == "accurate"

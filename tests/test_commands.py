@@ -256,6 +256,7 @@ def test_commands_say_in_one_line_that_a_surrogate_is_inaccurate(capsys, trained
         assert json.loads(printed.out)["warning"] in lines[0]
 
 
+@pytest.mark.slow
 def test_sheet_of_designs(capsys, tmp_path):
     arguments = ["--reynolds", "40,1", "--max-length", "1.2,1.6", "--out", tmp_path / "sheet.png"]
     result = answer(capsys, "design_sheet", *arguments)
@@ -271,6 +272,7 @@ def test_sheet_of_designs(capsys, tmp_path):
     assert len(np.unique(drawn.reshape(-1, drawn.shape[-1]), axis=0)) > 20
 
 
+@pytest.mark.slow
 def test_several_reynolds_numbers_to_the_flows_optimum(capsys, trained, tmp_path):
     arguments = ["--surrogate", trained, "--reynolds", "6,40", "--weights", "1,3"]
     result = answer(

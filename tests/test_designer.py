@@ -86,8 +86,8 @@ def test_a_base_model_is_corrected(observations, pretrained):
 @pytest.mark.parametrize(
     ("objective", "constraints"),
     [
-        (20.0, {"max_length": 1.5}),
-        (5.0, {"min_thickness": 0.75}),
+        pytest.param(20.0, {"max_length": 1.5}, marks=pytest.mark.slow),
+        pytest.param(5.0, {"min_thickness": 0.75}, marks=pytest.mark.slow),
         (Weighted((5.0, 20.0), (1.0, 2.0)), {}),
         pytest.param(
             Robust(15.0, LogNormal(0.2), cases=3, level=0.5),
@@ -122,6 +122,7 @@ def test_every_design_is_cheaper_than_the_last_and_files_remember(tiny_scene, tm
     assert json.loads(file.read_text())["scene"] == tiny_scene.record
 
 
+@pytest.mark.slow
 def test_a_good_network_needs_fewer_flows(pretrained):
     """Trained on flows of a finer grid."""
     scene = dataclasses.replace(pretrained.scene, fidelity="draft")

@@ -75,6 +75,7 @@ def test_schedulers_are_seen():
     assert scheduled({"OMPI_COMM_WORLD_SIZE": "2"})
 
 
+@pytest.mark.slow
 def test_lanes_change_nothing_but_rounding(tiny_scene):
     from surrogate import Flow
     from surrogate.training.samples import training_samples
@@ -139,18 +140,22 @@ def test_many_queries_have_the_same_designs_on_three_devices():
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize(
-    "methods", [["sip"], pytest.param(["dp", "hig", "supervised"], marks=pytest.mark.slow)], ids=str
-)
-def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods):
-    """On one and on four; and the first method's on four from a checkpoint of one."""
+EVERY = pytest.param(["sip", "dp", "hig", "supervised"], 1e-10, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("methods", "rounding"), [(["sip"], 1e-6), EVERY], ids=str)
+def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods, rounding):
+    """On one and on four; and the first method's on four from a checkpoint of one.
+
+    The fast test compiles quickly, which rounds differently on four; the slow one as users do.
+    """
     found = {}
     for count in (1, 4):
         run = [sys.executable, str(HERE / "trained_on_devices.py"), str(count)]
         folder = tmp_path / f"{count}"
         done = subprocess.run(
             [*run, str(folder), str(tmp_path / "checkpoint"), *methods],
-            env=_environment(),
+            env=_environment(quick=methods == ["sip"]),
             capture_output=True,
             text=True,
         )
@@ -161,8 +166,8 @@ def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods):
     assert set(found[4]) == {*methods, "resumed"}
     resumed = found[4].pop("resumed")
     for method, weights in found[4].items():
-        assert np.max(np.abs(weights - found[1][method])) <= 1e-10, method
-    assert np.max(np.abs(resumed - found[1][methods[0]])) <= 1e-10
+        assert np.max(np.abs(weights - found[1][method])) <= rounding, method
+    assert np.max(np.abs(resumed - found[1][methods[0]])) <= rounding
 
 
 @pytest.mark.slow
@@ -313,6 +318,6 @@ def _environment(quick=False):
     """Return the environment of a process, quick to compile with the flags of conftest.
 
     With these flags XLA rounds differently on other numbers of devices, so that weights of the
-    methods with adjoints differ by 1e-9; as users have it they do not.
+    methods with adjoints differ by 1e-7; as users have it they do not.
     """
     return os.environ | {"PYTHONPATH": str(ROOT)} | ({} if quick else {"XLA_FLAGS": ""})

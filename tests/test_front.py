@@ -153,7 +153,7 @@ BODIES_THAT_ARE_NONE = {
     "three": (BODY[:3], "4 parameters are needed: aspect, beta2, beta3, beta4"),
     "five": (np.append(BODY, 0.0), "4 parameters are needed"),
     "number": (2.0, "4 parameters are needed"),
-    "text": ("cylinder", "must be numbers|four digits"),
+    "text": ("cylinder", "must be numbers|four digits|NACA|flow.solve"),
     "texts": (["2", "0", "0", "0"], "must be numbers"),
     "none": (None, "must be numbers"),
     "truth": ([True, False, False, False], "must be numbers"),

@@ -64,6 +64,7 @@ def test_order_of_the_drag_in_a_tunnel():
     assert min(rates) > 1.8, f"errors {errors}, limit {limit}, rates {rates}"
 
 
+@pytest.mark.slow
 def test_order_of_the_drag_of_a_slender_body():
     """Errors against a fine grid of the same window."""
     body = family_shape({"aspect": 3.0, "beta2": -0.2, "beta3": 0.1, "beta4": 0.05})

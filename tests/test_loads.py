@@ -103,6 +103,7 @@ def test_exact_drag_amplitude_is_the_inverse_of_the_drag():
     assert float(drag_amplitude(drag_coefficient(amplitude))) == pytest.approx(-0.83)
 
 
+@pytest.mark.slow
 def test_forward_and_reverse_mode_of_the_drag_agree(tiny_scene):
     from surrogate import Flow
 

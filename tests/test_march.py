@@ -10,6 +10,7 @@ from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
 CYLINDER = family_shape({"aspect": 1.0})
 
 
+@pytest.mark.slow
 def test_march_settles_on_the_steady_drag():
     """Re 20 in a narrow, coarse box; the steady flow between the same walls."""
     box = Box(cells=10, upstream=6, downstream=12, height=8, sponge=4)

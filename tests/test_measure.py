@@ -22,6 +22,7 @@ from surrogate.scene.cost import CONVOLUTIONS
 LONG = {
     "constants",
     "corners",
+    "compilation",
     "designs",
     "devices",
     "dimension",
@@ -34,6 +35,7 @@ LONG = {
     "march",
     "onset",
     "safeguards",
+    "scenarios",
     "seeds",
     "settling",
     "shards",

@@ -180,6 +180,7 @@ render_evolution(family, bodies, ["a", "b"], sys.argv[1] + "/e.gif")
 """
 
 
+@pytest.mark.slow
 def test_rendering_is_silent_without_a_display(tmp_path):
     """As a user runs it: another process, no display; VTK says nothing."""
     done = subprocess.run(

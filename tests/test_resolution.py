@@ -27,6 +27,7 @@ def test_the_scenes_own_grid_refuses_what_a_fitted_grid_refuses():
         COARSE.slopes(np.array([THICK, THIN]), np.array([10.0, 10.0]))
 
 
+@pytest.mark.slow
 def test_under_vmap_what_is_too_thin_is_nan():
     thin, thick = jax.vmap(COARSE.drag, (0, None))(jnp.array([THIN, THICK]), 10.0)
     assert np.isnan(thin)

@@ -204,6 +204,7 @@ def test_a_record_says_whether_the_search_converged(designed, tmp_path):
     assert not load_run(tmp_path / "run")["converged"]
 
 
+@pytest.mark.slow
 def test_a_family_of_eight_parameters_is_optimised_on_the_flow(tiny_scene):
     ranges = {f"beta{k}": (-0.05, 0.05) for k in range(2, 9)}
     scene = dataclasses.replace(tiny_scene, family=Family(aspect=(1.0, 3.0), **ranges))

@@ -161,6 +161,7 @@ def test_a_training_with_too_few_held_out_flows_is_refused(plan, monkeypatch, co
         make_setup(plan)
 
 
+@pytest.mark.slow
 def test_methods_say_what_the_network_is_trained_for(plan, setup, trained):
     """At their best SIP, HIG and regression train the drag alone: other modes keep their heads."""
 
@@ -186,7 +187,10 @@ def interrupt(point, done):
         raise Killed
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method",
+    [m if m in ("sip", "hig") else pytest.param(m, marks=pytest.mark.slow) for m in METHODS],
+)
 def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, tmp_path):
     plan = dataclasses.replace(plan, method=method)
     whole = trained(method)
@@ -381,6 +385,7 @@ def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, setup, facto
     assert trained.history[-1].error_mean < 1
 
 
+@pytest.mark.slow
 def test_matrix_free_hig_trains_as_the_dense_one(plan, setup):
     plan = dataclasses.replace(plan, iterations=4)
     dense, free = (
