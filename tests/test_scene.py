@@ -277,7 +277,7 @@ def test_a_window_of_ones_own_in_3d_is_not_lengthened_by_the_wake_of_2d(wide, tm
     )
     scene = Scene(dimension=3, **wide) if wide["fidelity"] else Scene.read(path)
     assert scene.fidelity.wake == 0
-    assert scene.fidelity_for_wakes == scene.fidelity
+    assert scene.fidelity_for_bodies == scene.fidelity
     assert Scene(fidelity=Fidelity("c", 16, 3, 6, 4)).fidelity.wake == 0.2
 
 

@@ -73,6 +73,13 @@ class Family:
         with jax.ensure_compile_time_eval():
             return self.body_class.family_extent(self.bounds)
 
+    @property
+    def chord(self) -> float:
+        """Length in D of its longest ellipse, in 2-D of all bodies of the greatest aspect."""
+        longest = self.ellipse(dict(self.ranges)["aspect"][1])
+        with jax.ensure_compile_time_eval():
+            return float(self.body_class.length(longest))
+
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
     ) -> Float[AnyArray, "nodes 2"] | Skin:

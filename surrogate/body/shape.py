@@ -48,6 +48,11 @@ class Shape:
         """
         return float(np.ptp(self.draw(NODES)[:, 0])) if self.length is None else self.length
 
+    @property
+    def height(self) -> float:
+        """Greatest side in D across the stream of the body as it lies."""
+        return float(self.extent[1:].max())
+
     def markers(self, nodes: int) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the flow solver takes it: the contour."""
         return jnp.asarray(self.draw(nodes))

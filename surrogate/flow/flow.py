@@ -207,12 +207,12 @@ class Flow:
             self._check_dimension(body)
             reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
             shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
-            fidelity = self.scene.fidelity.for_wake(reynolds, float(body.extent[1:].max()))
+            fidelity = self.scene.fidelity.for_body(reynolds, body.height, body.chord)
         else:
             parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
             named = self.scene.family.named(parameters)
             shape, domain = family_shape(named, dimension=self.scene.dimension), self.domain
-            fidelity = self.scene.fidelity_for_wakes
+            fidelity = self.scene.fidelity_for_bodies
         if gradient and (shape.parameters is None or not shape.symmetric):
             raise InvalidInput("gradient: is for bodies of the family at zero incidence")
         start = time.perf_counter()
@@ -278,8 +278,7 @@ class Flow:
             cl = lift(domain.modes, found.state.amplitude, shape.markers(domain.nodes))
             return DragAndLift(found.drag, float(cl))
 
-        height, fewest = float(shape.extent[1:].max()), fewest_cells(shape)
-        at = reynolds, height, shape.dimension, fewest
+        at = reynolds, shape.height, shape.dimension, shape.chord, fewest_cells(shape)
         return estimate_error(forces, solve, fidelity, *at)
 
     def _fitted(self, shape, fidelity, reynolds):

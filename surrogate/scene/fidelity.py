@@ -1,6 +1,7 @@
 """How finely a flow is solved, and which error of the drag that resolution is made for."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +15,10 @@ LONGEST = 2 * LONGEST_WINDOW  # D, any side of a window
 COARSER = 0.9  # of the cells, at most, that a coarser grid has
 MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a 2-D window
 WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
+REFINEMENT = {2: 3.0, 3: 1.0}  # default of ``refinement`` by dimension
+# 1 / thickness of a boundary layer in 1 / D, sqrt(Re / r) with r the radius of an ellipse's nose,
+# up to which the levels' cells suffice (study ``lift``): that of aspect 5 at Re 45.
+THIN_LAYER = 32.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,6 +34,8 @@ class Fidelity:
       harmonics: highest harmonic of the traction on the body.
       wake: how much longer a window a wake takes: ``downstream`` is at least
         wake * Re * (height of the body / D)^2. By default 0.2 in 2-D and 0 in 3-D.
+      refinement: greatest factor by which ``cells`` are multiplied for slender bodies at high Re,
+        whose boundary layers are thin. By default 3 in 2-D and 1, for none, in 3-D.
       promise: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
         expected error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
         2-D, at Re 0.1 to 100 and aspect 0.5 to 4 in 3-D.
@@ -42,6 +49,7 @@ class Fidelity:
     harmonics: int = 7
     wake: float | None = None
     promise: float = 0.015
+    refinement: float | None = None
 
     def __post_init__(self):
         expect("fidelity", self.name, str, "name")
@@ -51,6 +59,7 @@ class Fidelity:
         }
         limits = dict.fromkeys(("upstream", "downstream", "height"), (1, LONGEST))
         limits |= {} if self.wake is None else {"wake": (0, 1)}
+        limits |= {} if self.refinement is None else {"refinement": (1, 8)}
         for name, (low, high) in (limits | {"promise": (0, 1)}).items():
             plain[name] = finite_number(name, getattr(self, name))
             if not low <= plain[name] <= high:
@@ -73,6 +82,20 @@ class Fidelity:
         longer = self.downstream + LONGER if missing <= LONGER else LONGEST_WINDOW
         longer = min(longer, LONGEST_WINDOW)
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
+
+    def for_layers(self, reynolds: float, chord: float) -> "Fidelity":
+        """Return the fidelity with cells for boundary layers of bodies of this chord up to this Re.
+
+        The factor is rounded up to a multiple of a half, so that there are few grids.
+        """
+        most = REFINEMENT[2] if self.refinement is None else self.refinement
+        needed = math.ceil(2 * math.sqrt(2 * chord**3 * reynolds) / THIN_LAYER - 0.05) / 2
+        factor = max(min(needed, most), 1.0)
+        return dataclasses.replace(self, cells=round(factor * self.cells), refinement=1.0)
+
+    def for_body(self, reynolds: float, height: float, chord: float) -> "Fidelity":
+        """Return the fidelity for the wakes and boundary layers of such bodies up to this Re."""
+        return self.for_layers(reynolds, chord).for_wake(reynolds, height)
 
     def coarser(self, share: float, fewest: int = 0) -> "Fidelity":
         """Return this share of the cells, but no fewer than bodies need.
@@ -98,14 +121,14 @@ class Fidelity:
 
 LEVELS = {
     2: (
-        Fidelity("draft", 10, 4, 8, 8, wake=0.15, promise=0.015),
-        Fidelity("standard", 16, 6, 12, 8, wake=0.2, promise=0.004),
-        Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001),
+        Fidelity("draft", 10, 4, 8, 8, wake=0.15, promise=0.015, refinement=3.0),
+        Fidelity("standard", 16, 6, 12, 8, wake=0.2, promise=0.004, refinement=3.0),
+        Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001, refinement=3.0),
     ),
     3: (
-        Fidelity("draft", 8, 3, 6, 4, wake=0.0, promise=0.02),
-        Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005),
-        Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001),
+        Fidelity("draft", 8, 3, 6, 4, wake=0.0, promise=0.02, refinement=1.0),
+        Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005, refinement=1.0),
+        Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001, refinement=1.0),
     ),
 }
 NAMED = {dimension: {f.name: f for f in levels} for dimension, levels in LEVELS.items()}
@@ -115,7 +138,7 @@ FIDELITIES, SPACE_FIDELITIES = NAMED[2], NAMED[3]
 def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
     """Return a fidelity given by its name, by a table of its numbers, or as it is.
 
-    Names and the default of ``wake`` depend on the dimension.
+    Names and the defaults of ``wake`` and ``refinement`` depend on the dimension.
 
     Raises:
       InvalidInput: there is none of this name, or a number is missing or out of range.
@@ -127,7 +150,9 @@ def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
             fields = ", ".join(field.name for field in dataclasses.fields(Fidelity))
             raise InvalidInput(f"fidelity: a name, or a table of {fields}") from None
     if isinstance(value, Fidelity):
-        return value if value.wake is not None else dataclasses.replace(value, wake=WAKE[dimension])
+        defaults = {"wake": WAKE[dimension], "refinement": REFINEMENT[dimension]}
+        missing = {name: n for name, n in defaults.items() if getattr(value, name) is None}
+        return dataclasses.replace(value, **missing)
     levels = NAMED[dimension]
     if not isinstance(value, str) or value not in levels:
         hint = did_you_mean(value, levels)

@@ -150,9 +150,9 @@ class Scene:
         return tuple(max(float(side), 1.0) for side in self.family.extent)
 
     @property
-    def fidelity_for_wakes(self) -> Fidelity:
-        """The fidelity with a window for the longest wake."""
-        return self.fidelity.for_wake(self.reynolds[1], self.extent[1])
+    def fidelity_for_bodies(self) -> Fidelity:
+        """The fidelity with a window for the longest wake and cells for the thinnest layer."""
+        return self.fidelity.for_body(self.reynolds[1], self.extent[1], self.family.chord)
 
     def check_reynolds(self, reynolds: Any) -> float:
         """Return a Reynolds number of the scene as a float.
@@ -173,5 +173,5 @@ class Scene:
           bodies: number of bodies of a training.
         """
         bodies = whole_number("bodies", bodies, 1, 10**9)
-        modelled = self.stream, self.reynolds, self.family, self.fidelity_for_wakes
+        modelled = self.stream, self.reynolds, self.family, self.fidelity_for_bodies
         return explain_scene(*modelled, bodies)

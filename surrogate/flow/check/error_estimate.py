@@ -136,6 +136,7 @@ def estimate_error(
     reynolds: float,
     height: float,
     dimension: int,
+    chord: float,
     fewest: int = 0,
 ) -> ErrorEstimate:
     """Estimate the errors of the forces on a body, at two thirds of their own cost.
@@ -147,9 +148,10 @@ def estimate_error(
       reynolds: U D / nu.
       height: of the body across the stream, in D.
       dimension: 2 or 3.
+      chord: of the body in D.
       fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
     """
-    model, whole = ERROR_MODELS[dimension], dataclasses.replace(fidelity, wake=0.0)
+    model, whole = ERROR_MODELS[dimension], dataclasses.replace(fidelity, wake=0.0, refinement=1.0)
     try:
         coarser = whole.coarser(model.COARSER, fewest)
         rough, other = solve(coarser), solve(coarser.scaled(model.WINDOW))
@@ -173,8 +175,9 @@ def estimate_error(
         return ErrorEstimate("accurate", *known, None, limit)
 
     def expected_at(level):
+        level = level.for_body(reynolds, height, chord)
         grid = of_grid[0] * (whole.cells / level.cells) ** order
-        domain = of_domain[0] * _domain_error(whole, level.for_wake(reynolds, height), model)
+        domain = of_domain[0] * _domain_error(whole, level, model)
         return margin * model.likely(grid, domain, level.cells, size) / size
 
     levels = NAMED[dimension].values()

@@ -31,7 +31,7 @@ def scene_domain(scene: Scene) -> Domain:
     Raises:
       InvalidInput: the longest or tallest bodies do not fit the domain or the tunnel.
     """
-    check_stream(scene.stream, scene.fidelity_for_wakes, np.array(scene.extent), SCENE_CLEARANCE)
+    check_stream(scene.stream, scene.fidelity_for_bodies, np.array(scene.extent), SCENE_CLEARANCE)
     return DOMAINS[scene.dimension].of_scene(scene)
 
 
@@ -44,8 +44,8 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
     kind, extent = DOMAINS[shape.dimension], shape.extent
+    fidelity = fidelity.for_body(reynolds, shape.height, shape.chord)
     check_resolution(kind, fidelity, shape)
-    fidelity = fidelity.for_wake(reynolds, float(extent[1:].max()))
     extent = np.ceil(extent * ROUNDING) / ROUNDING
     check_stream(stream, fidelity, extent, kind.CLEARANCE)
     return kind.around(stream, fidelity, extent, shape)

@@ -47,7 +47,7 @@ class Domain2D(Domain):
 
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain2D":
-        return cls.make(scene.stream, scene.fidelity_for_wakes, scene.extent, symmetric=True)
+        return cls.make(scene.stream, scene.fidelity_for_bodies, scene.extent, symmetric=True)
 
     @classmethod
     def around(

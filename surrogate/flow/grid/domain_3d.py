@@ -43,7 +43,7 @@ class Domain3D(Domain):
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain3D":
         modes = cls.modes_of(scene.family.names, scene.fidelity)
-        return cls.make(scene.fidelity_for_wakes, scene.extent, modes)
+        return cls.make(scene.fidelity_for_bodies, scene.extent, modes)
 
     @classmethod
     def around(
