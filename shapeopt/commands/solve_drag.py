@@ -91,8 +91,8 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         for value in reynolds
     ]
     if arguments.gradient:
-        if any(s.parameters is None or not s.symmetric for s in shapes.values()):
-            raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
+        if any(shape.parameters is None for shape in shapes.values()):
+            raise InvalidInput("--gradient: needs a family body (--aspect)")
         if arguments.reference == CHORD:
             raise InvalidInput("--reference chord: goes without --gradient, which is by D")
     if arguments.table:
