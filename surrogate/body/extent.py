@@ -13,7 +13,6 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.arrays import AnyArray
 from surrogate.body.parameters import PARAMETERS, Kind
 
 NODES = 1024
@@ -22,10 +21,10 @@ MARGIN = 1.005  # over what lies between the nodes, and over the centroids of po
 
 @dataclasses.dataclass(frozen=True)
 class Interval:
-    """All numbers from ``low`` to ``high``, one interval or one for each node."""
+    """All numbers from ``low`` to ``high``, at each node of a contour."""
 
-    low: Float[AnyArray, "*nodes"]
-    high: Float[AnyArray, "*nodes"]
+    low: Float[np.ndarray, " nodes"]
+    high: Float[np.ndarray, " nodes"]
 
     def __add__(self, other: "Interval") -> "Interval":
         return Interval(self.low + other.low, self.high + other.high)
@@ -35,7 +34,7 @@ class Interval:
         return Interval(np.min(ends, axis=0), np.max(ends, axis=0))
 
     @property
-    def largest(self) -> Float[np.ndarray, "*nodes"]:
+    def largest(self) -> Float[np.ndarray, " nodes"]:
         """Greatest absolute value."""
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
@@ -50,7 +49,7 @@ def cambered_extent(ends: Mapping[str, Float[np.ndarray, "2"]]) -> tuple[float, 
     t = 2 * np.pi * np.arange(NODES) / NODES
 
     def weight(name):
-        return Interval(*map(np.asarray, ends.get(name, (0.0, 0.0))))
+        return _interval(*ends.get(name, (0.0, 0.0)))
 
     def beta(k):
         return _number(1.0) if k == 1 else weight(f"beta{k}")
@@ -72,8 +71,12 @@ def cambered_extent(ends: Mapping[str, Float[np.ndarray, "2"]]) -> tuple[float, 
     return float(length), float(height)
 
 
+def _interval(low, high):
+    return Interval(np.full(NODES, low), np.full(NODES, high))
+
+
 def _number(value):
-    return Interval(np.asarray(value), np.asarray(value))
+    return _interval(value, value)
 
 
 def _turns(low, high):
