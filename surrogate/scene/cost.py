@@ -36,8 +36,8 @@ CONVOLUTIONS = {
     2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
     3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
 }
-# Without the mirror plane y = 0 a window has twice the rows, and a flow takes more convolutions: for
-# 15 more traction modes and 3 more parts of each of 2 far fields.
+# Without the mirror plane y = 0 a window has twice the rows, and a flow takes more convolutions,
+# for 15 more traction modes and 3 more parts of each of 2 far fields.
 WHOLE, MORE = 2, 15.0 + 3 * 2
 
 
