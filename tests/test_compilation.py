@@ -29,7 +29,7 @@ def test_drag_gradient_and_solution_share_their_programs(compiled):
     slope = flow.slope(LENS, 10.0)
     solution = flow.solve(LENS, 10.0, gradient=True, estimate=False)
     assert compiled.count("jit(solve)") == compiled.count("jit(assemble)") == rule <= 2
-    assert compiled.count("jit(load_gradient)") == 2  # to full precision, and to that of designs
+    assert compiled.count("jit(load_gradients)") == 2  # to full precision, and to that of designs
     assert float(drag) == float(slope.drag) == solution.drag
     assert list(solution.gradient.values())[:4] == pytest.approx(gradient.tolist(), rel=1e-6)
 

@@ -10,7 +10,7 @@ from surrogate import Tunnel, Unbounded, family_shape
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.loads import drag, drag_amplitude, drag_coefficient, lift, moment
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import Effort, load_gradient
+from surrogate.flow.solver.adjoint import Effort, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
 
@@ -51,9 +51,9 @@ def evaluate(domain):
         operators = steady.assemble(domain, contour(parameters), reynolds)
         state, info = steady.body_flow(domain, operators, settings=TIGHT)
         value = load(domain.modes, state.amplitude, operators.markers)
-        found = load_gradient(load, domain, operators, state, reynolds, EFFORT)
-        by_parameters = jax.vjp(contour, parameters)[1](found.by_markers)[0]
-        gradient = jnp.append(by_parameters, found.by_reynolds)
+        found = load_gradients((load,), domain, operators, state, reynolds, EFFORT)
+        by_parameters = jax.vjp(contour, parameters)[1](found.by_markers[0])[0]
+        gradient = jnp.append(by_parameters, found.by_reynolds[0])
         return value, gradient, info.converged & found.work.converged
 
     def at(name, step):
@@ -114,3 +114,16 @@ def test_forward_and_reverse_mode_of_the_drag_agree(tiny_scene):
     assert float(change) == pytest.approx(float(gradient @ direction), rel=1e-12)
     with pytest.raises(NotImplementedError, match="difference its gradient"):
         jax.hessian(flow.drag)(body, 20.0)
+
+
+def test_loads_of_a_symmetric_body_are_its_drag_alone(tiny_scene):
+    from surrogate import Flow
+
+    flow, body = Flow(tiny_scene), jnp.array([2.2, 0.12, -0.05, 0.03])
+    loads = flow.loads(body, 20.0)
+    assert loads.tolist() == [float(flow.drag(body, 20.0)), 0.0, 0.0]
+    by_body, by_reynolds = jax.jacobian(flow.loads, (0, 1))(body, 20.0)
+    assert by_body.shape == (3, 4) and by_reynolds.shape == (3,)
+    np.testing.assert_allclose(by_body[0], jax.grad(flow.drag)(body, 20.0), rtol=1e-9)
+    assert not np.any(by_body[1:]) and not np.any(by_reynolds[1:])
+    assert np.isnan(jax.jit(flow.loads)(body, 200.0)).all()  # outside the scene's range

@@ -78,7 +78,7 @@ def solve_by_elements(
     ng = ngsolve()
     flow = at_rest(ng, geometry, body, elements or geometry.elements)
     seconds = stopwatch()
-    force = solve_by_continuation(ng, flow, reynolds, geometry)
+    force = solve_bycontinuation(ng, flow, reynolds, geometry)
     return ElementResult(geometry.scale * force, flow.space.ndof, seconds())
 
 
@@ -125,19 +125,19 @@ def stopwatch() -> Callable[[], float]:
     return lambda: min(time.process_time() - begin[0], time.perf_counter() - begin[1])
 
 
-def solve_by_continuation(ng: Any, flow: Any, reynolds: float, geometry: Geometry) -> float:
+def solve_bycontinuation(ng: Any, flow: Any, reynolds: float, geometry: Geometry) -> float:
     """Take the flow from rest to this Re; its force over rho U^2 and D, in 3-D D^2.
 
     Raises:
       NotConverged: Newton's method failed.
     """
     force = 0.0
-    for number in _continuation(reynolds):
+    for number in continuation(reynolds):
         force = _newton(ng, flow, number, force, geometry)
     return force
 
 
-def _continuation(reynolds: float) -> Iterator[float]:
+def continuation(reynolds: float) -> Iterator[float]:
     """Increasing Reynolds numbers up to this one, in equal ratios."""
     steps = max(math.ceil(math.log(reynolds / START, RISE)), 0)
     for left in range(steps, -1, -1):

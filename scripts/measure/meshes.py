@@ -41,6 +41,27 @@ def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
     return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
 
 
+def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
+    """Triangles of the plane around a body as it lies."""
+    from netgen import occ
+
+    def box(start, end, low, high, width):
+        face = occ.MoveTo(start, low).Rectangle(end - start, high - low).Face()
+        face.faces.maxh = width
+        return face
+
+    outline, extent = np.asarray(body.draw(400)), elements.box
+    skin = _spline(occ, outline)
+    skin.name, skin.maxh = "body", elements.wall
+    (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
+    near = box(left - 1, right + 2, low - 1, high + 1, elements.near)
+    wake = box(right + 2, extent, low - 2, high + 2, elements.wake)
+    far = box(-extent, extent, -extent, extent, extent / 8)
+    whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
+    _name_sides(whole.edges, extent)
+    return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
+
+
 def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
     """Tetrahedra of the quarter y, z > 0 round a flattened body with two mirror planes."""
     from netgen import occ
@@ -66,15 +87,15 @@ def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
     return _mesh(ng, occ.OCCGeometry(whole).GenerateMesh(grading=0.3), elements)
 
 
-def _name_sides(sides: Any, extent: float, mirrors: tuple[str, ...]) -> None:
-    """Name the outlet, the other sides of the box, and the planes of symmetry."""
+def _name_sides(sides: Any, extent: float, mirrors: tuple[str, ...] = ()) -> None:
+    """Name the outlet, the other sides of the box, and the planes of symmetry if there are any."""
     for side in sides:
-        x, *across = list(side.center)[: 1 + len(mirrors)]
+        x, *across = list(side.center)[: 1 + max(len(mirrors), 1)]
         if x > extent - 1e-6:
             side.name = "outlet"
-        elif max(-x, *across) > extent - 1e-6:
+        elif max(-x, *map(abs, across)) > extent - 1e-6:
             side.name = "stream"
-        elif min(across) < 1e-6:
+        elif mirrors and min(across) < 1e-6:
             side.name = mirrors[np.argmin(across)]
 
 

@@ -1,10 +1,11 @@
-"""The drag as a function that JAX differentiates, and its gradient by one adjoint.
+"""The loads as functions that JAX differentiates, and their gradients by an adjoint each.
 
-The rule is a custom JVP: the gradient is computed by the adjoint and contracted with the tangent,
-which is linear, so JAX transposes it. Forward and reverse mode cost the same, one adjoint.
+The rule is a custom JVP: gradients are computed by adjoints and contracted with the tangent, which
+is linear, so JAX transposes it. Forward and reverse mode cost the same, one adjoint a load.
 """
 
 import functools
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax
@@ -17,7 +18,7 @@ from surrogate.compilation import compiled
 from surrogate.errors import NotConverged
 from surrogate.flow import programs
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.loads import drag, drag_coefficient
+from surrogate.flow.loads import Load, drag, drag_coefficient
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
@@ -39,23 +40,30 @@ class DragGradient(NamedTuple):
     converged: Bool[AnyArray, "*bodies"]
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def drag_and_status(
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def loads_and_status(
     bodies: DiscreteBodies,
+    loads: tuple[Load, ...],
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
-) -> tuple[Float[Array, ""], NewtonInfo]:
-    """Return Cd of a body, differentiable in both arguments, and the solver's outcome."""
-    _, state, info = bodies.solved(parameters, reynolds)
-    return drag_coefficient(state.amplitude), info
+) -> tuple[Float[Array, " loads"], NewtonInfo]:
+    """Return loads of a body, differentiable in both arguments, and the solver's outcome."""
+    operators, state, info = bodies.solved(parameters, reynolds)
+    return _values(bodies, loads, operators, state), info
 
 
-@drag_and_status.defjvp
-def _drag_tangent(bodies, primals, tangents):
+@loads_and_status.defjvp
+def _loads_tangent(bodies, loads, primals, tangents):
     operators, state, info = bodies.solved(*primals)
-    by_parameters, by_reynolds = exact_gradient(bodies, *primals, state, operators)
-    change = by_parameters @ tangents[0] + by_reynolds * tangents[1]
-    return (drag_coefficient(state.amplitude), info), (change, jax.tree.map(_no_tangent, info))
+    gradients = exact_gradients(bodies, loads, *primals, state, operators)
+    change = gradients[0] @ tangents[0] + gradients[1] * tangents[1]
+    values = _values(bodies, loads, operators, state)
+    return (values, info), (change, jax.tree.map(_no_tangent, info))
+
+
+def _values(bodies, loads, operators, state):
+    at = bodies.domain.modes, state.amplitude, operators.markers
+    return jnp.stack([load(*at) for load in loads])
 
 
 def _no_tangent(leaf):
@@ -63,26 +71,30 @@ def _no_tangent(leaf):
     return jnp.zeros_like(leaf) if inexact else np.zeros(leaf.shape, jax.dtypes.float0)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def exact_gradient(
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def exact_gradients(
     bodies: DiscreteBodies,
+    loads: tuple[Load, ...],
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
     state: FlowState,
     operators: Operators | None = None,
-) -> tuple[Float[Array, " parameters"], Float[Array, ""]]:
-    """Return dCd/d(parameters, Re) to as many digits as the flow has; NaN where not converged."""
+) -> tuple[Float[Array, "loads parameters"], Float[Array, " loads"]]:
+    """Return dJ/d(parameters, Re) of loads to as many digits as the flow has.
+
+    NaN where an adjoint has not converged.
+    """
     if operators is None:
         operators = programs.assemble(bodies.domain, bodies.markers(parameters), reynolds)
     effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    found = programs.load_gradient(drag, bodies.domain, effort, operators, state, reynolds)
+    found = programs.load_gradients(loads, bodies.domain, effort, operators, state, reynolds)
     return _in_parameters(bodies, parameters, found)
 
 
-@exact_gradient.defjvp
-def _second_derivative(bodies, primals, tangents):
+@exact_gradients.defjvp
+def _second_derivatives(bodies, loads, primals, tangents):
     raise NotImplementedError(
-        "second derivatives of the flow's drag: not provided, as the adjoint's own derivative "
+        "second derivatives of the flow's loads: not provided, as the adjoint's own derivative "
         "would take two more solves of full precision; difference its gradient, or take those of "
         "a surrogate"
     )
@@ -90,31 +102,37 @@ def _second_derivative(bodies, primals, tangents):
 
 @compiled("bodies")
 def _in_parameters(bodies, parameters, found):
-    """Return a gradient in the markers as one in the body's parameters; NaN if not converged."""
-    by_parameters = jax.vjp(bodies.markers, parameters)[1](found.by_markers)[0]
+    """Return gradients in the markers as those in the body's parameters; NaN if not converged."""
+    pull = jax.vjp(bodies.markers, parameters)[1]
+    by_parameters = jax.vmap(lambda by_markers: pull(by_markers)[0])(found.by_markers)
     return tuple(
         jnp.where(found.work.converged, part, jnp.nan)
         for part in (by_parameters, found.by_reynolds)
     )
 
 
-def named_gradient(
+def named_gradients(
     bodies: DiscreteBodies,
+    loads: Mapping[str, Load],
     parameters: Float[AnyArray, " parameters"],
     reynolds: float,
     state: FlowState,
-) -> dict[str, float]:
-    """Return dCd/d(parameters, Re) of a solved body by the parameters' names and ``reynolds``.
+) -> dict[str, dict[str, float]]:
+    """Return, by load, its derivatives by the parameters' names and ``reynolds``.
 
     Raises:
-      NotConverged: the adjoint did not converge.
+      NotConverged: an adjoint did not converge.
     """
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-    by_parameters, by_reynolds = exact_gradient(bodies, *at, state)
-    flat = np.array([*by_parameters, by_reynolds], float)
-    if not np.all(np.isfinite(flat)):
+    by_parameters, by_reynolds = exact_gradients(bodies, tuple(loads.values()), *at, state)
+    rows = np.column_stack([by_parameters, by_reynolds])
+    if not np.all(np.isfinite(rows)):
         raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")
-    return dict(zip((*bodies.body_class.names, "reynolds"), flat.tolist(), strict=True))
+    names = *bodies.body_class.names, "reynolds"
+    return {
+        load: dict(zip(names, row, strict=True))
+        for load, row in zip(loads, rows.tolist(), strict=True)
+    }
 
 
 def drag_and_gradient(
@@ -124,13 +142,15 @@ def drag_and_gradient(
 ) -> DragGradient:
     """Return Cd of a body and its gradient by one adjoint, to ``QUICK_ADJOINT``."""
     operators, state, info = bodies.solved(parameters, reynolds)
-    found = programs.load_gradient(drag, bodies.domain, QUICK_ADJOINT, operators, state, reynolds)
+    found = programs.load_gradients(
+        (drag,), bodies.domain, QUICK_ADJOINT, operators, state, reynolds
+    )
     return _drag_gradient(bodies, parameters, state, info, found)
 
 
 @compiled("bodies")
 def _drag_gradient(bodies, parameters, state, info, found):
-    by_parameters, by_reynolds = _in_parameters(bodies, parameters, found)
+    (by_parameters,), (by_reynolds,) = _in_parameters(bodies, parameters, found)
     converged = info.converged & found.work.converged & jnp.all(jnp.isfinite(by_parameters))
     spent = info.products + found.work.products + bodies.domain.assembly_cost
     values = drag_coefficient(state.amplitude), by_parameters, by_reynolds

@@ -22,13 +22,13 @@ from surrogate.flow.continuation import not_converged_message, solve_by_continua
 from surrogate.flow.derivatives import (
     DragGradient,
     drag_and_gradient,
-    drag_and_status,
-    named_gradient,
+    loads_and_status,
+    named_gradients,
 )
 from surrogate.flow.discrete import DiscreteBodies
 from surrogate.flow.grid.discretise import fewest_cells, fitted_domain, scene_domain
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.loads import lift
+from surrogate.flow.loads import LOADS, Load, drag, lift
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
@@ -93,19 +93,42 @@ class Flow:
             cover it.
           NotConverged: the solver did not converge.
         """
+        return self._loads((drag,), parameters, reynolds, allow_unsteady)[0]
+
+    def loads(
+        self, parameters: Body, reynolds: Number, allow_unsteady: bool = False
+    ) -> Float[Array, "3"]:
+        """Return Cd, Cl and Cm of a family body at Re = U D / nu, as an array.
+
+        As ``drag``, with the lift along y and the moment about the centroid, nose up, over
+        (1/2) rho U^2 D^2; ``jax.jacobian`` takes one adjoint for each of them. Bodies that are
+        symmetric about the stream have Cl = Cm = 0, at no cost.
+
+        Args:
+          parameters: of the body, shape (parameters,).
+          reynolds: Reynolds number.
+          allow_unsteady: answer beyond the onset of vortex shedding too.
+
+        Raises:
+          InvalidInput: as ``drag``.
+          NotConverged: the solver did not converge.
+        """
+        return self._loads(tuple(LOADS.values()), parameters, reynolds, allow_unsteady)
+
+    def _loads(self, loads: tuple[Load, ...], parameters, reynolds, allow_unsteady):
         parameters = self.scene.family.array(parameters)
         if not traced(parameters, reynolds):
             parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
         else:
             one_body(parameters, reynolds, len(self.scene.family.names))
         re = jnp.asarray(reynolds, float)
-        cd, info = drag_and_status(self.bodies, jnp.asarray(parameters, float), re)
+        values, info = loads_and_status(self.bodies, loads, jnp.asarray(parameters, float), re)
         if traced(parameters, reynolds):
             known = info.converged & self._covers(parameters, re, allow_unsteady)
-            return cd * jnp.where(known, 1.0, jnp.nan)  # so is its gradient
+            return values * jnp.where(known, 1.0, jnp.nan)  # so are their gradients
         if not bool(info.converged):
             raise NotConverged(not_converged_message(float(reynolds), info))
-        return cd
+        return values
 
     def slope(self, parameters: Body, reynolds: Number) -> DragGradient:
         """Return Cd and its gradient by an adjoint to 2e-4, cheaper than ``jax.grad``.
@@ -199,7 +222,9 @@ class Flow:
         slopes = None
         if gradient:
             bodies = DiscreteBodies(domain, shape.body_class, self.settings)
-            slopes = named_gradient(bodies, shape.values, reynolds, found.state)
+            slopes = named_gradients(bodies, {"cd": drag}, shape.values, reynolds, found.state)[
+                "cd"
+            ]
         error = ErrorEstimate()
         if estimate:
             loads = DragAndLift(force["drag"], force["lift"])

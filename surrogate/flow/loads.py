@@ -75,6 +75,9 @@ def moment(
     return 4 * np.pi * jnp.mean(markers[:, 1] * force[:, 0] - markers[:, 0] * force[:, 1])
 
 
+LOADS: dict[str, Load] = {"cd": drag, "cl": lift, "cm": moment}
+
+
 def traction(
     modes: Modes2D, amplitude: Float[AnyArray, " modes"], nodes: int
 ) -> Float[Array, "nodes 2"]:

@@ -12,7 +12,7 @@ from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import Load
 from surrogate.flow.solver import adjoint, steady
-from surrogate.flow.solver.adjoint import Effort, LoadGradient
+from surrogate.flow.solver.adjoint import Effort, LoadGradients
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators
 
@@ -34,14 +34,14 @@ def solve(
     return steady.body_flow(domain, operators, guess, settings)
 
 
-@compiled("load", "domain", "effort")
-def load_gradient(
-    load: Load,
+@compiled("loads", "domain", "effort")
+def load_gradients(
+    loads: tuple[Load, ...],
     domain: Domain,
     effort: Effort,
     operators: Operators,
     state: FlowState,
     reynolds: Float[Array, ""],
-) -> LoadGradient:
-    """Return the gradient of a load in the body's markers and in Re, by one adjoint."""
-    return adjoint.load_gradient(load, domain, operators, state, reynolds, effort)
+) -> LoadGradients:
+    """Return the gradients of loads in the body's markers and in Re, by an adjoint each."""
+    return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort)

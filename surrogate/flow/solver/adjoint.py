@@ -1,4 +1,4 @@
-"""Adjoints of loads: the gradient of any functional of a solved flow, by one linear solve.
+"""Adjoints of loads: the gradient of any functional of a solved flow, by one linear solve each.
 
 With F(x, p) = 0 the equations of body flow in the state x = (u', a), p the body's markers and Re,
 and J a load, the adjoint lambda solves A^T lambda = -dJ/dx, A = dF/dx, and dJ/dp = (explicit) +
@@ -49,30 +49,30 @@ class Work(NamedTuple):
     converged: Bool[Array, ""]
 
 
-class LoadGradient(NamedTuple):
-    """Derivatives of a load in the body's markers and in Re, and the work they took."""
+class LoadGradients(NamedTuple):
+    """Derivatives of loads in the body's markers and in Re, loads first, and their whole work."""
 
     by_markers: Markers
-    by_reynolds: Float[Array, ""]
+    by_reynolds: Float[Array, " loads"]
     work: Work
 
 
-def load_gradient(
-    load: Load,
+def load_gradients(
+    loads: tuple[Load, ...],
     domain: Domain,
     operators: Operators,
     state: FlowState,
     reynolds: Float[AnyArray, ""],
     effort: Effort,
-) -> LoadGradient:
-    """Return the gradient of a load by one adjoint: reverse in the markers, forward in Re."""
+) -> LoadGradients:
+    """Return the gradients of loads by an adjoint each: reverse in the markers, forward in Re.
 
-    def value(amplitude, markers):
-        return load(domain.modes, amplitude, markers)
+    All adjoints share the linearised flow and the preconditioner. A load that is zero by symmetry
+    takes no Krylov vector.
+    """
 
-    by_amplitude, explicit = jax.grad(value, (0, 1))(state.amplitude, operators.markers)
-    adjoint, work = load_adjoint(domain, operators, state, by_amplitude, effort)
-    adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
+    def values(amplitude, markers):
+        return jnp.stack([load(domain.modes, amplitude, markers) for load in loads])
 
     def with_body(markers, reynolds):
         body = domain.spread_body(markers, reynolds)
@@ -82,25 +82,30 @@ def load_gradient(
         moved = stream_operators(domain, reynolds)
         return residual(domain, eqx.tree_at(lambda o: (o.green, o.far), operators, moved), state)
 
-    by_body, by_re = jax.vjp(with_body, operators.markers, reynolds)[1](adjoint)
+    by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
+    solve = adjoint_solver(domain, operators, state, effort)
+    pull = jax.vjp(with_body, operators.markers, reynolds)[1]
     change = jax.jvp(with_stream, (reynolds,), (jnp.ones_like(reynolds),))[1]
-    by_re = by_re + optax.tree.vdot(adjoint, change)
+
+    def one_load(by_amplitude):
+        adjoint, work = solve(by_amplitude)
+        adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
+        by_body, by_re = pull(adjoint)
+        return by_body, by_re + optax.tree.vdot(adjoint, change), work
+
+    by_body, by_re, work = jax.lax.map(one_load, by_amplitude)
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
-    return LoadGradient(by_markers, by_re, work._replace(products=work.products + 2))
+    products = jnp.sum(work.products) + len(loads) + 1
+    return LoadGradients(by_markers, by_re, Work(products, jnp.all(work.converged)))
 
 
-def load_adjoint(
-    domain: Domain,
-    operators: Operators,
-    state: FlowState,
-    by_amplitude: Float[Array, " modes"],
-    effort: Effort,
-) -> tuple[FlowState, Work]:
-    """Solve A^T lambda = -dJ/dx for a load whose derivative in the amplitudes is given.
+def adjoint_solver(
+    domain: Domain, operators: Operators, state: FlowState, effort: Effort
+) -> Callable[[Float[Array, " modes"]], tuple[FlowState, Work]]:
+    """Return a function that solves A^T lambda = -dJ/dx, given a load's dJ/da.
 
     A Newton step from x, x - A^-1 F(x), then changes the load by lambda . F(x) to first order.
     """
-    goal = FlowState(jnp.zeros_like(state.velocity), -by_amplitude)
     inverse = eliminate(domain, operators)
 
     def system(operators, state, inverse):
@@ -109,32 +114,37 @@ def load_adjoint(
         return lambda z: precondition(adjoint(z)[0])[0], lambda b: precondition(b)[0]
 
     matvec, precondition = system(*single((operators, state, inverse)))
-    first = gmres(matvec, precondition(single(goal)), *effort)
-    if effort.tolerance >= SINGLE_SUFFICES:
-        return first.x, Work(first.steps, first.converged)
     exact, renewed = system(operators, state, inverse)
-    target = renewed(goal)
-    size = optax.tree.norm(target)
 
-    def remainder(x):
-        return jax.tree.map(jnp.subtract, target, exact(x))
+    def solve(by_amplitude):
+        goal = FlowState(jnp.zeros_like(state.velocity), -by_amplitude)
+        first = gmres(matvec, precondition(single(goal)), *effort)
+        if effort.tolerance >= SINGLE_SUFFICES:
+            return first.x, Work(first.steps, first.converged)
+        target = renewed(goal)
+        size = optax.tree.norm(target)
 
-    def unfinished(carry):
-        _, left, _, renewals = carry
-        return (optax.tree.norm(left) > effort.tolerance * size) & (renewals < MAX_RENEWALS)
+        def remainder(x):
+            return jax.tree.map(jnp.subtract, target, exact(x))
 
-    def improve(carry):
-        x, left, steps, renewals = carry
-        needed = RENEWAL_MARGIN * effort.tolerance * size / optax.tree.norm(left)
-        needed = jnp.maximum(needed, SINGLE).astype(jnp.float32)
-        change = gmres(matvec, single(left), needed, effort.max_vectors)
-        x = jax.tree.map(jnp.add, x, change.x)
-        return x, remainder(x), steps + change.steps + 1, renewals + 1
+        def unfinished(carry):
+            _, left, _, renewals = carry
+            return (optax.tree.norm(left) > effort.tolerance * size) & (renewals < MAX_RENEWALS)
 
-    x = jax.tree.map(lambda leaf: leaf.astype(float), first.x)
-    start = (x, remainder(x), first.steps + 1, jnp.array(0))
-    x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
-    return x, Work(steps, optax.tree.norm(left) <= effort.tolerance * size)
+        def improve(carry):
+            x, left, steps, renewals = carry
+            needed = RENEWAL_MARGIN * effort.tolerance * size / optax.tree.norm(left)
+            needed = jnp.maximum(needed, SINGLE).astype(jnp.float32)
+            change = gmres(matvec, single(left), needed, effort.max_vectors)
+            x = jax.tree.map(jnp.add, x, change.x)
+            return x, remainder(x), steps + change.steps + 1, renewals + 1
+
+        x = jax.tree.map(lambda leaf: leaf.astype(float), first.x)
+        start = (x, remainder(x), first.steps + 1, jnp.array(0))
+        x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
+        return x, Work(steps, optax.tree.norm(left) <= effort.tolerance * size)
+
+    return solve
 
 
 def slip_weights(
@@ -150,7 +160,7 @@ def slip_weights(
         return load(domain.modes, amplitude, operators.markers)
 
     by_amplitude = jax.grad(value)(state.amplitude)
-    adjoint, work = load_adjoint(domain, operators, state, by_amplitude, effort)
+    adjoint, work = adjoint_solver(domain, operators, state, effort)(by_amplitude)
     return adjoint.amplitude.astype(float), work
 
 

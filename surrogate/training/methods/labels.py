@@ -19,7 +19,7 @@ from surrogate.devices import Sharded, compute_where
 from surrogate.flow.derivatives import QUICK_ADJOINT
 from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import Effort, load_gradient
+from surrogate.flow.solver.adjoint import Effort, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import coupled_step
@@ -135,9 +135,10 @@ class Inversion(abc.ABC):
             return none
 
         def adjoint():
-            by_markers, by_re, work = load_gradient(
-                drag, sample.domain, operators, state, sample.reynolds, QUICK_ADJOINT
+            by_markers, (by_re,), work = load_gradients(
+                (drag,), sample.domain, operators, state, sample.reynolds, QUICK_ADJOINT
             )
+            by_markers = jax.tree.map(lambda leaf: leaf[0], by_markers)
             by_shape = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1](by_markers)[0]
             slopes = jnp.append(by_shape, sample.reynolds * by_re)
             slopes = slopes / drag_coefficient(state.amplitude)
