@@ -24,10 +24,10 @@ from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
 FAMILY = """\
-x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + ... - gamma2 cos 2t - ...), from the nose,
-t = 0, over the upper side to the tail, t = pi, and back; aspect = c / (2 b), scaled to area
-pi/4, so that D = 1. The gammas bend the camber line, in 2-D. In 3-D a meridian with elliptic
-cross-sections of a flatness, volume pi/6."""
+x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... - gamma2 cos 2t - ...),
+from the nose, t = 0, over the upper side to the tail, t = pi, and back along the lower one;
+aspect = c / (2 b), scaled to area pi/4, so that D = 1. In 3-D, where gammas are 0, a meridian
+with elliptic cross-sections of a flatness, volume pi/6."""
 SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
