@@ -219,23 +219,35 @@ def test_flows_of_mirror_images_have_the_same_drag_and_opposite_lift_and_moment(
     assert FLOW.labels(np.array([BODY]), np.array([10.0])).drag[0] == pytest.approx(up.drag)
 
 
-def test_taylor_remainders_of_the_drag_in_camber_and_incidence():
+def test_taylor_remainders_of_every_load_in_camber_and_incidence():
     """Halve the step four times; the tangent line's remainder must fall at second order."""
-    direction = jnp.array([0.0, 0.0, 0.3, 8.0])
-    value, gradient = jax.value_and_grad(FLOW.drag)(BODY, 10.0)
-    slope = float(gradient @ direction)
-    assert abs(slope) > 1e-3  # or the test would prove little
-    steps = 0.4 / 2.0 ** np.arange(5)
-    remainders = [
-        abs(float(FLOW.drag(BODY + h * direction, 10.0) - value) - h * slope) for h in steps
-    ]
-    rates = np.log2(np.divide(remainders[:-1], remainders[1:]))
-    assert rates[-1] > 1.9, f"remainders {remainders}, rates {rates}"
+    direction, steps = jnp.array([0.0, 0.0, 0.3, 8.0]), 0.4 / 2.0 ** np.arange(5)
+    values, jacobian = FLOW.loads(BODY, 10.0), jax.jacobian(FLOW.loads)(BODY, 10.0)
+    slopes = np.asarray(jacobian @ direction)
+    assert np.all(np.abs(slopes) > 1e-3)  # or the test would prove little
+    loads = np.array([FLOW.loads(BODY + h * direction, 10.0) for h in steps])
+    remainders = np.abs(loads - values - steps[:, None] * slopes)
+    rates = np.log2(remainders[:-1] / remainders[1:])
+    assert np.all(rates[-1] > 1.9), f"remainders {remainders}, rates {rates}"
+
+
+def test_every_gradient_of_the_drag_has_camber_and_incidence():
+    gradient = jax.grad(FLOW.drag)(BODY, 10.0)
     quick = FLOW.slope(BODY, 10.0)
     assert np.allclose(quick.gradient, gradient, atol=2e-3 * float(jnp.abs(gradient).max()))
     solved = FLOW.solve(BODY, 10.0, gradient=True, estimate=False).gradient
     assert list(solved) == [*FAMILY.names, "reynolds"]
     assert np.allclose([solved[name] for name in FAMILY.names], gradient, rtol=1e-5, atol=1e-7)
+
+
+def test_a_level_body_is_solved_whole_where_the_gradient_in_its_incidence_is_wanted():
+    body = family_shape({"aspect": 2.0, "incidence": 0.0})
+    assert FLOW.solve(body, 10.0, estimate=False).domain.lattice.symmetric
+    found = FLOW.solve(body, 10.0, estimate=False, gradient=True)
+    assert not found.domain.lattice.symmetric
+    assert found.gradient["incidence"] == pytest.approx(0, abs=1e-6)
+    with pytest.raises(InvalidInput, match="gradient: is for bodies of the family"):
+        FLOW.solve("0012", 10.0, gradient=True)
 
 
 @pytest.mark.parametrize("named", [{"incidence": 10.0}, {"gamma2": 0.2}], ids=["turned", "arched"])

@@ -39,6 +39,14 @@ class Shape:
     def dimension(self) -> int:
         return 2
 
+    def differentiable(self) -> "FamilyShape":
+        """Return the body as one whose loads have gradients in all of its parameters.
+
+        Raises:
+          InvalidInput: it has no parameters.
+        """
+        raise InvalidInput("gradient: is for bodies of the family, given by parameters")
+
     @functools.cached_property
     def chord(self) -> float:
         """Chord in D: length from nose to tail along x at zero incidence.
@@ -67,6 +75,15 @@ class FamilyShape(Shape):
 
     parameters: Mapping[str, float]
     body_class: BodyClass
+
+    def differentiable(self) -> "FamilyShape":
+        """Return the body as one whose loads have gradients in all of its parameters.
+
+        Where camber or incidence is among them it is not taken for symmetric, even if they are 0,
+        since the gradients of lift and moment are not.
+        """
+        symmetric = self.symmetric and self.body_class.symmetric
+        return dataclasses.replace(self, symmetric=symmetric)
 
     @property
     def incidence(self) -> float:

@@ -203,6 +203,7 @@ class Flow:
         if isinstance(body, str):
             body = contour_shape(naca4(re.sub("^naca *", "", body.lower())))
         if isinstance(body, Shape):
+            body = body.differentiable() if gradient else body
             self._check_dimension(body)
             reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
             shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
@@ -212,8 +213,6 @@ class Flow:
             named = self.scene.family.named(parameters)
             shape, domain = family_shape(named, dimension=self.scene.dimension), self.domain
             fidelity = self.scene.fidelity_for_wakes
-        if gradient and shape.parameters is None:
-            raise InvalidInput("gradient: is for bodies of the family, given by parameters")
         start = time.perf_counter()
         found, work = solve_by_continuation(domain, self.settings, shape, reynolds)
         seconds = time.perf_counter() - start
