@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from shapeopt.commands.predict_drag import main as predict_drag
 from shapeopt.commands.solve_drag import main as solve_drag
 from shapeopt.render.page.page import page
-from surrogate import Family, Flow, InvalidInput, Scene, contour_shape, family_shape, load
+from surrogate import Family, Flow, InvalidInput, Scene, contour_shape, family_shape, load, train
 from surrogate.body.contour import crosses_itself
 from surrogate.body.measures import AREA, moments
 from surrogate.body.parameters import PARAMETERS, Kind
@@ -297,3 +297,12 @@ def test_the_page_is_for_symmetric_bodies():
     net = load("pretrained")
     with pytest.raises(InvalidInput, match="page: is for symmetric bodies"):
         page(dataclasses.replace(net, scene=SCENE))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["supervised", "hig"])
+def test_a_training_with_camber_and_incidence(method):
+    scene = dataclasses.replace(SCENE, reynolds=(5, 20))
+    net = train(scene, method, samples=12, preset="quick", budget_seconds=5, progress=False)
+    assert net.recorded("drag_error_mean") < 0.02
+    assert float(net.drag(BODY, 10.0)) == pytest.approx(float(FLOW.drag(BODY, 10.0)), rel=0.03)
