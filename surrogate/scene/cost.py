@@ -37,8 +37,8 @@ CONVOLUTIONS = {
     3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
 }
 # Without the mirror plane y = 0 a window has twice the rows, and a flow takes more convolutions,
-# for 15 more traction modes and 3 more parts of each of 2 far fields.
-WHOLE, MORE = 2, 15.0 + 3 * 2
+# for 35 more traction modes and 3 more parts of each of 2 far fields.
+WHOLE, MORE = 2, 35.0 + 3 * 2
 
 
 def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:

@@ -148,6 +148,26 @@ def _scattered(values, splines, rings):
     return jax.lax.scan(ring, zeros, parts)[0]
 
 
+def slip_law(
+    values: Float[AnyArray, "modes axes nodes"],
+    unit: Float[AnyArray, "nodes axes"],
+    weights: Float[AnyArray, " nodes"],
+) -> Float[Array, "modes modes"]:
+    """Return the matrix L of the slip law: modes against modes, both along the wall.
+
+    A sheet of traction t on the wall itself moves the fluid there as if the wall were R h further
+    in: the spline-weighted mean of a true flow's velocity, which does not slip, is -R h Re t.
+    Unlike retraction this leaves the fluid inside the body at rest and the wall tight.
+
+    Args:
+      values: traction of every mode at the markers, per unit surface parameter.
+      unit: outward unit normals.
+      weights: of the markers, times the compliance R h Re per unit surface parameter.
+    """
+    along = values - jnp.sum(values * unit.T, axis=1, keepdims=True) * unit.T
+    return jnp.einsum("mck,nck,k->mn", along, along, weights)
+
+
 def bspline(r: Float[AnyArray, "..."]) -> Float[Array, "..."]:
     """Return the cubic B-spline of support |r| < 2, whose integral is 1."""
     a = jnp.abs(r)

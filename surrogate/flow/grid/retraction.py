@@ -47,6 +47,11 @@ def offset_correction(offset: Float[AnyArray, "..."]) -> Float[Array, "..."]:
     return -5 / 768 * jnp.cos(2 * np.pi * offset)
 
 
+def mean_step(lattice: Lattice) -> float:
+    """Return h, the geometric mean of the cell's sides in D."""
+    return float(np.prod(lattice.step) ** (1 / len(lattice.step)))
+
+
 def retract(
     lattice: Lattice,
     points: Float[AnyArray, "nodes axes"],
@@ -66,8 +71,7 @@ def retract(
     Returns:
       The retracted markers in D, and R in cells where they are.
     """
-    step = np.array(lattice.step)
-    h = np.prod(step) ** (1 / step.size)
+    step, h = np.array(lattice.step), mean_step(lattice)
 
     def moved(cells):
         return points - share * h * (cells + cells**2 * h * second_order) * unit

@@ -1,4 +1,4 @@
-"""Wall treatment in 2-D: markers are retracted into the body, to second order in the cell size."""
+"""Wall treatment in 2-D: retraction to second order in the cell size, or a slip law on the wall."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -6,19 +6,33 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import moments
-from surrogate.flow.grid.immersed import Wall
+from surrogate.flow.grid.immersed import Wall, slip_law
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
-from surrogate.flow.grid.retraction import retract
+from surrogate.flow.grid.retraction import mean_step, retract
 
 
-def wall_2d(lattice: Lattice, modes: Modes2D, markers: Float[AnyArray, "nodes 2"]) -> Wall:
-    """Return the wall of a contour given by markers at equidistant t, clockwise from the nose."""
+def wall_2d(
+    lattice: Lattice,
+    modes: Modes2D,
+    markers: Float[AnyArray, "nodes 2"],
+    reynolds: Float[AnyArray, ""] | float,
+    slip_share: float,
+) -> Wall:
+    """Return the wall of a contour given by markers at equidistant t, clockwise from the nose.
+
+    A share of the slip law holds on the wall, and markers are retracted by the rest.
+    """
     normal = outward(markers)
     speed = jnp.linalg.norm(normal, axis=1, keepdims=True)
-    points, _ = retract(lattice, markers, normal / speed, _second_order(markers, speed))
-    nodes = len(markers)
-    return Wall(points, modes.values(nodes), modes.weights(nodes), normal, jnp.zeros((1, 1)))
+    unit, second = normal / speed, _second_order(markers, speed)
+    points, cells = retract(lattice, markers, unit, second, 1 - slip_share)
+    values, weights = modes.values(len(markers)), modes.weights(len(markers))
+    law = jnp.zeros((1, 1))
+    if slip_share > 0:
+        compliance = slip_share * reynolds * mean_step(lattice) * (cells / speed)[:, 0]
+        law = slip_law(values, unit, weights * compliance)
+    return Wall(points, values, weights, normal, law)
 
 
 def outward(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, "nodes 2"]:

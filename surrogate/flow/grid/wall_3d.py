@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.skin import QUARTERS, Skin
-from surrogate.flow.grid.immersed import Wall
+from surrogate.flow.grid.immersed import Wall, slip_law
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
 from surrogate.flow.grid.retraction import retract
@@ -32,20 +32,8 @@ def wall_3d(
     retracted, cells = retract(lattice, points, unit, SECOND_ORDER, 1 - slip_share)
     values, weights = modes.values(skin.nodes), modes.weights(skin.nodes)
     compliance = slip_share * reynolds * lattice.step[0] * (cells / speed)[:, 0]
-    slip_law = _slip_law(values, unit, weights * compliance)
-    return Wall(retracted, values, weights, normal, slip_law, skin.nodes)
-
-
-def _slip_law(values, unit, weights):
-    """Return the matrix L of the slip law: modes against modes, both along the wall.
-
-    A sheet of traction t on the wall itself moves the fluid there as if the wall were R h further
-    in: the spline-weighted mean of a true flow's velocity, which does not slip, is -R h Re t.
-    Unlike retraction this leaves the fluid inside the body at rest and the wall tight, so no
-    second-order term is left of the Stokes flow past a sphere.
-    """
-    along = values - jnp.sum(values * unit.T, axis=1, keepdims=True) * unit.T
-    return QUARTERS * jnp.einsum("mck,nck,k->mn", along, along, weights)
+    law = slip_law(values, unit, QUARTERS * weights * compliance)
+    return Wall(retracted, values, weights, normal, law, skin.nodes)
 
 
 def thin_layer(reynolds: ArrayLike) -> ArrayLike:
