@@ -81,12 +81,9 @@ def cases(name):
 
 def crossing(family):
     """The body of the ranges that is thinnest at its tail, where sin kt / sin t is k or -k."""
-    ratios, betas = (
-        family.ranges[: family.body_class.ratios],
-        family.ranges[family.body_class.ratios :],
-    )
-    betas = zip(family.body_class.modes, betas, strict=True)
-    return [*(ends[0] for _, ends in ratios), *(ends[mode % 2 == 0] for mode, (_, ends) in betas)]
+    modes = [parameter.mode for parameter in family.body_class.parameters]
+    ends = zip(modes, family.bounds.tolist(), strict=True)
+    return [ends[mode is not None and mode % 2 == 0] for mode, ends in ends]
 
 
 def expression(name):

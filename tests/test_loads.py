@@ -123,7 +123,9 @@ def test_loads_of_a_symmetric_body_are_its_drag_alone(tiny_scene):
     loads = flow.loads(body, 20.0)
     assert loads.tolist() == [float(flow.drag(body, 20.0)), 0.0, 0.0]
     by_body, by_reynolds = jax.jacobian(flow.loads, (0, 1))(body, 20.0)
-    assert by_body.shape == (3, 4) and by_reynolds.shape == (3,)
+    assert by_body.shape == (3, 4)
+    assert by_reynolds.shape == (3,)
     np.testing.assert_allclose(by_body[0], jax.grad(flow.drag)(body, 20.0), rtol=1e-9)
-    assert not np.any(by_body[1:]) and not np.any(by_reynolds[1:])
+    assert not np.any(by_body[1:])
+    assert not np.any(by_reynolds[1:])
     assert np.isnan(jax.jit(flow.loads)(body, 200.0)).all()  # outside the scene's range

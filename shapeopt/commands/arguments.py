@@ -2,7 +2,7 @@
 
 import argparse
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from shapeopt.commands.cli import Parser
@@ -14,7 +14,7 @@ from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
-from surrogate.body.parameters import PARAMETERS
+from surrogate.body.parameters import INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -24,9 +24,11 @@ from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
 FAMILY = """\
-x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ...), from the nose, t = 0,
-to the tail, t = pi, and its mirror image; aspect = c / (2 b), scaled to area pi/4, so that
-D = 1. In 3-D a meridian with elliptic cross-sections of a flatness, volume pi/6."""
+x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... - gamma2 cos 2t - ...),
+from the nose, t = 0, over the upper side to the tail, t = pi, and back along the lower one;
+aspect = c / (2 b), scaled to area pi/4, so that D = 1. In 3-D, where gammas are 0, a meridian
+with elliptic cross-sections of a flatness, volume pi/6."""
+SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
@@ -36,24 +38,27 @@ def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2
     return [check_reynolds(value, allow_unsteady, dimension) for value in numbers(text)]
 
 
-def add_family_arguments(parser: Parser) -> None:
-    """Add --aspect, --flatness and --beta2 to --beta12, the parameters of a family body."""
+def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> None:
+    """Add an option for every named parameter of a family body, --aspect to --incidence."""
     group = parser.add_argument_group("body of the family", FAMILY)
-    for name, low, high, neutral, meaning, *_ in PARAMETERS.values():
-        usual = f" ({neutral:g})" if name != "aspect" else ""
-        group.add_argument(f"--{name}", type=float, help=f"{meaning}, {low:g} to {high:g}{usual}")
+    for p in map(PARAMETERS.__getitem__, names):
+        usual = f" ({p.neutral:g})" if p.name != "aspect" else ""
+        words = f"{p.meaning}, {p.low:g} to {p.high:g}{usual}"
+        group.add_argument(f"--{p.name}", type=float, help=words)
 
 
-def family_named(arguments: argparse.Namespace) -> dict[str, float]:
+def family_named(
+    arguments: argparse.Namespace, names: Iterable[str] = PARAMETERS
+) -> dict[str, float]:
     """The family's parameters by name: those of the default family, and all others given."""
-    given = {name: getattr(arguments, name) for name in PARAMETERS}
+    given = {name: getattr(arguments, name) for name in names}
     usual = Body2D.default_ranges
     return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 
 def add_body_arguments(parser: Parser) -> None:
     """Add the options of a body: of a family, a contour or a NACA section, at incidence."""
-    add_family_arguments(parser)
+    add_family_arguments(parser, SECTION)
     add = parser.add_argument
     add("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
     add("--naca", help="NACA 4-digit section, as 0012")
@@ -113,11 +118,12 @@ def _shape(arguments: argparse.Namespace, incidence: float, dimension: int) -> S
     if arguments.aspect is not None:
         if arguments.keep_size:
             raise InvalidInput("--keep-size: goes with --contour or --naca")
-        return family_shape(family_named(arguments), incidence, dimension)
+        return family_shape(family_named(arguments, SECTION), incidence, dimension)
     if dimension == 3:
         raise InvalidInput("--dimension 3: goes with --aspect; a contour is 2-D")
-    if any(getattr(arguments, name) for name in PARAMETERS if name != "aspect"):
-        raise InvalidInput("body: --flatness and --beta2 to --beta12 go with --aspect")
+    if any(getattr(arguments, name) for name in SECTION if name != "aspect"):
+        modes = "--gamma2 to --gamma6 and --beta2 to --beta12"
+        raise InvalidInput(f"body: --flatness, {modes} go with --aspect")
     if arguments.contour is None:
         return contour_shape(naca4(arguments.naca), incidence, arguments.keep_size)
     points = read_contour(arguments.contour)

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shapeopt.commands.arguments import (
+    SECTION,
     add_body_arguments,
     family_named,
     refusals_by_options,
@@ -91,8 +92,8 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         for value in reynolds
     ]
     if arguments.gradient:
-        if any(s.parameters is None or not s.symmetric for s in shapes.values()):
-            raise InvalidInput("--gradient: needs a family body (--aspect) at zero incidence")
+        if any(shape.parameters is None for shape in shapes.values()):
+            raise InvalidInput("--gradient: needs a family body (--aspect)")
         if arguments.reference == CHORD:
             raise InvalidInput("--reference chord: goes without --gradient, which is by D")
     if arguments.table:
@@ -199,7 +200,7 @@ def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
     """What a plot shows: the body, its chord, and the reference of the coefficients."""
     name = f"NACA {arguments.naca}" if arguments.naca else Path(arguments.contour or "").stem
     if arguments.aspect is not None:
-        given = {n: v for n, v in family_named(arguments).items() if v}
+        given = {n: v for n, v in family_named(arguments, SECTION).items() if v}
         name = ", ".join(f"{n} {v:g}" for n, v in given.items())
     return f"{name}: chord {row['chord']:.3f} D, coefficients by the {row['reference']}"
 

@@ -26,7 +26,7 @@ LOOKS = {"cylinder": {"color": START, "ls": (0, (5, 2))}, "optimum": {"color": O
 def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | Path) -> Path:
     """Plot Cp and Cf against x / c of cylinder and optimum, one row for each run.
 
-    Only the upper side is drawn, as bodies are symmetric. Returns the path of the PNG.
+    Of symmetric bodies only the upper side is drawn. Returns the path of the PNG.
     """
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(
@@ -34,9 +34,10 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
         )
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
             for surface, (name, look) in zip(surfaces, LOOKS.items(), strict=True):
-                upper = slice(0, len(surface.cp) // 2 + 1)
+                symmetric = run_scene(record).family.body_class.symmetric
+                side = slice(0, len(surface.cp) // 2 + 1) if symmetric else slice(None)
                 for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):
-                    axis.plot(surface.station[upper], loads[upper], lw=2.2, label=name, **look)
+                    axis.plot(surface.station[side], loads[side], lw=2.2, label=name, **look)
             for axis, label, title in (
                 (pressure, "$C_p$", "pressure"),
                 (friction, "$C_f$", "friction"),

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import NODES, BodyClass, Range
-from surrogate.body.incidence import rotate
+from surrogate.body.extent import cambered_extent
 from surrogate.body.measures import moments
 from surrogate.body.parameters import PARAMETERS
 
@@ -43,26 +43,24 @@ class Body2D(BodyClass):
         t, y = self._profile(parameters, nodes)
         half_length, half_height = self.half_axes(parameters)
         markers = jnp.stack([-half_length * np.cos(t), half_height * y], axis=1)
-        return markers - jnp.array([moments(markers)[1][0], 0.0])
+        _, (x, y) = moments(markers)
+        return markers - jnp.array([x, y if self.camber_modes else 0.0])
 
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[Array, "nodes 2"]:
-        return self.outline(parameters, nodes)
-
-    def rotated(
-        self, markers: Float[AnyArray, "nodes 2"], degrees: float
-    ) -> Float[AnyArray, "nodes 2"]:
-        return rotate(markers, degrees)
+        return self.contour(parameters, nodes)
 
     def extent(
-        self, parameters: Float[AnyArray, " parameters"], outline: Float[AnyArray, "nodes 2"]
+        self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, "2"]:
-        return 2 * np.abs(outline).max(axis=0)
+        return 2 * np.abs(contour).max(axis=0)
 
     def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, float]:
-        """The centroid moves with beta2 alone, so that its ends give the greatest length."""
+        """Of symmetric bodies the ends of beta2, which moves the centroid, give the length."""
         ends = dict(zip(self.names, bounds, strict=True))
+        if not self.symmetric:
+            return cambered_extent(ends)
         simple, (shortest, longest) = Body2D(("aspect", "beta2")), ends["aspect"]
         outlines = [
             simple.outline(jnp.array([longest, beta]), NODES)

@@ -9,7 +9,7 @@ is w / h (1: a body of revolution), aspect c / (2 sqrt(w h)).
 import dataclasses
 import itertools
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -22,9 +22,8 @@ from scipy.special import chebyu, eval_chebyu
 from surrogate.arrays import AnyArray
 from surrogate.body.body_2d import Body2D
 from surrogate.body.body_class import BodyClass, Range
-from surrogate.body.parameters import PARAMETERS
+from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.skin import Skin, skin_grid
-from surrogate.errors import InvalidInput
 
 GAUSS = legendre.leggauss(32)  # exact for the squares of twelve modes
 
@@ -34,7 +33,7 @@ class Body3D(BodyClass):
     """A 3-D body with two mirror planes along the stream."""
 
     dimension = 3
-    available = tuple(PARAMETERS)
+    available = tuple(name for name, p in PARAMETERS.items() if p.keeps_mirror_plane)
     default_ranges: ClassVar[Mapping[str, Range]] = {
         **Body2D.default_ranges,
         "aspect": (0.7, 4.0),
@@ -90,19 +89,10 @@ class Body3D(BodyClass):
         areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
         return points, areas
 
-    def check_incidence(self, degrees: Any) -> float:
-        if super().check_incidence(degrees):
-            raise InvalidInput("incidence: 3-D bodies have none; their mirror planes lie along x")
-        return 0.0
-
-    def rotated(self, markers: Skin, degrees: float) -> Skin:
-        """The markers as they are: a 3-D body has no incidence."""
-        return markers
-
     def extent(
-        self, parameters: Float[AnyArray, " parameters"], outline: Float[AnyArray, "nodes 2"]
+        self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, "3"]:
-        length, height = 2 * np.abs(outline).max(axis=0)
+        length, height = 2 * np.abs(contour).max(axis=0)
         _, half_width, half_height = self.half_axes(jnp.asarray(parameters))
         return np.array([length, height * float(half_width / half_height), height])
 
@@ -111,13 +101,14 @@ class Body3D(BodyClass):
     ) -> tuple[float, float, float]:
         """By the least volume over that of the ellipsoid, and the centroids of extreme modes."""
         ends = dict(zip(self.names, bounds, strict=True))
-        (low, high), mu, weight = bounds[self.ratios :].T, *GAUSS
+        (low, high), mu, weight = bounds[self.indices(Kind.SINE)].T, *GAUSS
         root = np.sqrt(weight * (1 - mu**2))
         waves = np.array([root * eval_chebyu(k - 1, mu) for k in self.modes])
         slimmest = np.zeros(0)
         if self.modes:
             slimmest = lsq_linear(waves.T, -root, (low, high), tol=1e-12).x
-        full = Body3D(("aspect", "flatness", *self.names[self.ratios :]))
+        modes = (self.names[index] for index in self.indices(Kind.SINE))
+        full = Body3D(("aspect", "flatness", *modes))
 
         def centroid(betas):
             return full._centroid(jnp.concatenate([jnp.ones(2), betas]))

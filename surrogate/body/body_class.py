@@ -2,28 +2,31 @@
 
 Bodies of one class have the same named parameters. In 2-D and 3-D alike their side view is
 
-    x = -(c/2) cos t,   y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... + beta12 sin 12t),
+    x = -(c/2) cos t,   y = b (sin t + beta2 sin 2t + ... + beta12 sin 12t
+                                     - gamma2 cos 2t - ... - gamma6 cos 6t),
 
 t = 0 at the nose and pi at the tail. The half axes c/2 and b follow from the ratios (aspect, ...)
 such that the area (2-D) or the volume (3-D) is that of the cylinder or sphere of diameter D = 1.
+The camber line -b sum gamma_k cos kt is a polynomial in x, so that thickness and area are those
+without it. Camber and incidence are for 2-D bodies.
 """
 
 import abc
 import dataclasses
 import functools
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray
-from surrogate.body.incidence import check_incidence
+from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
-from surrogate.body.parameters import PARAMETERS, Parameter
+from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
 from surrogate.body.skin import Skin
 from surrogate.errors import InvalidInput
 
@@ -35,7 +38,7 @@ Range = tuple[float, float]
 
 @dataclasses.dataclass(frozen=True)
 class BodyClass(abc.ABC):
-    """Bodies with parameters of these names, as arrays in this order: ratios, then sine modes.
+    """Bodies with parameters of these names, as arrays in this order.
 
     Instances are hashable, so that they can be static arguments of ``jax.jit``. All lengths are in
     D. Everything that takes one body's parameters can be traced.
@@ -53,79 +56,99 @@ class BodyClass(abc.ABC):
     def half_axes(
         self, parameters: Float[AnyArray, " parameters"]
     ) -> tuple[Float[AnyArray, ""], ...]:
-        """Half the length, (in 3-D the width,) and height of the ellipse before the sine modes."""
+        """Half the length, (in 3-D the width,) and height of the ellipse before the modes."""
 
     @abc.abstractmethod
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
-        """Contour in the side view, clockwise from the nose, the body's centroid at the origin."""
+        """Contour in the side view at zero incidence, as it is drawn and measured.
+
+        Clockwise from the nose, the body's centroid at the origin.
+        """
 
     @abc.abstractmethod
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
     ) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
-
-    @abc.abstractmethod
-    def rotated(
-        self, markers: Float[AnyArray, "nodes 2"] | Skin, degrees: float
-    ) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Markers at incidence, nose up."""
+        """Surface as the body lies in the stream: the contour in 2-D, the skin in 3-D."""
 
     @abc.abstractmethod
     def extent(
-        self, parameters: Float[AnyArray, " parameters"], outline: Float[AnyArray, "nodes 2"]
+        self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, " axes"]:
-        """Sides of the box around a body with this outline, centred at the origin."""
+        """Sides of the box around a body with this ``contour``, centred at the origin."""
 
     @abc.abstractmethod
     def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, ...]:
         """Sides of a box, centred at the origin, around every body within the bounds."""
 
-    def check_incidence(self, degrees: Any) -> float:
-        """Return the incidence as a float, or raise InvalidInput if such bodies cannot have it."""
-        return check_incidence(degrees)
+    def contour(
+        self, parameters: Float[AnyArray, " parameters"], nodes: int
+    ) -> Float[AnyArray, "nodes 2"]:
+        """Outline in the side view as the body lies in the stream: at its incidence."""
+        outline = self.outline(parameters, nodes)
+        if "incidence" not in self.names:
+            return outline
+        return rotate(outline, jnp.asarray(parameters)[self.names.index("incidence")])
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Meaning and limits of the parameters."""
         return tuple(PARAMETERS[name] for name in self.names)
 
-    @property
-    def ratios(self) -> int:
-        """How many parameters are ratios of lengths; they stand before the sine modes."""
-        return sum(parameter.mode is None for parameter in self.parameters)
+    def indices(self, kind: Kind) -> Int[np.ndarray, " of_kind"]:
+        """Where the parameters of a kind stand in an array of all."""
+        found = [index for index, p in enumerate(self.parameters) if p.kind is kind]
+        return np.array(found, int)
 
     @property
     def modes(self) -> tuple[int, ...]:
         """Wave numbers k of the sine modes."""
-        return tuple(p.mode for p in self.parameters if p.mode is not None)
+        return self._modes_of(Kind.SINE)
+
+    @property
+    def camber_modes(self) -> tuple[int, ...]:
+        """Wave numbers k of the camber's cosine modes."""
+        return self._modes_of(Kind.CAMBER)
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether all bodies of the class are symmetric about y = 0: no camber, no incidence."""
+        return keep_mirror_plane(self.names)
+
+    def is_symmetric(self, parameters: Float[AnyArray, " parameters"]) -> bool:
+        """Return whether one body is symmetric about y = 0, whatever others of its class are."""
+        given = zip(self.parameters, np.asarray(parameters).tolist(), strict=True)
+        return all(p.keeps_mirror_plane or value == 0 for p, value in given)
 
     def aspect(self, parameters: Float[AnyArray, "*bodies parameters"]) -> Float[Array, "*bodies"]:
-        """Length over thickness of the ellipse before the sine modes."""
+        """Length over thickness of the ellipse before the modes."""
         return jnp.asarray(parameters)[..., self.names.index("aspect")]
 
     def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " betas"]:
         """Coefficients of the sine modes."""
-        return jnp.asarray(parameters)[self.ratios :]
+        return jnp.asarray(parameters)[self.indices(Kind.SINE)]
+
+    def gammas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " gammas"]:
+        """Coefficients of the camber's cosine modes."""
+        return jnp.asarray(parameters)[self.indices(Kind.CAMBER)]
 
     def smooth(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " parameters"]:
         """Coordinates in which the drag varies smoothly: logarithms of the ratios."""
-        values = jnp.asarray(parameters)
-        ratios = values[: self.ratios]
-        return values.at[: self.ratios].set(jnp.log(ratios))
+        values, ratios = jnp.asarray(parameters), self.indices(Kind.RATIO)
+        return values.at[ratios].set(jnp.log(values[ratios]))
 
     def ellipse(self, aspect: float) -> Float[np.ndarray, " parameters"]:
         """Parameters of a plain ellipse, in 3-D of revolution."""
         return np.array([aspect if p.name == "aspect" else p.neutral for p in self.parameters])
 
     def length(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-        """Length along the stream."""
+        """Chord: length along the stream at zero incidence."""
         return 2 * self.half_axes(parameters)[0]
 
     def thickness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-        """Greatest thickness across the stream, in 3-D the height."""
+        """Greatest thickness across the chord, in 3-D the height."""
         return 2 * -least(-self._height(parameters, ANGLES))
 
     def thicknesses(
@@ -141,13 +164,24 @@ class BodyClass(abc.ABC):
         return 2 * self._height(parameters, jnp.arccos(1 - 2 * station))
 
     def radii(self, parameters: Float[AnyArray, " parameters"]) -> Radii:
-        """Radii of curvature |r'|^3 / |x' y'' - y' x''| of the outline, convex or concave."""
+        """Radii of curvature |r'|^3 / |x' y'' - y' x''| of the outline, convex or concave.
+
+        That between the ends is the least one of both sides.
+        """
         half = self.length(parameters) / 2
-        x1, x2 = half * np.sin(ANGLES), half * np.cos(ANGLES)
-        y1, y2 = (self._height(parameters, ANGLES, derivative) for derivative in (1, 2))
-        speed = jnp.sqrt(x1**2 + y1**2 + 1e-12)
-        curvature = jnp.abs(x1 * y2 - y1 * x2) / speed**3
-        return Radii(y1[0] ** 2 / half, y1[-1] ** 2 / half, -1 / least(-curvature[1:-1]))
+
+        def curvature(t):
+            x1, x2 = half * np.sin(t), half * np.cos(t)
+            y1, y2 = (
+                self._height(parameters, t, order) + self._camber(parameters, t, order)
+                for order in (1, 2)
+            )
+            return jnp.abs(x1 * y2 - y1 * x2) / jnp.sqrt(x1**2 + y1**2 + 1e-12) ** 3
+
+        sides = [ANGLES[1:-1]] if self.symmetric else [ANGLES[1:-1], -ANGLES[1:-1]]
+        sharpest = -least(-jnp.concatenate([curvature(t) for t in sides]))
+        nose, tail = self._height(parameters, ANGLES[[0, -1]], 1) ** 2 / half
+        return Radii(nose, tail, 1 / sharpest)
 
     def min_thickness_ratio(
         self, parameters: Float[AnyArray, " parameters"]
@@ -169,9 +203,9 @@ class BodyClass(abc.ABC):
 
     def is_valid(self, parameters: Float[AnyArray, " parameters"]) -> Bool[Array, ""]:
         """Whether ``check`` accepts a body; its parameters may be traced."""
-        low, high = np.array([(p.low, p.high) for p in self.parameters[: self.ratios]]).T
-        ratios = parameters[: self.ratios]
-        sound = jnp.isfinite(parameters).all() & ((ratios >= low) & (ratios <= high)).all()
+        limits = [(p.low, p.high) if p.bounded else (-np.inf, np.inf) for p in self.parameters]
+        low, high = np.array(limits).T
+        sound = jnp.isfinite(parameters).all() & ((parameters >= low) & (parameters <= high)).all()
         return sound & (self.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO)
 
     def check(self, parameters: Float[AnyArray, " parameters"]) -> None:
@@ -179,34 +213,46 @@ class BodyClass(abc.ABC):
         if not np.all(np.isfinite(parameters)):
             raise InvalidInput("body: every shape parameter must be a finite number")
         given = list(zip(self.parameters, np.asarray(parameters).tolist(), strict=True))
-        for (name, low, high, _, meaning, *_), value in given[: self.ratios]:
-            if not low <= value <= high:
+        for p, value in given:
+            if p.bounded and not p.low <= value <= p.high:
                 raise InvalidInput(
-                    f"{name} {value:g}: must lie between {low:g} and {high:g} ({meaning})"
+                    f"{p.name} {value:g}: must lie between {p.low:g} and {p.high:g} ({p.meaning})"
                 )
         if float(self.min_thickness_ratio(parameters)) < MIN_THICKNESS_RATIO:
-            modes = (f"{p.name} {value:g}" for p, value in given[self.ratios :] if value)
+            modes = (f"{p.name} {value:g}" for p, value in given if value and not p.bounded)
             raise InvalidInput(
                 f"body: {', '.join(modes)} make the contour cross or close on itself; "
                 "smaller betas would not"
             )
 
+    def _modes_of(self, kind):
+        return tuple(p.mode for p in self.parameters if p.kind is kind and p.mode is not None)
+
     def _profile(self, parameters, nodes):
         """t and y / b at the nodes of a contour."""
         t = contour_angles(nodes)
         waves = zip(self.modes, self.betas(parameters), strict=True)
-        return t, np.sin(t) + sum(beta * np.sin(k * t) for k, beta in waves)
+        camber = zip(self.camber_modes, self.gammas(parameters), strict=True)
+        y = np.sin(t) + sum(beta * np.sin(k * t) for k, beta in waves)
+        return t, y - sum(gamma * np.cos(k * t) for k, gamma in camber)
 
     def _height(self, parameters, t, derivative=0):
-        """y(t), or a derivative of it."""
+        """y(t) without camber, half the thickness; or a derivative of it."""
         turn = derivative * np.pi / 2
         waves = zip((1, *self.modes), (1.0, *self.betas(parameters)), strict=True)
         half_height = self.half_axes(parameters)[-1]
         return half_height * sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves)
 
+    def _camber(self, parameters, t, derivative=0):
+        """Camber line over t up to a constant, or a derivative of it."""
+        turn = derivative * np.pi / 2
+        waves = zip(self.camber_modes, self.gammas(parameters), strict=True)
+        slopes = (gamma * k**derivative * jnp.cos(k * t + turn) for k, gamma in waves)
+        return -self.half_axes(parameters)[-1] * sum(slopes)
+
     def _highest(self, bounds):
-        """Greatest |y| / b of the bodies within the bounds."""
-        low, high = bounds[self.ratios :].T
+        """Greatest |y| / b of the symmetric bodies within the bounds."""
+        low, high = bounds[self.indices(Kind.SINE)].T
         t = contour_angles(NODES)
         waves = np.sin(np.outer(self.modes, t))
         upper = np.sin(t) + low @ np.minimum(waves, 0) + high @ np.maximum(waves, 0)

@@ -32,11 +32,12 @@ SLACK = 1e-9  # of the ranges, for rounding
 
 @dataclasses.dataclass(frozen=True, init=False)
 class Family:
-    """Ranges (low, high) of the parameters by name; sine modes that are not named are zero.
+    """Ranges (low, high) of the parameters by name; those that are not named are neutral.
 
     ``Family()`` has aspect and beta2 to beta4; ``Family(aspect=(1, 3), beta2=(-0.2, 0.2))`` two
-    parameters; ``Family(dimension=3)`` has a flatness as well, and 3-D bodies without one are
-    bodies of revolution. Arrays of parameters are in the order of ``names``.
+    parameters; ``Family(aspect=(1.5, 6), gamma2=(-0.3, 0.3), incidence=(-4, 12))`` has camber and
+    incidence, in degrees. ``Family(dimension=3)`` has a flatness as well, and 3-D bodies without
+    one are bodies of revolution. Arrays of parameters are in the order of ``names``.
     """
 
     ranges: tuple[tuple[str, Range], ...]
@@ -83,7 +84,7 @@ class Family:
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
     ) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Surface of a member as the flow solver takes it, its centroid at the origin.
+        """Surface of a member as it lies in the stream, its centroid at the origin.
 
         In 2-D the contour, clockwise from the nose; in 3-D the skin at (rings, azimuths).
         """
@@ -92,7 +93,7 @@ class Family:
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
-        """Contour of a member as it is drawn: in 3-D its side view."""
+        """Contour of a member as it is drawn, at zero incidence: in 3-D its side view."""
         return self.body_class.outline(parameters, nodes)
 
     def ellipse(self, aspect: float) -> Float[np.ndarray, " parameters"]:
@@ -237,7 +238,7 @@ class Family:
 def _range(name, given):
     """Ends of a parameter's range, within its limits."""
     low, high = interval(f"range of {name}", given)
-    least, most = PARAMETERS[name].low, PARAMETERS[name].high
+    least, most = PARAMETERS[name].widest_range
     if low == high:
         raise InvalidInput(f"range of {name}: {low:g} alone is none; leave a width")
     if not least <= low <= high <= most:

@@ -2,19 +2,19 @@
 
 from typing import Any
 
-import numpy as np
+import jax.numpy as jnp
 from jaxtyping import Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Number
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
 
-def rotate(markers: Float[AnyArray, "nodes 2"], degrees: float) -> Float[AnyArray, "nodes 2"]:
-    """Rotate markers about the origin by ``degrees``, nose up."""
-    angle = np.deg2rad(degrees)
-    c, s = np.cos(angle), np.sin(angle)
-    return markers @ np.array([[c, -s], [s, c]])
+def rotate(markers: Float[AnyArray, "nodes 2"], degrees: Number) -> Float[AnyArray, "nodes 2"]:
+    """Rotate markers about the origin by ``degrees``, nose up; JAX may trace both."""
+    angle = jnp.deg2rad(degrees)
+    c, s = jnp.cos(angle), jnp.sin(angle)
+    return markers @ jnp.array([[c, -s], [s, c]])
 
 
 def check_incidence(degrees: Any) -> float:

@@ -3,14 +3,27 @@
 A new parameter is one more row of ``PARAMETERS`` and its use in the body classes that have it.
 """
 
+import enum
+from collections.abc import Iterable
 from typing import NamedTuple
+
+HALF_TURN, QUARTER_TURN = 180.0, 90.0
+
+
+class Kind(enum.Enum):
+    """What a parameter is to a body: how it enters the contour, and the drag's smoothness in it."""
+
+    RATIO = "ratio of lengths"  # drag is smooth in its logarithm
+    SINE = "sine mode sin kt"  # of the thickness, the same on both sides
+    CAMBER = "cosine mode cos kt"  # of the camber line, a polynomial in x
+    INCIDENCE = "angle of incidence"  # in degrees, nose up
 
 
 class Parameter(NamedTuple):
     """One shape parameter.
 
-    ``neutral`` is its value in bodies that do not name it. ``mode`` is the k of the sine mode
-    sin kt that it weighs, None for a ratio of lengths: drag is smooth in the logarithms of ratios.
+    ``neutral`` is its value in bodies that do not name it. ``mode`` is the k of the sine or cosine
+    mode that it weighs, None for others.
     """
 
     name: str
@@ -19,20 +32,60 @@ class Parameter(NamedTuple):
     neutral: float
     meaning: str
     label: str
+    kind: Kind
     mode: int | None = None
+
+    @property
+    def widest_range(self) -> tuple[float, float]:
+        """Limits of a family's range: those of the parameter, of incidence the nose ahead."""
+        if self.kind is Kind.INCIDENCE:
+            return -QUARTER_TURN, QUARTER_TURN
+        return self.low, self.high
+
+    @property
+    def bounded(self) -> bool:
+        """Whether its limits hold for every body; those of sine modes follow from the thickness."""
+        return self.kind is not Kind.SINE
+
+    @property
+    def keeps_mirror_plane(self) -> bool:
+        """Whether bodies stay symmetric about y = 0 whatever its value."""
+        return self.kind not in (Kind.CAMBER, Kind.INCIDENCE)
 
 
 def _sine_mode(k, effect):
     beta = f"\N{GREEK SMALL LETTER BETA}{k}"
-    return Parameter(f"beta{k}", -1.0, 1.0, 0.0, effect.lower(), f"{effect}, {beta}", k)
+    return Parameter(f"beta{k}", -1.0, 1.0, 0.0, effect.lower(), f"{effect}, {beta}", Kind.SINE, k)
+
+
+def _camber_mode(k, effect):
+    label = f"{effect}, \N{GREEK SMALL LETTER GAMMA}{k}"
+    return Parameter(f"gamma{k}", -2.0, 2.0, 0.0, effect.lower(), label, Kind.CAMBER, k)
 
 
 EFFECTS = {2: "Fuller fore or aft", 3: "Blunt or pointed ends", 4: "Finer fore and aft"}
-PARAMETERS = {  # limits of the ratios: what the flow solver is tested for
+CAMBERS = {2: "Camber, highest in the middle", 3: "Camber fore or aft, or reflexed"}
+RATIOS = (  # limits: what the flow solver is tested for
+    Parameter(
+        "aspect", 0.1, 20.0, 1.0, "length / thickness", "Aspect, length to thickness", Kind.RATIO
+    ),
+    Parameter("flatness", 0.2, 5.0, 1.0, "width / height", "Flatness, width to height", Kind.RATIO),
+)
+INCIDENCE = Parameter(
+    *("incidence", -HALF_TURN, HALF_TURN, 0.0, "degrees, nose up"),
+    *("Incidence, degrees nose up", Kind.INCIDENCE),
+)
+PARAMETERS = {
     parameter.name: parameter
     for parameter in (
-        Parameter("aspect", 0.1, 20.0, 1.0, "length / thickness", "Aspect, length to thickness"),
-        Parameter("flatness", 0.2, 5.0, 1.0, "width / height", "Flatness, width to height"),
+        *RATIOS,
         *(_sine_mode(k, EFFECTS.get(k, "Waves of the contour")) for k in range(2, 13)),
+        *(_camber_mode(k, CAMBERS.get(k, "Waves of the camber line")) for k in range(2, 7)),
+        INCIDENCE,
     )
 }
+
+
+def keep_mirror_plane(names: Iterable[str]) -> bool:
+    """Return whether bodies with parameters of these names are all symmetric about y = 0."""
+    return all(PARAMETERS[name].keeps_mirror_plane for name in names)

@@ -35,6 +35,8 @@ def body_class(names: Iterable[str], dimension: int = 2, owner: str = "body") ->
     """
     kind, names = BODY_CLASSES[check_dimension(dimension)], list(names)
     for name in names:
+        if name in PARAMETERS and not PARAMETERS[name].keeps_mirror_plane and dimension == 3:
+            raise InvalidInput(f"{name}: 3-D bodies have none; their mirror planes lie along x")
         if name not in kind.available:
             known = ", ".join(kind.available)
             raise InvalidInput(

@@ -39,6 +39,14 @@ class Shape:
     def dimension(self) -> int:
         return 2
 
+    def differentiable(self) -> "FamilyShape":
+        """Return the body as one whose loads have gradients in all of its parameters.
+
+        Raises:
+          InvalidInput: it has no parameters.
+        """
+        raise InvalidInput("gradient: is for bodies of the family, given by parameters")
+
     @functools.cached_property
     def chord(self) -> float:
         """Chord in D: length from nose to tail along x at zero incidence.
@@ -67,12 +75,25 @@ class Shape:
 class FamilyShape(Shape):
     """A body of a family, in 2-D or 3-D; ``draw`` gives its contour in the side view.
 
-    The drag's gradient in the parameters can be had if the body is symmetric.
+    ``symmetric`` says whether its camber and incidence are all zero.
     """
 
     parameters: Mapping[str, float]
     body_class: BodyClass
-    incidence: float = 0.0
+
+    def differentiable(self) -> "FamilyShape":
+        """Return the body as one whose loads have gradients in all of its parameters.
+
+        Where camber or incidence is among them it is not taken for symmetric, even if they are 0,
+        since the gradients of lift and moment are not.
+        """
+        symmetric = self.symmetric and self.body_class.symmetric
+        return dataclasses.replace(self, symmetric=symmetric)
+
+    @property
+    def incidence(self) -> float:
+        """Incidence in degrees, nose up."""
+        return self.parameters.get("incidence", 0.0)
 
     @property
     def values(self) -> Float[np.ndarray, " parameters"]:
@@ -85,9 +106,7 @@ class FamilyShape(Shape):
 
     def markers(self, nodes: int | tuple[int, int]) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
-        return self.body_class.rotated(
-            body_markers(self.body_class, self.values, nodes), self.incidence
-        )
+        return body_markers(self.body_class, self.values, nodes)
 
     @functools.cached_property
     def chord(self) -> float:
@@ -99,31 +118,34 @@ class FamilyShape(Shape):
 
 
 def family_shape(
-    parameters: Mapping[str, float], incidence: float = 0.0, dimension: int = 2
+    parameters: Mapping[str, float], incidence: float | None = None, dimension: int = 2
 ) -> FamilyShape:
     """Return the body with these parameters by name, ``aspect`` among them.
 
     Args:
-      parameters: those that are not named are neutral: sine modes 0, flatness 1.
-      incidence: in degrees, nose up; in 3-D 0.
+      parameters: those that are not named are neutral: modes and incidence 0, flatness 1.
+      incidence: in degrees, nose up, if it is not among the parameters; in 3-D 0.
       dimension: 2 or 3.
 
     Raises:
       InvalidInput: the parameters describe no body, or it cannot have this incidence.
     """
     expect("body", parameters, Mapping, "table of parameters, as {'aspect': 2}")
+    if incidence is not None and "incidence" in parameters:
+        raise InvalidInput("incidence: is given among the parameters and apart; once is enough")
+    if turn := check_incidence(0.0 if incidence is None else incidence):
+        parameters = {**parameters, "incidence": turn}
     kind = body_class(parameters, dimension)
     if "aspect" not in parameters:
         raise InvalidInput(f"body: has no aspect; {', '.join(kind.available)}")
     named = {name: finite_number(name, parameters[name]) for name in kind.names}
     values = np.array(list(named.values()))
     kind.check(values)
-    turn = kind.check_incidence(incidence)
 
     def draw(nodes):
-        return np.asarray(rotate(_outline(kind, values, nodes), turn))
+        return np.asarray(_contour(kind, values, nodes))
 
-    return FamilyShape(draw, turn == 0, parameters=named, body_class=kind, incidence=turn)
+    return FamilyShape(draw, kind.is_symmetric(values), parameters=named, body_class=kind)
 
 
 def contour_shape(
@@ -144,8 +166,8 @@ def contour_shape(
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))
-def _outline(kind, values, nodes):
-    return kind.outline(values, nodes)
+def _contour(kind, values, nodes):
+    return kind.contour(values, nodes)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))
@@ -154,5 +176,5 @@ def body_markers(
     parameters: Float[AnyArray, " parameters"],
     nodes: int | tuple[int, int],
 ) -> Float[AnyArray, "nodes 2"] | Skin:
-    """Return the surface markers of a family body at zero incidence, compiled once a class."""
+    """Return the surface markers of a family body as it lies, compiled once a class."""
     return body_class.markers(parameters, nodes)

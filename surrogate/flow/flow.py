@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Body, Number
-from surrogate.body.body_class import MIN_THICKNESS_RATIO
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.checks import expect, one_body, traced
@@ -192,7 +191,7 @@ class Flow:
             solved on a grid that fits it, in the scene's stream at the scene's fidelity; the name
             of a NACA section, as "naca 0012", is one at zero incidence.
           reynolds: U D / nu.
-          gradient: compute dCd/d(parameters, Re) as well (symmetric family bodies).
+          gradient: compute dCd/d(parameters, Re) as well (family bodies).
           estimate: estimate the error, at two thirds of the flow's cost.
           allow_unsteady: answer beyond the onset of vortex shedding too.
 
@@ -204,6 +203,7 @@ class Flow:
         if isinstance(body, str):
             body = contour_shape(naca4(re.sub("^naca *", "", body.lower())))
         if isinstance(body, Shape):
+            body = body.differentiable() if gradient else body
             self._check_dimension(body)
             reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
             shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
@@ -213,8 +213,6 @@ class Flow:
             named = self.scene.family.named(parameters)
             shape, domain = family_shape(named, dimension=self.scene.dimension), self.domain
             fidelity = self.scene.fidelity_for_bodies
-        if gradient and (shape.parameters is None or not shape.symmetric):
-            raise InvalidInput("gradient: is for bodies of the family at zero incidence")
         start = time.perf_counter()
         found, work = solve_by_continuation(domain, self.settings, shape, reynolds)
         seconds = time.perf_counter() - start
@@ -295,9 +293,9 @@ class Flow:
         found = self.bodies.coverage(parameters)
         onset = jnp.inf if allow_unsteady else onset_of_shedding(found.half_extent)
         lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
-        closed = self.scene.family.body_class.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO
+        body = self.scene.family.body_class.is_valid(parameters)
         steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
-        return closed & found.fits & found.resolved & (reynolds >= lowest) & steady
+        return body & found.fits & found.resolved & (reynolds >= lowest) & steady
 
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Return a body and Re as numbers, refusing what the scene's grid does not cover."""

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from surrogate.body.family import Family
-from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
+from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import ONSET_OF_SHEDDING
 from surrogate.scene.stream import Stream, describe_stream, window_height
@@ -33,25 +33,26 @@ def explain_scene(
 ) -> str:
     """Return what ``Scene.explain`` says; ``f`` is the fidelity with its longest window."""
     dimension, words = family.dimension, WORDS[family.dimension]
-    height = window_height(stream, f.height)
+    symmetric, height = family.body_class.symmetric, window_height(stream, f.height)
     rows = round(height * f.cells / 2)
     shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 1)
-    seconds = seconds_per_convolution(shape)
+    cells = math.prod(shape) * (1 if symmetric else WHOLE)
+    seconds = seconds_per_convolution(shape, symmetric)
     window = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
-    takes = CONVOLUTIONS[dimension]
+    takes = convolutions(dimension, symmetric)
     design = takes.design_flows * (takes.flow + takes.adjoint)
 
-    def cost(convolutions):
-        return f"{convolutions:,.0f} convolutions with G, {convolutions * seconds:.2g} s"
+    def cost(work):
+        return f"{work:,.0f} convolutions with G, {work * seconds:.2g} s"
 
     return "\n".join(
         [
             f"Steady laminar flow in {describe_stream(stream)}, "
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
-            f"Bodies: symmetric family, {family.body_class.size}, {ranges}.",
+            f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
             f"Grid ({f.name}): {f.cells} cells per D on a window {window} D "
-            f"({math.prod(shape)} cells in its {words.part}), where the flow "
+            f"({cells} cells{f' in its {words.part}' if symmetric else ''}), where the flow "
             "is non-linear; outside it the Oseen Green's function G and the far field's "
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
             f"{words.tested}; every solved flow says whether it meets this, with its expected "
@@ -66,3 +67,10 @@ def explain_scene(
             f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",
         ]
     )
+
+
+def _kind(family):
+    """The family in a few words: symmetric, or what makes its bodies not so."""
+    body = family.body_class
+    parts = ["camber"] * bool(body.camber_modes) + ["incidence"] * ("incidence" in body.names)
+    return f"family with {' and '.join(parts)}" if parts else "symmetric family"

@@ -9,7 +9,7 @@ import numpy as np
 
 from surrogate.flow.flow import Flow
 from surrogate.model.network import WIDTH, blank_network
-from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
+from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
 
@@ -32,17 +32,25 @@ class Forecast(NamedTuple):
 
 def forecast(plan: Plan) -> Forecast:
     """Forecast the cost of a training, from averages and a few timed operations."""
-    takes = CONVOLUTIONS[plan.scene.dimension]
+    lattice = Flow(plan.scene).domain.lattice
+    takes = convolutions(plan.scene.dimension, lattice.symmetric)
     each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
     work = plan.samples * each
     method = plan.make_method()
     batch = min(method.batch, plan.samples)
     if plan.published and plan.method in EVALUATION:
         work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
-    shape = Flow(plan.scene).domain.lattice.shape
     steps = method.network_steps if isinstance(method, LabelRegression) else 0
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
-    return Forecast(work, work * seconds_per_convolution(shape), plan.iterations * each)
+    return Forecast(work, work * _seconds(lattice), plan.iterations * each)
+
+
+def _seconds(lattice):
+    """Seconds of a flow per convolution."""
+    along, *across = lattice.shape
+    if lattice.symmetric:
+        return seconds_per_convolution(lattice.shape)
+    return seconds_per_convolution((along, *(rows // WHOLE for rows in across)), symmetric=False)
 
 
 def _gradient_seconds(plan):

@@ -18,7 +18,8 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.body.family import Family
-from surrogate.body.parameters import PARAMETERS
+from surrogate.body.parameters import PARAMETERS, Kind
+from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, whole_file
 from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
@@ -37,7 +38,13 @@ def write_page(surrogate: Surrogate, path: str | Path) -> Path:
 
 
 def page(surrogate: Surrogate) -> str:
-    """The page as HTML text."""
+    """The page as HTML text.
+
+    Raises:
+      InvalidInput: the surrogate's bodies have camber or incidence, which the page does not draw.
+    """
+    if not surrogate.scene.family.body_class.symmetric:
+        raise InvalidInput("page: is for symmetric bodies; this family has camber or incidence")
     files = resources.files(__package__)
     parts = {
         part: (files / name).read_text(encoding="utf-8")
@@ -71,7 +78,7 @@ def page_data(surrogate: Surrogate) -> JsonObject:
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
         "modes": list(family.body_class.modes),
-        "ratios": family.body_class.ratios,
+        "ratios": len(family.body_class.indices(Kind.RATIO)),
         "dimension": family.dimension,
         "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),

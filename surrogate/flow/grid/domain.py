@@ -66,7 +66,7 @@ class Domain(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D | Modes3D:
-        """Return the traction modes of symmetric family bodies with these parameters."""
+        """Return the traction modes of family bodies with these parameters."""
 
     @abc.abstractmethod
     def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> GreenFunction:

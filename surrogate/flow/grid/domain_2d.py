@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import SPLINE_CELLS, Domain, box_around
@@ -31,7 +32,7 @@ MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no g
 
 @dataclasses.dataclass(frozen=True)
 class Domain2D(Domain):
-    """A 2-D stream; flows symmetric about y = 0 are solved on the upper half.
+    """A 2-D stream; flows past bodies symmetric about y = 0 are solved on the upper half.
 
     Attributes:
       slip_share: of the slip law on the wall; the rest is retraction.
@@ -47,7 +48,8 @@ class Domain2D(Domain):
 
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain2D":
-        return cls.make(scene.stream, scene.fidelity_for_bodies, scene.extent, symmetric=True)
+        symmetric = scene.family.body_class.symmetric
+        return cls.make(scene.stream, scene.fidelity_for_bodies, scene.extent, symmetric)
 
     @classmethod
     def around(
@@ -59,7 +61,7 @@ class Domain2D(Domain):
 
     @classmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D:
-        return _modes(fidelity, symmetric=True)
+        return _modes(fidelity, symmetric=keep_mirror_plane(names))
 
     @classmethod
     def make(
