@@ -19,7 +19,7 @@ from surrogate import (
 )
 from surrogate.flow.check.error_estimate import (
     ERROR_MODELS,
-    DragAndLift,
+    Loads,
     accuracy_text,
     estimate_error,
 )
@@ -72,20 +72,20 @@ def test_exact_extrapolation_of_second_order(cells, extrapolated):
     """None where the coarser grid has fewer than 16 cells per D."""
 
     def solve(fidelity):
-        return DragAndLift(2 - 20 / fidelity.cells**2, 0.0)
+        return Loads(2 - 20 / fidelity.cells**2, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=cells)
-    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2)
+    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2, 1.0)
     assert found.extrapolated_drag == (extrapolated and pytest.approx(extrapolated))
 
 
 @pytest.mark.parametrize(("reynolds", "order"), [(0.01, 3.0), (40.0, 2.5), (300.0, 2.0)])
 def test_exact_orders_in_3d_fall_from_three_to_two_with_re(reynolds, order):
     def solve(fidelity):
-        return DragAndLift(2 - 20 / fidelity.cells**order, 0.0)
+        return Loads(2 - 20 / fidelity.cells**order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3)
+    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3, 1.0)
     assert found.extrapolated_drag == pytest.approx(2.0, abs=2e-4 if reynolds == 300 else 1e-9)
 
 
@@ -103,11 +103,13 @@ def test_accurate_in_3d_needs_a_margin_of_few_cells_per_boundary_layer(reynolds,
     order = 3 if reynolds == 1 else 2
 
     def solve(fidelity):
-        return DragAndLift(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0)
+        return Loads(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3).status == status
-    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.7, 3).status == "degraded"
+    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3, 1.0).status == status
+    assert (
+        estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.7, 3, 1.0).status == "degraded"
+    )
 
 
 def test_a_wake_longer_than_the_window_is_degraded():
@@ -152,9 +154,9 @@ def errors_of(grid, domain):
         size = fidelity.height / standard.height
         window = domain * size ** (np.log(MODEL.WINDOW_ERROR) / np.log(MODEL.WINDOW))
         error = grid * (standard.cells / fidelity.cells) ** 2 + window
-        return DragAndLift(2 * (1 + error), 1 + error)
+        return Loads(2 * (1 + error), 1 + error, -1 - error)
 
-    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2)
+    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 1.0)
 
 
 def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_up_are_not():
@@ -164,14 +166,15 @@ def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_u
     assert add.expected_error == pytest.approx(0.0064, rel=0.01)  # of 6^2 + 2^2 + 1^2
     assert add.estimated_error == pytest.approx(MODEL.SAFETY * add.expected_error)
     assert add.estimated_lift_error == pytest.approx(add.estimated_error, rel=0.01)  # Cl is 1
+    assert add.estimated_moment_error == pytest.approx(add.estimated_lift_error)  # Cm is -1
     assert add.sufficient == "fine"
 
 
 def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_tolerance():
     def solve(fidelity):
-        return DragAndLift(1 + 0.03 * (10 / fidelity.cells) ** 2, 0.0)
+        return Loads(1 + 0.03 * (10 / fidelity.cells) ** 2, 0.0, 0.0)
 
-    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2)
+    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2, 1.0)
     assert (found.status, found.sufficient) == ("degraded", "standard")
 
 

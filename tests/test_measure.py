@@ -31,6 +31,7 @@ LONG = {
     "foreseen",
     "gradients",
     "least",
+    "lift",
     "literature",
     "march",
     "onset",

@@ -42,6 +42,7 @@ MODULES = {  # the studies of every module
     "devices": "devices trainings_on_devices",
     "dimension": "dimension",
     "extremes": "extremes",
+    "lift": "lift",
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",
     "onset": "onset",

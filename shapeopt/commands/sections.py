@@ -18,6 +18,7 @@ POWERS = {  # of the chord, by which coefficients by D are divided
     "cd_friction": 1,
     "cl": 1,
     "estimated_lift_error": 1,
+    "estimated_moment_error": 2,
     "cm": 2,
 }
 

@@ -1,4 +1,4 @@
-"""Drag, lift, moment and the gradient of the drag of one body by the flow solver.
+"""Drag, lift and moment of one body, and their gradients, by the flow solver.
 
 python scripts/solve_drag.py --aspect 1 --reynolds 1,10,40
 python scripts/solve_drag.py --dimension 3 --aspect 2 --flatness 1.5 --reynolds 40
@@ -177,10 +177,11 @@ def _row(s: Solution) -> JsonObject:
         "iterations": s.newton_steps,
         "green_applications": s.green_applications,
         "wall_s": s.seconds,
-        "gradient": s.gradient,
+        "gradient": s.gradient if s.shape.symmetric else s.gradients,
         "expected_error": s.expected_error,
         "estimated_error": s.estimated_error,
         "estimated_lift_error": s.estimated_lift_error,
+        "estimated_moment_error": s.estimated_moment_error,
         "sufficient": s.sufficient,
         "status": s.status,
         "accuracy": s.accuracy,
@@ -218,10 +219,17 @@ def _line(r: JsonObject) -> str:
     )
     if r.get("forces_N"):
         line += f"\n  {forces_line(r)}"
-    if r["gradient"]:
-        slopes = (f"{name}: {value:+.5f}" for name, value in r["gradient"].items())
-        line += "\n  dCd/d" + "  ".join(slopes)
+    for load, slopes in _by_load(r["gradient"]).items():
+        values = (f"{name}: {value:+.5f}" for name, value in slopes.items())
+        line += f"\n  d{load.capitalize()}/d" + "  ".join(values)
     return line
+
+
+def _by_load(gradient: JsonObject | None) -> JsonObject:
+    """Derivatives by load; those of symmetric bodies are of the drag alone."""
+    if gradient is None or "cd" in gradient:
+        return gradient or {}
+    return {"cd": gradient}
 
 
 def _parser() -> Parser:
@@ -240,7 +248,11 @@ def _parser() -> Parser:
     add("--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D")
     add("--fidelity", default="standard", help="draft, standard (default) or fine")
     add("--cells", type=int, help=f"cells per D, 4 to {MOST_CELLS}, instead of the fidelity's")
-    add("--gradient", action="store_true", help="dCd/d(parameters, Re)")
+    add(
+        "--gradient",
+        action="store_true",
+        help="derivatives of the loads by parameters (incidence in degrees) and Re",
+    )
     unsteady = "beyond the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies"
     add("--allow-unsteady", action="store_true", help=unsteady)
     add("--table", help="CSV file of the results, one row for each flow")

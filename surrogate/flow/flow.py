@@ -17,7 +17,7 @@ from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices, partition_bodies
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
-from surrogate.flow.check.error_estimate import DragAndLift, ErrorEstimate, estimate_error
+from surrogate.flow.check.error_estimate import ErrorEstimate, Loads, estimate_error
 from surrogate.flow.continuation import not_converged_message, solve_by_continuation
 from surrogate.flow.derivatives import (
     DragGradient,
@@ -28,7 +28,7 @@ from surrogate.flow.derivatives import (
 from surrogate.flow.discrete import DiscreteBodies
 from surrogate.flow.grid.discretise import fewest_cells, fitted_domain, scene_domain
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.loads import LOADS, Load, drag, lift
+from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
@@ -191,7 +191,7 @@ class Flow:
             solved on a grid that fits it, in the scene's stream at the scene's fidelity; the name
             of a NACA section, as "naca 0012", is one at zero incidence.
           reynolds: U D / nu.
-          gradient: compute dCd/d(parameters, Re) as well (family bodies).
+          gradient: compute the loads' derivatives by parameters and Re as well (family bodies).
           estimate: estimate the error, at two thirds of the flow's cost.
           allow_unsteady: answer beyond the onset of vortex shedding too.
 
@@ -218,15 +218,14 @@ class Flow:
         seconds = time.perf_counter() - start
         force = force_coefficients(domain, shape.markers(domain.nodes), found.state, reynolds)
         force = {name: float(value) for name, value in force._asdict().items()}
-        slopes = None
+        gradients = None
         if gradient:
             bodies = DiscreteBodies(domain, shape.body_class, self.settings)
-            slopes = named_gradients(bodies, {"cd": drag}, shape.values, reynolds, found.state)[
-                "cd"
-            ]
+            loads = {"cd": drag} if shape.symmetric else LOADS
+            gradients = named_gradients(bodies, loads, shape.values, reynolds, found.state)
         error = ErrorEstimate()
         if estimate:
-            loads = DragAndLift(force["drag"], force["lift"])
+            loads = Loads(force["drag"], force["lift"], force["moment"])
             error = self._estimated(loads, shape, fidelity, reynolds)
         return Solution(
             reynolds=reynolds,
@@ -236,7 +235,7 @@ class Flow:
             green_applications=work,
             newton_steps=int(found.info.steps),
             seconds=seconds,
-            gradient=slopes,
+            gradients=gradients,
             shape=shape,
             domain=domain,
             state=found.state,
@@ -269,15 +268,15 @@ class Flow:
         found = solve(*devices.place((partition, parameters, reynolds)))
         return jax.tree.map(np.asarray, found)
 
-    def _estimated(self, forces, shape, fidelity, reynolds):
-        def solve(fidelity: Fidelity) -> DragAndLift:
+    def _estimated(self, loads, shape, fidelity, reynolds):
+        def solve(fidelity: Fidelity) -> Loads:
             domain = self._fitted(shape, fidelity, reynolds)
             found, _ = solve_by_continuation(domain, self.settings, shape, reynolds)
-            cl = lift(domain.modes, found.state.amplitude, shape.markers(domain.nodes))
-            return DragAndLift(found.drag, float(cl))
+            at = domain.modes, found.state.amplitude, shape.markers(domain.nodes)
+            return Loads(*(float(load(*at)) for load in LOADS.values()))
 
         at = reynolds, shape.height, shape.dimension, shape.chord, fewest_cells(shape)
-        return estimate_error(forces, solve, fidelity, *at)
+        return estimate_error(loads, solve, fidelity, *at)
 
     def _fitted(self, shape, fidelity, reynolds):
         return fitted_domain(self.scene.stream, fidelity, shape, reynolds)

@@ -38,13 +38,15 @@ class Solution:
       expected_error: expected relative error of Cd; None where there is no estimate.
       estimated_error: relative bound of the error of Cd, which 95 % of the errors are within.
       estimated_lift_error: bound of the error of Cl itself.
+      estimated_moment_error: bound of the error of Cm itself.
       sufficient: name of a fidelity that should meet the tolerance that this one does not.
       extrapolated_drag: Cd extrapolated from two grids, where both are fine enough.
       tolerance: relative error of Cd that the scene's fidelity is made for.
       green_applications: convolutions with G of this flow, without gradient and estimate.
       newton_steps: Newton steps of the last solve.
       seconds: wall time of this flow, without gradient and estimate.
-      gradient: dCd by the family's parameters and ``reynolds``, where asked for.
+      gradients: derivatives of "cd", and of "cl" and "cm" of bodies that are not symmetric, by the
+        family's parameters (incidence in degrees) and ``reynolds``, where asked for.
       shape: the body.
       domain: the discretisation.
       state: velocity and traction modes.
@@ -60,13 +62,14 @@ class Solution:
     expected_error: float | None
     estimated_error: float | None
     estimated_lift_error: float | None
+    estimated_moment_error: float | None
     sufficient: str | None
     extrapolated_drag: float | None
     tolerance: float
     green_applications: int
     newton_steps: int
     seconds: float
-    gradient: dict[str, float] | None
+    gradients: dict[str, dict[str, float]] | None
     shape: Shape
     domain: Domain
     state: FlowState
@@ -87,9 +90,14 @@ class Solution:
             "work": f"{self.newton_steps} Newton steps, {self.green_applications} convolutions "
             f"with the Green's function, {self.seconds:.2f} s",
         }
-        if self.gradient:
-            rows["dCd/d"] = listed(self.gradient)
+        for load, slopes in (self.gradients or {}).items():
+            rows[f"d{load.capitalize()}/d"] = listed(slopes)
         return aligned(rows)
+
+    @property
+    def gradient(self) -> dict[str, float] | None:
+        """Derivatives of Cd by the family's parameters and ``reynolds``, where asked for."""
+        return self.gradients and self.gradients["cd"]
 
     @property
     def accuracy(self) -> str:

@@ -14,7 +14,7 @@ from surrogate.flow.grid.wall_3d import thin_layer
 from surrogate.scene.fidelity import NAMED, Fidelity
 
 ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
-LIFT_SPREAD = 0.5  # of the drag's spread (study ``trust``)
+SPREADS = 1.0, 0.5, 0.5  # of errors of Cd, Cl and Cm, over that of Cd (studies ``trust``, ``lift``)
 
 
 class ErrorEstimate(NamedTuple):
@@ -28,6 +28,7 @@ class ErrorEstimate(NamedTuple):
         no coarser flow exists.
       estimated_error: relative bound of the drag's error, which 95 % of the errors are within.
       estimated_lift_error: such a bound of the lift coefficient itself.
+      estimated_moment_error: such a bound of the moment coefficient itself.
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
       extrapolated_drag: limit of the two grids' drags (Richardson 1911); None where the coarser
         grid has too few cells. Of the named fidelities only fine has one.
@@ -37,15 +38,17 @@ class ErrorEstimate(NamedTuple):
     expected_error: float | None = None
     estimated_error: float | None = None
     estimated_lift_error: float | None = None
+    estimated_moment_error: float | None = None
     sufficient: str | None = None
     extrapolated_drag: float | None = None
 
 
-class DragAndLift(NamedTuple):
-    """Cd and Cl of one body at one fidelity."""
+class Loads(NamedTuple):
+    """Cd, Cl and Cm of one body at one fidelity."""
 
     drag: float
     lift: float
+    moment: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,8 +133,8 @@ ERROR_MODELS: dict[int, ErrorModel] = {2: ErrorModel2D(), 3: ErrorModel3D()}
 
 
 def estimate_error(
-    forces: DragAndLift,
-    solve: Callable[[Fidelity], DragAndLift],
+    loads: Loads,
+    solve: Callable[[Fidelity], Loads],
     fidelity: Fidelity,
     reynolds: float,
     height: float,
@@ -139,10 +142,10 @@ def estimate_error(
     chord: float,
     fewest: int = 0,
 ) -> ErrorEstimate:
-    """Estimate the errors of the forces on a body, at two thirds of their own cost.
+    """Estimate the errors of the loads on a body, at two thirds of their own cost.
 
     Args:
-      forces: of the body at this fidelity.
+      loads: of the body at this fidelity.
       solve: gives those of the same body at another fidelity.
       fidelity: of the flow whose error is estimated, with its very window.
       reynolds: U D / nu.
@@ -159,16 +162,18 @@ def estimate_error(
         return ErrorEstimate("degraded")
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1
-    of_grid = [(a - b) / growth for a, b in zip(rough, forces, strict=True)]
+    of_grid = [(a - b) / growth for a, b in zip(rough, loads, strict=True)]
     of_domain = [(a - b) / (1 - model.WINDOW_ERROR) for a, b in zip(rough, other, strict=True)]
-    margin, size = model.margin(coarser.cells, reynolds), forces.drag
-    likely, likely_lift = (
-        model.likely(grid, domain, whole.cells, share * size) / size
-        for grid, domain, share in zip(of_grid, of_domain, (1.0, LIFT_SPREAD), strict=True)
+    margin, size = model.margin(coarser.cells, reynolds), loads.drag
+    likely, *others = (
+        model.likely(grid, domain, whole.cells, share * size)
+        for grid, domain, share in zip(of_grid, of_domain, SPREADS, strict=True)
     )
+    likely = likely / size
     expected, bound = margin * likely, max(margin, model.SAFETY) * likely
-    limit = forces.drag - of_grid[0] if coarser.cells >= ASYMPTOTIC_CELLS else None
-    known = expected, bound, model.SAFETY * likely_lift * size if forces.lift else 0.0
+    limit = loads.drag - of_grid[0] if coarser.cells >= ASYMPTOTIC_CELLS else None
+    lifting = loads.lift != 0
+    known = expected, bound, *(model.SAFETY * error * lifting for error in others)
     if height > model.TALLEST:
         return ErrorEstimate("degraded", *known, None, limit)
     if expected <= fidelity.promise:

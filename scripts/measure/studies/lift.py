@@ -1,0 +1,150 @@
+"""Cd, Cl and Cm of cambered bodies at incidence against body-fitted finite elements."""
+
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+from lifting_elements import SECTION, Loads, unbounded_loads
+from study import Result, Row, Run, Study, Table, columns
+from tools import name_of
+
+from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
+
+# held out: no constant of the flow is fitted to them
+BODIES: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
+    ({"aspect": 1.5, "beta2": 0.15, "gamma2": 0.15, "incidence": 8.0}, (1.0, 40.0)),
+    ({"aspect": 2.0, "incidence": 10.0}, (1.0, 20.0)),
+    (
+        {"aspect": 2.5, "beta2": 0.2, "beta3": 0.08, "gamma2": 0.25, "gamma3": -0.08}
+        | {"incidence": -4.0},
+        (5.0, 60.0),
+    ),
+    (
+        {"aspect": 3.0, "beta2": 0.25, "beta3": 0.1, "gamma2": 0.2, "incidence": 5.0},
+        (1.0, 40.0, 100.0),
+    ),
+    (
+        {"aspect": 3.5, "beta2": -0.1, "beta4": 0.05, "gamma3": 0.1, "incidence": 12.0},
+        (10.0, 60.0),
+    ),
+    (
+        {"aspect": 4.0, "beta2": 0.25, "beta3": 0.1, "beta4": 0.04, "gamma2": 0.3}
+        | {"incidence": 6.0},
+        (1.0, 40.0, 150.0),
+    ),
+    (
+        {"aspect": 5.0, "beta2": 0.2, "beta3": 0.05, "gamma2": 0.2, "gamma3": 0.08}
+        | {"incidence": 15.0},
+        (20.0, 100.0),
+    ),
+    ({"aspect": 6.0, "beta2": 0.3, "beta3": 0.1, "gamma2": 0.25, "incidence": 3.0}, (200.0,)),
+)
+CASES = [
+    {"body": name_of(body), "parameters": body, "reynolds": reynolds, "fidelity": fidelity}
+    for fidelity in ("standard", "fine")
+    for body, numbers in BODIES
+    for reynolds in numbers
+]
+# Cd and Cl by the chord at chord Re 1000 in a box of 15 chords, by Lethe (its documentation)
+LETHE = {0.0: (0.1196, 0.0), 3.0: (0.1224, 0.159), 7.0: (0.135, 0.303)}
+SECTIONS = [
+    {"section": code, "incidence": turn, "chord_reynolds": reynolds}
+    for code, turns in (("0012", LETHE), ("2412", (3.0,)))
+    for turn in turns
+    for reynolds in (100.0, 1000.0)
+]
+COARSE = SECTION._replace(order=2, box=20.0, wall=0.2, near=0.5)
+LOADS = ("cd", "cl", "cm")
+
+
+def measure(
+    run: Run, parameters: Mapping[str, float], reynolds: float, fidelity: str, **_: str
+) -> Row:
+    """Errors of the loads over Cd, their bounds, and the work."""
+    shape = family_shape(parameters)
+    found = Flow(Scene(fidelity=run.fidelity(fidelity))).solve(shape, reynolds, allow_unsteady=True)
+    truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
+    loads = found.drag, found.lift, found.moment
+    bounds = (
+        found.estimated_error and found.estimated_error * found.drag,
+        found.estimated_lift_error,
+        found.estimated_moment_error,
+    )
+    row: Row = {
+        "drag": found.drag,
+        "status": found.status,
+        "cells": round(1 / found.domain.lattice.step[0]),
+        "green_applications": found.green_applications,
+        "seconds": found.seconds,
+    }
+    for name, load, true, bound in zip(LOADS, loads, truth, bounds, strict=True):
+        error = (load - true) / truth.cd
+        bound = None if bound is None else bound / truth.cd
+        row |= {name: load, f"{name}_error": error, f"{name}_bound": bound}
+    return row
+
+
+@functools.cache
+def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
+    return unbounded_loads(dict(body), reynolds, COARSE if tiny else SECTION)
+
+
+def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> Row:
+    """Loads of a NACA section by its chord, by the flow and by elements, beside Lethe's."""
+    shape = contour_shape(naca4(section), incidence)
+    reynolds = chord_reynolds / shape.chord
+    fidelity = run.fidelity("standard")
+    found = Flow(Scene(fidelity=fidelity)).solve(shape, reynolds, allow_unsteady=True)
+    truth = unbounded_loads(shape, reynolds, COARSE if run.tiny else SECTION)
+    known = LETHE[incidence] if (section, chord_reynolds) == ("0012", 1000.0) else (None, None)
+    return {
+        "cd": found.drag / shape.chord,
+        "cl": found.lift / shape.chord,
+        "cd_elements": truth.cd / shape.chord,
+        "cl_elements": truth.cl / shape.chord,
+        "cd_lethe": known[0],
+        "cl_lethe": known[1],
+        "status": found.status,
+    }
+
+
+def text(result: Result) -> str:
+    """Every flow, what fidelities come to, and the sections."""
+    rows = result["rows"]
+    levels = [
+        _summary(level, [row for row in rows if row["fidelity"] == level]) for level in FIDELITIES
+    ]
+    found = [level for level in levels if level["flows"]]
+    return f"{FLOWS(rows)}\n\n{LEVELS(found)}\n\n{NACA(result['sections'])}"
+
+
+def _summary(level, rows):
+    """Mean and largest errors of a fidelity over Cd, and how many the bounds cover."""
+    summary = {"fidelity": level, "flows": len(rows)}
+    for name in LOADS if rows else ():
+        errors = np.abs([row[f"{name}_error"] for row in rows])
+        bounds = [row[f"{name}_bound"] for row in rows]
+        covered = [b >= e for b, e in zip(bounds, errors, strict=True) if b is not None]
+        summary |= {f"{name}_mean": errors.mean(), f"{name}_most": errors.max()}
+        summary |= {f"{name}_covered": sum(covered) / len(covered) if covered else None}
+    return summary
+
+
+FLOWS = columns(
+    "body {body} | Re {reynolds:g} | fidelity {fidelity} | cells per D {cells} | Cd {cd:.4f}"
+    " | error {cd_error:+.2%} | Cl {cl:+.4f} | error over Cd {cl_error:+.2%} | Cm {cm:+.4f}"
+    " | error over Cd {cm_error:+.2%} | {status} | {green_applications} G | {seconds:.1f} s"
+)
+LEVELS = columns(
+    "fidelity {fidelity} | flows {flows} | Cd: mean error {cd_mean:.2%} | most {cd_most:.2%}"
+    " | within its bound {cd_covered:.0%} | Cl: mean {cl_mean:.2%} | most {cl_most:.2%}"
+    " | within its bound {cl_covered:.0%} | Cm: mean {cm_mean:.2%} | most {cm_most:.2%}"
+    " | within its bound {cm_covered:.0%}"
+)
+NACA = columns(
+    "NACA {section} | incidence {incidence:g} | chord Re {chord_reynolds:g} | Cd {cd:.4f}"
+    " | elements {cd_elements:.4f} | Lethe {cd_lethe:.4f} | Cl {cl:+.4f}"
+    " | elements {cl_elements:+.4f} | Lethe {cl_lethe:+.4f} | {status}"
+)
+TABLES = [Table(CASES, measure), Table(SECTIONS, section, key="sections")]
+STUDIES = {"lift": Study(TABLES, text)}
