@@ -88,7 +88,7 @@ def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
 def make_marcher(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
     """Project every mode's impulse once; their slips make the matrix that removes the slip."""
     extent = 2 * np.abs(np.asarray(markers)).max(axis=0)
-    wall = wall_2d(box.lattice, box.modes, jnp.asarray(markers))
+    wall = wall_2d(box.lattice, box.modes, jnp.asarray(markers), reynolds=1.0, slip_share=0.0)
     body = spread_modes(box.lattice, box_around(tuple(extent.tolist()), box.cells), wall)
     impulse = jax.lax.map(lambda mode: _project(box, body.spread(mode)), jnp.eye(box.modes.count))
     matrix = jax.vmap(body.slip)(impulse).T
