@@ -21,6 +21,7 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
 GreenFunction = Callable[[Array], Array]  # velocity on faces caused by a force density on faces
+NEAR_MARGIN = 0.5  # D, from the box of forces to the edge of the box of known responses
 SPLINE_CELLS = 3  # of the box beyond the body: half a spline's support, and retraction
 
 
@@ -88,13 +89,42 @@ class Domain(abc.ABC):
         return (np.array(self.box) / 2 - (SPLINE_CELLS - 1)) * self.lattice.step
 
     @property
+    def far_combinations(self) -> int | None:
+        """Combinations of modes that make up the response far from a body; None for all modes."""
+        return None
+
+    @property
+    def near(self) -> tuple[tuple[int, ...], Lattice]:
+        """The first cell, and the lattice, of a box in which every mode's response is known."""
+        cells = [round(NEAR_MARGIN / step) for step in self.lattice.step]
+        whole = self.lattice.unfolded.shape
+        sides = [
+            min(side + 2 * margin, limit)
+            for side, margin, limit in zip(self.box, cells, whole, strict=True)
+        ]
+        inlet = min(sides[0] // 2, self.lattice.inlet)
+        corner, shape = [self.lattice.inlet - inlet], [sides[0]]
+        for cells, side in zip(self.lattice.shape[1:], sides[1:], strict=True):
+            corner.append(0 if self.lattice.symmetric else (cells - side) // 2)
+            shape.append(side // 2 if self.lattice.symmetric else side)
+        lattice = dataclasses.replace(
+            self.lattice, shape=tuple(shape), inlet=inlet, periodic=False
+        )
+        return tuple(corner), lattice
+
+    @property
     def assembly_cost(self) -> int:
         """Convolutions with G that assembling a body's operators takes.
 
-        One a mode, and those of the far field, whose coarse grids are counted as one each: a
-        unit force and a source per grid, for drag alone; two forces and three sources with lift.
+        One a mode or combination of modes, those of all modes near the body by their share of the
+        lattice, and those of the far field, whose coarse grids are counted as one each: a unit
+        force and a source per grid, for drag alone; two forces and three sources with lift.
         """
-        return self.modes.count + len(self.far) * (2 if self.modes.symmetric else 5)
+        far = len(self.far) * (2 if self.modes.symmetric else 5)
+        if self.far_combinations is None:
+            return self.modes.count + far
+        share = math.prod(self.near[1].shape) / math.prod(self.lattice.shape)
+        return self.far_combinations + math.ceil(self.modes.count * share) + far
 
     def forces(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " 2"]:
         """Total force of the body on the fluid along x and y, in units of ``FORCE_UNIT``."""

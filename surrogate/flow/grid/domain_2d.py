@@ -26,6 +26,9 @@ FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far 
 # Of flows without a mirror plane (study ``lift``). Seven harmonics miss up to 9 % of Cd of the lift
 # of slender sections at Re 100; retraction instead of the slip law costs up to 1 % of Cd.
 LIFTING_HARMONICS, SLIP_SHARE = 12 / 7, 1.0
+# Of the modes of lifting bodies. Beyond, singular values on the edge of the box of known responses
+# are below 1 % of the largest, and more combinations save no Krylov vector (study ``constants``).
+FAR_COMBINATIONS = 8
 LEAST_EXTENT = 4.0  # D, of the box around a fitted body; larger ones have twice that, and so on
 MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
 
@@ -123,6 +126,10 @@ class Domain2D(Domain):
     def mirrored(self) -> bool:
         """Whether G must carry the images of the body in the tunnel's walls explicitly."""
         return self.height is not None and not self.modes.symmetric
+
+    @property
+    def far_combinations(self) -> int | None:
+        return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(
         self, lattice: Lattice, reynolds: Float[AnyArray, ""]

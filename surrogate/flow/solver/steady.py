@@ -24,8 +24,8 @@ from surrogate.flow.solver.newton import (
     NewtonSettings,
     System,
     root,
-    single,
 )
+from surrogate.flow.solver.response import Response, mode_response
 
 DEFAULT = NewtonSettings()
 # Velocity per unit of uniform pressure, which drives no flow and has no net force on a closed
@@ -41,15 +41,14 @@ class Operators(eqx.Module):
       green: the Green's function G.
       far: responses Phi_xx, ... to the momentum flux outside the domain.
       body: the spreading operator B and its transpose S.
-      response: G B, the Oseen velocity of every mode, in single precision: it preconditions and
-        starts the solvers only. It costs one convolution with G a mode.
+      response: G B, which preconditions and starts the solvers only.
       markers: the body's surface markers, on which loads are evaluated.
     """
 
     green: GreenFunction
     far: Float[AnyArray, "terms axes ..."]
     body: Spreading
-    response: Float[AnyArray, "modes axes ..."]
+    response: Response
     markers: Markers
 
 
@@ -64,9 +63,7 @@ def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) ->
     """Assemble the operators of a body, at ``domain.assembly_cost`` convolutions with G."""
     green, far = stream_operators(domain, reynolds)
     body = domain.spread_body(markers, reynolds)
-    rough_green, rough_body = single(jax.lax.stop_gradient((green, body)))
-    amplitudes = jnp.eye(domain.modes.count, dtype=jnp.float32)
-    response = domain.each_mode(lambda a: rough_green(rough_body.spread(a)), amplitudes)
+    response = mode_response(domain, green, body, reynolds)
     return Operators(green, far, body, response, markers)
 
 
@@ -119,15 +116,14 @@ def wall_compliance(domain: Domain, operators: Operators) -> Float[AnyArray, "mo
 
 def influence_matrix(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
     """Return S G B + C, the slip that each traction mode causes in the Oseen flow."""
-    slips = jax.vmap(operators.body.slip)(operators.response).T
-    return slips + wall_compliance(domain, operators)
+    return operators.response.slips(operators.body) + wall_compliance(domain, operators)
 
 
 def oseen_velocity(
     operators: Operators, amplitude: Float[AnyArray, " modes"]
 ) -> Float[AnyArray, "axes ..."]:
     """Return G B a, the velocity that a traction drives without convection of the perturbation."""
-    return jnp.tensordot(amplitude, operators.response, axes=1)
+    return operators.response(amplitude)
 
 
 def oseen_flow(domain: Domain, operators: Operators) -> FlowState:
@@ -182,12 +178,12 @@ class Elimination(eqx.Module):
     """Exact inverse of the linear (Oseen) part of equations (2) and (3), by G B."""
 
     inverse: Float[AnyArray, "modes modes"]
-    response: Float[AnyArray, "modes axes ..."]
+    response: Response
     body: Spreading
 
     def __call__(self, y: FlowState) -> FlowState:
         amplitude = self.inverse @ (y.amplitude - self.body.slip(y.velocity))
-        return FlowState(y.velocity + jnp.tensordot(amplitude, self.response, axes=1), amplitude)
+        return FlowState(y.velocity + self.response(amplitude), amplitude)
 
 
 def eliminate(domain: Domain, operators: Operators) -> Elimination:

@@ -1,0 +1,100 @@
+"""The response G B of a body's traction modes, which preconditions and starts the solvers.
+
+It is needed to a few digits only, so it is of single precision. On the whole lattice it takes one
+convolution with G a mode. The velocity far from the body depends on few combinations of many modes,
+since higher harmonics decay with the distance (a multipole expansion): ``CompressedResponse`` has
+all modes near the body and these combinations elsewhere.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.flow.grid.domain import Domain, GreenFunction
+from surrogate.flow.grid.immersed import Spreading
+from surrogate.flow.solver.newton import single
+
+
+class FullResponse(eqx.Module):
+    """G B of every mode on the whole lattice."""
+
+    velocities: Float[AnyArray, "modes axes ..."]
+
+    def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
+        """Return the Oseen velocity G B a of a traction."""
+        return jnp.tensordot(amplitude, self.velocities, axes=1)
+
+    def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:
+        """Return S G B, the slip that each mode causes, by columns."""
+        return jax.vmap(body.slip)(self.velocities).T
+
+
+class CompressedResponse(eqx.Module):
+    """G B of every mode on a box near the body, and of a few combinations of modes elsewhere.
+
+    Attributes:
+      near: velocity of every mode on the faces of the box.
+      combinations: orthonormal combinations of modes, by rows.
+      far: their velocities on the whole lattice.
+      corner: index of the box's first cell along each axis.
+    """
+
+    near: Float[AnyArray, "modes axes ..."]
+    combinations: Float[AnyArray, "combinations modes"]
+    far: Float[AnyArray, "combinations axes ..."]
+    corner: tuple[int, ...] = eqx.field(static=True)
+
+    def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
+        """Return the Oseen velocity G B a of a traction, outside the box approximately."""
+        velocity = jnp.tensordot(self.combinations @ amplitude, self.far, axes=1)
+        sides = zip(self.corner, self.near.shape[2:], strict=True)
+        box = (slice(None), *(slice(start, start + side) for start, side in sides))
+        return velocity.at[box].set(jnp.tensordot(amplitude, self.near, axes=1))
+
+    def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:
+        """Return S G B, the slip that each mode causes, by columns."""
+        return jax.vmap(_within(body, self).slip)(self.near).T
+
+
+Response = FullResponse | CompressedResponse
+
+
+def mode_response(
+    domain: Domain, green: GreenFunction, body: Spreading, reynolds: Float[AnyArray, ""]
+) -> Response:
+    """Return G B of a body, compressed where ``domain.far_combinations`` says so."""
+    green, body = single(jax.lax.stop_gradient((green, body)))
+    eye = jnp.eye(domain.modes.count, dtype=jnp.float32)
+    if domain.far_combinations is None:
+        return FullResponse(domain.each_mode(lambda a: green(body.spread(a)), eye))
+    corner, lattice = domain.near
+    here = single(jax.lax.stop_gradient(domain.green_function(lattice, reynolds)))
+    near = dataclasses.replace(body, corner=_moved(body, corner), shape=lattice.shape)
+    velocities = domain.each_mode(lambda a: here(near.spread(a)), eye)
+    # The velocity on the edge of the box determines that outside: its principal components.
+    edges = _edges(velocities, lattice.symmetric)
+    combinations = jnp.linalg.eigh(edges @ edges.T)[1].T[-domain.far_combinations :]
+    far = domain.each_mode(lambda a: green(body.spread(a)), combinations)
+    return CompressedResponse(velocities, combinations, far, corner)
+
+
+def _within(body, response):
+    shape = response.near.shape[2:]
+    return dataclasses.replace(body, corner=_moved(body, response.corner), shape=shape)
+
+
+def _moved(body, corner):
+    return tuple(own - start for own, start in zip(body.corner, corner, strict=True))
+
+
+def _edges(velocities: Float[Array, "modes axes ..."], symmetric: bool) -> Float[Array, "modes _"]:
+    """Return the velocities in the outermost cells of the box, mirror planes left out."""
+    parts = []
+    for axis in range(2, velocities.ndim):
+        ends = (-1,) if symmetric and axis > 2 else (0, -1)
+        parts += [jnp.take(velocities, end, axis).reshape(len(velocities), -1) for end in ends]
+    return jnp.concatenate(parts, axis=1)
