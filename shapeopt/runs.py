@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from shapeopt.problem.scenarios import model_drags, model_objective
+from shapeopt.problem.scenarios import model_loads, model_objective
 from shapeopt.search.design import Design
 from shapeopt.search.verify import Verified
 from surrogate.body.shape import family_shape
@@ -187,7 +187,7 @@ def _verification_record(
     if verified is not None:
         drags = [None] * len(verified.solutions)
         if network is not None:
-            drags = model_drags(network, design.parameters, scenarios)[0].tolist()
+            drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
         rows = zip(
             *(scenarios.shift, scenarios.weight, verified.cylinder, drags, verified.solutions),
             strict=True,

@@ -74,7 +74,14 @@ def test_solve_drag(capsys):
     assert set(first) == {
         *("reynolds", "cd", "cd_pressure", "cd_friction", "cl", "cm", "converged", "iterations"),
         *("green_applications", "wall_s", "gradient", "estimated_error", "status"),
-        *("estimated_lift_error", "sufficient", "cd_extrapolated", "expected_error", "accuracy"),
+        *(
+            "estimated_lift_error",
+            "estimated_moment_error",
+            "sufficient",
+            "cd_extrapolated",
+            "expected_error",
+            "accuracy",
+        ),
         *("incidence", "chord", "chord_reynolds", "reference"),
     }
     assert first["reynolds"] == 10

@@ -36,7 +36,8 @@ def observe(function, parameters, reynolds):
     shape, re = jax.grad(lambda p, x: jnp.log(function(p, jnp.exp(x))), (0, 1))(
         parameters, jnp.log(reynolds)
     )
-    return Observation(np.asarray(parameters), float(reynolds), drag, np.append(shape, re))
+    slopes = np.append(shape, re)[None]
+    return Observation(np.asarray(parameters), float(reynolds), np.array([drag]), slopes)
 
 
 @pytest.fixture(scope="module")

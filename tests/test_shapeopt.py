@@ -77,7 +77,7 @@ def test_break_even():
 def known_design(seconds, work, objective=1.0, flows=1):
     body, problem = np.array([2.0, 0.0, 0.0, 0.0]), Problem(Scene(), 20.0)
     cost = 0, flows, round(work), float(seconds)
-    return Design(problem, body, objective, objective, 1e-4, 2.0, body[None], *cost)
+    return Design(problem, body, objective, (objective, 0.0, 0.0), 1e-4, 2.0, body[None], *cost)
 
 
 def example_strategies():

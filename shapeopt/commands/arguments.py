@@ -140,6 +140,11 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", required=True, help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
+    objective = "drag: least Cd (default); glide: greatest Cl / Cd"
+    add("--objective", choices=list(OBJECTIVES), default="drag", help=objective)
+    add("--lift", help="lower bound on Cl: one, or in one run a polar of designs, 0:0.6:7 (none)")
+    add("--min-moment", type=float, help="lower bound on Cm, about the centroid, nose up (none)")
+    add("--max-moment", type=float, help="upper bound on it (none)")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
     add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")

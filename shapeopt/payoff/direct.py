@@ -9,7 +9,8 @@ from jaxtyping import Float
 from shapeopt.payoff.slsqp import SlsqpResult, minimise_slsqp
 from shapeopt.problem.constraints import BOUNDS
 from shapeopt.problem.problem import Problem
-from shapeopt.search.design import Design
+from shapeopt.problem.scenarios import LOAD_BOUNDS
+from shapeopt.search.design import Design, padded_loads
 from shapeopt.search.evaluated import EvaluatedDesign, evaluate_design, starting_body
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
@@ -36,9 +37,15 @@ def design_directly(
         evaluated.append(evaluate_design(problem, memory, parameters))
         return evaluated[-1].value, evaluated[-1].gradient
 
+    def load_constraints(parameters):
+        found = evaluate_design(problem, memory, parameters)  # known, where the objective is
+        return found.of_loads, found.by_loads
+
     body, rounds = starting_body(problem) if start is None else start, list[SlsqpResult]()
     for k in range(ROUNDS):
-        rounds.append(minimise_slsqp(objective, problem.limits, body, 1e-6 * 100.0**-k))
+        tolerance = 1e-6 * 100.0**-k
+        found = minimise_slsqp(objective, problem.limits, body, tolerance, load_constraints)
+        rounds.append(found)
         body = rounds[-1].parameters
         if rounds[-1].kkt_residual <= KKT_TOLERANCE:
             break
@@ -55,7 +62,7 @@ def design_directly(
         problem=problem,
         parameters=best.parameters,
         objective=best.value,
-        drag=memory.evaluate(best.parameters, problem.objective.nominal).drag,
+        loads=padded_loads(memory.evaluate(best.parameters, problem.objective.nominal).loads),
         kkt_residual=best.kkt_residual,
         start=evaluated[0].value,
         path=np.concatenate([found.path for found in rounds]),
@@ -73,6 +80,7 @@ def nearest_design(
 
     def features(one):
         bounds = [getattr(one, name) or bound.usual for name, bound in BOUNDS.items()]
+        bounds += [getattr(one, name) or 0.0 for name in LOAD_BOUNDS]
         return np.array([*bounds, np.log(one.objective.nominal)])
 
     def away(design):

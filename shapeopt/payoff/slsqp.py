@@ -12,6 +12,7 @@ from shapeopt.search.optimality import kkt_residual
 from surrogate.arrays import AnyArray
 
 ValueAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
+ValuesAndJacobian = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class SlsqpResult(NamedTuple):
@@ -30,10 +31,12 @@ def minimise_slsqp(
     limits: Limits,
     start: Float[AnyArray, " parameters"],
     tolerance: float = 1e-9,
+    load_constraints: ValuesAndJacobian | None = None,
 ) -> SlsqpResult:
     """Return the local optimum that SLSQP finds from ``start``, in parameters scaled to [0, 1].
 
-    ``tolerance`` is SciPy's ``ftol``, of the objective.
+    ``tolerance`` is SciPy's ``ftol``, of the objective; ``load_constraints`` returns values that
+    are >= 0 where bounds on loads hold, and their Jacobian.
     """
     low, width = limits.low, np.asarray(limits.width)
     path, last = [start], {}
@@ -43,9 +46,14 @@ def minimise_slsqp(
         last.update(z=z.copy(), gradient=gradient * width)
         return value, gradient * width
 
+    def of_loads(z):
+        none = np.zeros(0), np.zeros((0, len(low)))
+        return load_constraints(low + width * z) if load_constraints else none
+
     def constraints(z):
-        values, jacobian = constraint_values_and_jacobian(low + width * z, limits)
-        return np.asarray(values), np.asarray(jacobian) * width
+        rows = [constraint_values_and_jacobian(low + width * z, limits), of_loads(z)]
+        values, jacobians = (np.concatenate(part) for part in zip(*rows, strict=True))
+        return values, jacobians * width
 
     result = minimize(
         scaled,
@@ -69,7 +77,7 @@ def minimise_slsqp(
     return SlsqpResult(
         parameters=low + width * z,
         value=float(value),
-        kkt_residual=kkt_residual(limits, low + width * z, value, gradient / width),
+        kkt_residual=kkt_residual(limits, low + width * z, value, gradient / width, *of_loads(z)),
         feasible=feasible,
         converged=bool(result.success) and feasible and bool(np.isfinite(value)),
         path=np.array(path),

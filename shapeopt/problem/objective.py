@@ -1,6 +1,6 @@
-"""Objectives: drag at one Reynolds number, over several, or under uncertainty.
+"""Objectives: drag at one Reynolds number, over several, or under uncertainty; the glide ratio.
 
-An objective states its scenarios; ``shapeopt.problem.scenarios`` makes one number of their drags.
+An objective states its scenarios; ``shapeopt.problem.scenarios`` makes one number of their loads.
 A new objective is a subclass of ``Objective`` here, and nothing else.
 """
 
@@ -27,7 +27,7 @@ LEAST_KEPT = 0.5 - 1e-6  # probability of the spread that must lie within the tr
 
 
 class Objective(abc.ABC):
-    """What is minimised: one number made of the drags over scenarios."""
+    """What is minimised: one number made of the loads over scenarios."""
 
     @property
     @abc.abstractmethod
@@ -59,6 +59,22 @@ class AtReynolds(Objective):
 
     def scenarios(self, scene: Scene) -> Scenarios:
         return _scenarios(scene, [scene.check_reynolds(self.reynolds)], [1.0])
+
+
+@dataclasses.dataclass(frozen=True)
+class Glide(Objective):
+    """The glide ratio Cl / Cd at one Reynolds number, which is maximised: -Cl / Cd is minimised."""
+
+    reynolds: float
+
+    @property
+    def nominal(self) -> float:
+        return self.reynolds
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        if scene.family.body_class.symmetric:
+            raise InvalidInput("glide: the bodies of this scene have no lift; camber or incidence")
+        return _scenarios(scene, [scene.check_reynolds(self.reynolds)], [1.0], glide=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,12 +208,15 @@ def _scenarios(
     shift: Float[AnyArray, "cases parameters"] | None = None,
     relative: bool = False,
     level: float = 0.0,
+    glide: bool = False,
 ) -> Scenarios:
     if shift is None:
         shift = np.zeros((len(reynolds), len(scene.family.names)))
     return Scenarios(
         *(np.asarray(value, float) for value in (shift, reynolds, weight)),
         np.asarray(relative),
+        np.asarray(glide),
         np.asarray(level),
         scene.family.ellipse(1.0),
+        np.zeros(0),
     )

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from shapeopt.problem.constraints import BOUNDS, Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Weighted
-from shapeopt.problem.scenarios import Scenarios
+from shapeopt.problem.scenarios import LOAD_BOUNDS, UNBOUNDED, Scenarios
 from surrogate.arrays import AnyArray
 from surrogate.checks import did_you_mean, expect, finite_number, interval, shown
 from surrogate.errors import InvalidInput
@@ -25,8 +25,8 @@ class Problem:
 
     Args:
       scene: stream, family of bodies and fidelity.
-      reynolds: a Reynolds number U D / nu, to minimise Cd there; or an objective, ``Weighted`` or
-        ``Robust``; several numbers are ``Weighted`` equally.
+      reynolds: a Reynolds number U D / nu, to minimise Cd there; or an objective, ``Glide``,
+        ``Weighted`` or ``Robust``; several numbers are ``Weighted`` equally.
       max_length: upper bound on the chord.
       min_thickness: lower bound on the greatest thickness; in 3-D on the height.
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
@@ -36,6 +36,9 @@ class Problem:
       trust: distance that every shape parameter keeps from both ends of its trained range, as a
         share of the range's width, from 0 to below 0.5; a surrogate is least accurate at the ends.
       max_thickness: upper bound on the greatest thickness; in 3-D on the height.
+      lift: lower bound on Cl, in every case of the objective; for scenes whose bodies have lift.
+      min_moment: lower bound on Cm, about the centroid, nose up.
+      max_moment: upper bound on Cm.
 
     Raises:
       InvalidInput: a value is out of its range, or the ranges of parameters contradict each other.
@@ -50,6 +53,9 @@ class Problem:
     within: Mapping[str, tuple[float, float]] | None = None
     trust: float = 0.0
     max_thickness: float | None = None
+    lift: float | None = None
+    min_moment: float | None = None
+    max_moment: float | None = None
 
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
@@ -65,6 +71,9 @@ class Problem:
         for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_length(name, bound))
+        for name in LOAD_BOUNDS:
+            if (bound := getattr(self, name)) is not None:
+                object.__setattr__(self, name, _checked_load(self.scene, name, bound))
         object.__setattr__(self, "trust", finite_number("trust", self.trust))
         if not 0 <= self.trust < 0.5:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
@@ -78,8 +87,15 @@ class Problem:
 
     @functools.cached_property
     def scenarios(self) -> Scenarios:
-        """The cases of the objective as arrays."""
-        return self.objective.scenarios(self.scene)
+        """The cases of the objective, with the bounds on loads, as arrays."""
+        scenarios = self.objective.scenarios(self.scene)
+        if self.scene.family.body_class.symmetric:
+            return scenarios
+        bounds = [
+            -bound.sense * UNBOUNDED if getattr(self, name) is None else getattr(self, name)
+            for name, bound in LOAD_BOUNDS.items()
+        ]
+        return scenarios._replace(load_bounds=np.array(bounds))
 
     @functools.cached_property
     def limits(self) -> Limits:
@@ -132,6 +148,16 @@ def _checked_station(given: object) -> Station:
     if not 0 < x < 1:
         raise InvalidInput(f"station x/c = {x:g}: between 0 (nose) and 1 (tail)")
     return Station(x, _checked_length(f"thickness at {x:g} c", given.thickness))
+
+
+def _checked_load(scene: Scene, name: str, given: object) -> float:
+    text = name.replace("_", " ")
+    if scene.family.body_class.symmetric:
+        raise InvalidInput(f"{text}: the bodies of this scene have no lift; camber or incidence")
+    value = finite_number(text, given)
+    if not abs(value) < UNBOUNDED:
+        raise InvalidInput(f"{text} {value:g}: a coefficient below {UNBOUNDED:g} in magnitude")
+    return value
 
 
 def _checked_length(name: str, given: object) -> float:

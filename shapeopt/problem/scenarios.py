@@ -1,4 +1,4 @@
-"""Scenarios of an objective, and the objective as one number made of their drags.
+"""Scenarios of an objective, the objective as one number of their loads, and bounds on loads.
 
 Search on a model, search on the flow and verification share this definition; symbols as in
 ``shapeopt/README.md``, section 1.
@@ -13,32 +13,58 @@ from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
 
+# Least magnitude of an objective that relative changes are taken of: a glide ratio may be zero.
+LEAST_OBJECTIVE = 0.1
+
 
 @runtime_checkable
-class DragModel(Protocol):
-    """A differentiable drag model that JAX can trace: a network, or kriging."""
+class LoadModel(Protocol):
+    """A differentiable model of the loads that JAX can trace: a network, or kriging."""
 
-    def drag(
+    def loads(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Float[Array, ""]:
-        """Return the drag coefficient Cd of a body at a Reynolds number."""
+    ) -> Float[Array, " loads"]:
+        """Return Cd, and where there is lift Cl and Cm, of a body at a Reynolds number."""
         ...
+
+
+class LoadBound(NamedTuple):
+    """A bound on a load that a problem may set: ``index`` among Cd, Cl, Cm; minimum or maximum.
+
+    ``sense`` is 1 of a minimum and -1 of a maximum; ``symbol`` is the load's, for messages.
+    """
+
+    index: int
+    sense: int
+    symbol: str
+
+
+LOAD_BOUNDS = {
+    "lift": LoadBound(1, 1, "Cl"),
+    "min_moment": LoadBound(2, 1, "Cm"),
+    "max_moment": LoadBound(2, -1, "Cm"),
+}
+UNBOUNDED = 1e3  # magnitude of a bound that every load satisfies
 
 
 class Scenarios(NamedTuple):
     """The cases i of an objective: shape changes s_i, Reynolds numbers Re_i and weights w_i.
 
-    Weights sum to 1. With ``relative``, drags are divided by the drag of the ``round_body``
-    (cylinder, in 3-D sphere) at the same Re. ``level`` is the CVaR level: the objective is the
-    mean of the worst share 1 - level of the cases, and of all cases at level 0.
+    Weights sum to 1. The loss of a case is Cd; with ``relative`` it is divided by the drag of the
+    ``round_body`` (cylinder, in 3-D sphere) at the same Re; with ``glide`` it is -Cl / Cd. ``level``
+    is the CVaR level: the objective is the mean of the worst share 1 - level of the cases, and of
+    all cases at level 0. ``load_bounds`` are the values of ``LOAD_BOUNDS``, which hold in every
+    case; there are none where there is no lift.
     """
 
     shift: Float[AnyArray, "cases parameters"]
     reynolds: Float[AnyArray, " cases"]
     weight: Float[AnyArray, " cases"]
     relative: Bool[AnyArray, ""]
+    glide: Bool[AnyArray, ""]
     level: Float[AnyArray, ""]
     round_body: Float[AnyArray, " parameters"]
+    load_bounds: Float[AnyArray, " load_bounds"]
 
     def padded(self, count: int) -> "Scenarios":
         """Return the same objective with ``count`` cases, the last one repeated at weight 0."""
@@ -51,13 +77,28 @@ class Scenarios(NamedTuple):
 
 
 def combine(
-    drags: Float[AnyArray, " cases"],
+    loads: Float[AnyArray, "cases loads"],
     round_drags: Float[AnyArray, " cases"],
     scenarios: Scenarios,
 ) -> Float[Array, ""]:
-    """Return the objective from the drags of a body and of the round body in all scenarios."""
+    """Return the objective from a body's loads and the round body's drags in all scenarios."""
+    drags, lifts = loads[:, 0], loads[:, 1:2].sum(axis=1)  # no lift where there is none
     losses = drags / jnp.where(scenarios.relative, round_drags, 1.0)
+    losses = jnp.where(scenarios.glide, -lifts / drags, losses)
     return conditional_value_at_risk(losses, scenarios.weight, scenarios.level)
+
+
+def load_constraints(
+    loads: Float[AnyArray, "cases loads"], scenarios: Scenarios
+) -> Float[Array, " constraints"]:
+    """Return what is >= 0 where loads satisfy their bounds, over Cd; empty without lift."""
+    if not scenarios.load_bounds.shape[-1]:
+        return jnp.zeros(0)
+    rows = [
+        bound.sense * (loads[:, bound.index] - scenarios.load_bounds[k]) / loads[:, 0]
+        for k, bound in enumerate(LOAD_BOUNDS.values())
+    ]
+    return jnp.concatenate(rows)
 
 
 def conditional_value_at_risk(
@@ -76,16 +117,24 @@ def conditional_value_at_risk(
 
 
 def model_objective(
-    model: DragModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> Float[Array, ""]:
     """Return the objective of a body as a model predicts it; differentiable in the parameters."""
-    return combine(*model_drags(model, parameters, scenarios), scenarios)
+    return objective_and_constraints(model, parameters, scenarios)[0]
 
 
-def model_drags(
-    model: DragModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
-) -> tuple[Float[Array, " cases"], Float[Array, " cases"]]:
-    """Return the predicted Cd of a body and of the round body in every scenario."""
-    drags = jax.vmap(model.drag)(parameters + scenarios.shift, scenarios.reynolds)
-    of_round = jax.vmap(model.drag, in_axes=(None, 0))(scenarios.round_body, scenarios.reynolds)
-    return drags, of_round
+def objective_and_constraints(
+    model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+) -> tuple[Float[Array, ""], Float[Array, " constraints"]]:
+    """Return the objective of a body, and its ``load_constraints``, as a model predicts them."""
+    loads, round_drags = model_loads(model, parameters, scenarios)
+    return combine(loads, round_drags, scenarios), load_constraints(loads, scenarios)
+
+
+def model_loads(
+    model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+) -> tuple[Float[Array, "cases loads"], Float[Array, " cases"]]:
+    """Return the predicted loads of a body, and drags of the round body, in every scenario."""
+    loads = jax.vmap(model.loads)(parameters + scenarios.shift, scenarios.reynolds)
+    of_round = jax.vmap(model.loads, in_axes=(None, 0))(scenarios.round_body, scenarios.reynolds)
+    return loads, of_round[:, 0]

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 from jaxtyping import Float
@@ -22,8 +23,8 @@ class Design:
       parameters: the body, in the order of ``problem.scene.family.names``.
       objective: value of the problem's objective, by the surrogate or, after a search on the flow,
         by the flow.
-      drag: Cd at the objective's nominal Reynolds number, by the same model; NaN where that flow
-        did not converge.
+      loads: Cd, Cl and Cm at the objective's nominal Reynolds number, by the same model; NaN where
+        that flow did not converge.
       kkt_residual: optimality residual on that model, per width of a parameter's range; 0 at a
         local optimum.
       start: objective where the search began.
@@ -37,7 +38,7 @@ class Design:
     problem: Problem
     parameters: Float[AnyArray, " parameters"]
     objective: float
-    drag: float
+    loads: tuple[float, float, float]
     kkt_residual: float
     start: float
     path: Float[AnyArray, "steps parameters"]
@@ -47,21 +48,46 @@ class Design:
     seconds: float
 
     def __repr__(self) -> str:
-        found = f"Cd {self.drag:.4f}, {self.flows} flows, KKT residual {self.kkt_residual:.0e}"
+        lift = f"Cl {self.lift:.4f}, " if self.has_lift else ""
+        found = (
+            f"Cd {self.drag:.4f}, {lift}{self.flows} flows, KKT residual {self.kkt_residual:.0e}"
+        )
         return f"Design({listed(self._named)}: {found})"
 
     def summary(self) -> str:
         """Return the body and how it was found as lines of text."""
+        lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self.has_lift else {}
         return aligned(
             {
                 "body": listed(self._named),
                 "chord": f"{self.chord:.4g} D",
                 "objective": f"{self.objective:.5g}, from {self.start:.5g} where the search began",
                 "Cd": f"{self.drag:.5g}",
+                **lift,
                 "KKT residual": f"{self.kkt_residual:.1e}, 0 at a local optimum",
                 "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
             }
         )
+
+    @property
+    def drag(self) -> float:
+        """Cd at the nominal Reynolds number."""
+        return self.loads[0]
+
+    @property
+    def lift(self) -> float:
+        """Cl at the nominal Reynolds number; 0 where all bodies are symmetric."""
+        return self.loads[1]
+
+    @property
+    def moment(self) -> float:
+        """Cm, about the centroid and nose up, at the nominal Reynolds number."""
+        return self.loads[2]
+
+    @property
+    def has_lift(self) -> bool:
+        """Whether bodies of the problem's scene have lift."""
+        return not self.problem.scene.family.body_class.symmetric
 
     @property
     def _named(self):
@@ -98,3 +124,9 @@ class Design:
     def estimated_error(self) -> float | None:
         """The largest estimated relative error of its flows; None where one has no estimate."""
         return self.verified.estimated_error
+
+
+def padded_loads(loads: Sequence[float]) -> tuple[float, float, float]:
+    """Return Cd, Cl and Cm of the loads that a model knows; those it does not are zero."""
+    drag, lift, moment = (*map(float, loads), 0.0, 0.0)[:3]
+    return drag, lift, moment

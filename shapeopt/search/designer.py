@@ -16,10 +16,9 @@ import numpy as np
 from jaxtyping import Float
 
 from shapeopt.problem.constraints import FEASIBLE, satisfied
-from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.scenarios import DragModel
-from shapeopt.search.design import Design
+from shapeopt.problem.scenarios import LEAST_OBJECTIVE, LoadModel
+from shapeopt.search.design import Design, padded_loads
 from shapeopt.search.evaluated import (
     Bodies,
     EvaluatedDesign,
@@ -109,16 +108,14 @@ class Designer:
                 f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
                 f"{memory.flows - before[0]} flows{lost}; it must be at most {KKT_ACCEPTED:g}"
             )
-        drag = best.value
-        if not isinstance(problem.objective, AtReynolds):
-            drag = float("nan")
-            with contextlib.suppress(NotConverged):
-                drag = memory.evaluate(best.parameters, problem.objective.nominal).drag
+        loads = [float("nan")] * len(memory.flow.bodies.loads)
+        with contextlib.suppress(NotConverged):  # known already, unless the case is no nominal one
+            loads = memory.evaluate(best.parameters, problem.objective.nominal).loads
         return Design(
             problem=problem,
             parameters=best.parameters,
             objective=best.value,
-            drag=drag,
+            loads=padded_loads(loads),
             kkt_residual=best.kkt_residual,
             start=evaluated[0].value,
             path=np.array([body.parameters for body in evaluated]),
@@ -194,7 +191,7 @@ def check_problem(problem: Problem, scene: Scene) -> None:
 
 
 def _propose(
-    problem: Problem, model: DragModel | None, evaluated: Sequence[EvaluatedDesign]
+    problem: Problem, model: LoadModel | None, evaluated: Sequence[EvaluatedDesign]
 ) -> Proposal | None:
     """Return the model's optimum; None where there is no model, or no search on it succeeded."""
     if model is None:
@@ -210,7 +207,7 @@ def _finished(proposal: Proposal, evaluated: Sequence[EvaluatedDesign]) -> bool:
     if not evaluated:
         return False
     best = min(evaluated, key=lambda body: body.rank)
-    predicted_decrease = 1 - proposal.value / best.value
+    predicted_decrease = (best.value - proposal.value) / max(abs(best.value), LEAST_OBJECTIVE)
     return best.kkt_residual <= KKT_TOLERANCE and predicted_decrease < DECREASE
 
 

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.scenarios import combine
+from shapeopt.problem.scenarios import combine, load_constraints
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_TOLERANCE, kkt_residual
 from surrogate.arrays import AnyArray
@@ -19,12 +18,17 @@ Bodies = Sequence[Float[AnyArray, " parameters"]]
 
 
 class EvaluatedDesign(NamedTuple):
-    """A body with its objective by the flow, the gradient of it, and its KKT residual."""
+    """A body with its objective by the flow, the gradient of it, and its KKT residual.
+
+    ``of_loads`` are the values of its load constraints by the flow, ``by_loads`` their Jacobian.
+    """
 
     parameters: Float[AnyArray, " parameters"]
     value: float
     gradient: Float[AnyArray, " parameters"]
     kkt_residual: float
+    of_loads: Float[AnyArray, " constraints"]
+    by_loads: Float[AnyArray, "constraints parameters"]
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -46,18 +50,24 @@ def evaluate_design(
     if relative := bool(scenarios.relative):
         queries += [(round_body, reynolds) for _, reynolds in cases]
     seen, count = memory.evaluate_all(queries), len(cases)
-    drags = np.array([flow.drag for flow in seen])
-    round_drags = drags[count:] if relative else np.ones(count)
-    value, weights = _objective_and_weights(drags[:count], round_drags, scenarios)
-    slopes = np.array([flow.drag * flow.slopes[:-1] for flow in seen[:count]])  # dCd/dp
-    gradient = np.asarray(weights) @ slopes
-    residual = kkt_residual(problem.limits, parameters, float(value), gradient)
-    return EvaluatedDesign(parameters, float(value), gradient, residual)
+    loads = np.array([flow.loads for flow in seen])
+    round_drags = loads[count:, 0] if relative else np.ones(count)
+    (value, constraints), weights = _values_and_weights(loads[:count], round_drags, scenarios)
+    slopes = np.array([flow.load_slopes[:, :-1] for flow in seen[:count]])  # d loads / dp
+    gradient, by_loads = (np.tensordot(w, slopes, axes=2) for w in weights)
+    value, of_loads = float(value), np.asarray(constraints)
+    residual = kkt_residual(problem.limits, parameters, value, gradient, of_loads, by_loads)
+    return EvaluatedDesign(parameters, value, gradient, residual, of_loads, by_loads)
 
 
 @jax.jit
-def _objective_and_weights(drags, round_drags, scenarios):
-    return jax.value_and_grad(combine)(jnp.asarray(drags), round_drags, scenarios)
+def _values_and_weights(loads, round_drags, scenarios):
+    """Return objective and load constraints of all cases, and their derivatives in the loads."""
+
+    def values(loads):
+        return combine(loads, round_drags, scenarios), load_constraints(loads, scenarios)
+
+    return values(loads), jax.jacrev(values)(loads)
 
 
 def starting_body(

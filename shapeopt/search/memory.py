@@ -1,4 +1,4 @@
-"""Observations of the flow, drags with their slopes, kept between designs and in a file."""
+"""Observations of the flow, loads with their slopes, kept between designs and in a file."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -13,11 +13,12 @@ from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, strict_json, whole_file
-from surrogate.flow.derivatives import DragGradient
+from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.flow import Flow
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Hyper, Kriging, Observation, kriging, likeliest
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
+from surrogate.model.outputs import output_gradients
 from surrogate.scene.limits import REYNOLDS
 
 KIND = "flows of a designer"  # "kind" of the file
@@ -35,7 +36,7 @@ class Memory:
     def __init__(
         self,
         flow: Flow,
-        base: DragNetwork | None,
+        base: LoadNetwork | None,
         file: str | Path | None = None,
         devices: Devices | None = None,
     ):
@@ -48,7 +49,7 @@ class Memory:
         self.refresh()
 
     def evaluate(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Observation:
-        """Return drag and slopes of a body, by one flow and adjoint unless they are known.
+        """Return loads and slopes of a body, by one flow and adjoint unless they are known.
 
         Raises:
           NotConverged: the flow or its adjoint did not converge.
@@ -56,7 +57,7 @@ class Memory:
         return self.evaluate_all([(parameters, reynolds)])[0]
 
     def evaluate_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Observation]:
-        """Return drag and slopes for every (body, Reynolds number), spread over the devices.
+        """Return loads and slopes for every (body, Reynolds number), spread over the devices.
 
         Raises:
           NotConverged: a flow or its adjoint did not converge.
@@ -69,14 +70,15 @@ class Memory:
                 raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
             self.flows += 1
             self.green_applications += int(found.green_applications)
-            drag = float(found.drag)
-            slopes = np.append(found.gradient, reynolds * found.by_reynolds) / drag
-            seen = Observation(np.asarray(parameters, float), float(reynolds), drag, slopes)
+            gradients = np.column_stack([found.gradients, reynolds * found.by_reynolds])
+            loads, slopes = np.asarray(found.loads), output_gradients(found.loads, gradients)
+            body = np.asarray(parameters, float)
+            seen = Observation(body, float(reynolds), loads, np.asarray(slopes))
             self.observations.append(seen)
             known[_key(parameters, reynolds)] = seen
         return [known[_key(*query)] for query in queries]
 
-    def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[DragGradient]:
+    def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[LoadsAndGradients]:
         """Solve one by one on a single device, where another number would be compiled anew."""
         if self.devices.count == 1 or len(queries) < 2:
             yield from (self.flow.slope(*query) for query in queries)
@@ -84,7 +86,7 @@ class Memory:
             found = self.flow.slopes(*map(np.array, zip(*queries, strict=True)), self.devices)
             yield from (jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(len(queries)))
 
-    def model(self, tightness: int = 0) -> Kriging | DragNetwork | None:
+    def model(self, tightness: int = 0) -> Kriging | LoadNetwork | None:
         """Return the base model corrected by kriging through all observations.
 
         Without observations it is the base itself, which is None where the search starts from the
@@ -117,10 +119,7 @@ class Memory:
             return
         with FileLock(f"{self.file}.lock"):
             self.refresh()
-            flows = [
-                [seen.parameters.tolist(), seen.reynolds, seen.drag, seen.slopes.tolist()]
-                for seen in self.observations
-            ]
+            flows = [[np.asarray(part).tolist() for part in seen] for seen in self.observations]
             record = {"kind": KIND, "scene": self.flow.scene.record, "sha256": json_digest(flows)}
             record["flows"] = flows
             with whole_file(self.file) as part:
@@ -144,11 +143,18 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
         digest = json_digest(record["flows"])
         if record.get("sha256", digest) != digest:  # files of older versions have none
             raise ValueError
-        rows = [Observation(np.array(p), re, cd, np.array(s)) for p, re, cd, s in record["flows"]]
+        rows = [
+            # files of older versions have Cd alone
+            Observation(np.array(p), re, np.atleast_1d(loads), np.atleast_2d(slopes))
+            for p, re, loads, slopes in record["flows"]
+        ]
+        count = len(flow.bodies.loads)
         size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
         for seen in rows:
-            numbers = np.concatenate([seen.parameters, seen.slopes])
-            sound = numbers.dtype.kind == "f" and numbers.shape == (2 * size + 1,)
+            numbers = np.concatenate([seen.parameters, seen.loads, seen.slopes.ravel()])
+            shapes = seen.parameters.shape, seen.loads.shape, seen.slopes.shape
+            known = shapes == ((size,), (count,), (count, size + 1))
+            sound = numbers.dtype.kind == "f" and known
             bounded = sound and np.all(np.abs(numbers) < LARGEST)
             if not (bounded and 0 < seen.drag < LARGEST and least <= seen.reynolds <= most):
                 raise ValueError

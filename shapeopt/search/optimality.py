@@ -5,6 +5,7 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 
 from shapeopt.problem.constraints import Limits, constraint_values_and_jacobian
+from shapeopt.problem.scenarios import LEAST_OBJECTIVE
 from surrogate.arrays import AnyArray
 
 ACTIVE = 1e-5  # constraints, and scaled distances from the ends of ranges, below this are active
@@ -19,17 +20,25 @@ def kkt_residual(
     parameters: Float[AnyArray, " parameters"],
     value: float,
     gradient: Float[AnyArray, " parameters"],
+    of_loads: Float[AnyArray, " constraints"] | None = None,
+    by_loads: Float[AnyArray, "constraints parameters"] | None = None,
 ) -> float:
     """Return min over m >= 0 of |g - A^T m| / |f|, the part of the gradient no constraint holds.
 
     With g the gradient of the objective f in z = (p - low) / width and A the gradients of the
     active constraints, ranges included: the relative change of f per width of a parameter's range.
-    It vanishes at a local optimum.
+    It vanishes at a local optimum. With constraints on loads, values and Jacobian, it is their
+    largest violation where that is larger.
     """
     width = np.asarray(limits.width)
     constraints, jacobian = map(np.asarray, constraint_values_and_jacobian(parameters, limits))
     z, eye = (np.asarray(parameters) - limits.low) / width, np.eye(width.size)
     normals = [(jacobian * width)[constraints < ACTIVE], eye[z < ACTIVE], -eye[1 - z < ACTIVE]]
+    violation = 0.0
+    if of_loads is not None and len(of_loads):
+        of_loads = np.asarray(of_loads)
+        normals.append((np.asarray(by_loads) * width)[of_loads < KKT_TOLERANCE])
+        violation = max(float(-of_loads.min()), 0.0)
     active, gradient = np.concatenate(normals), np.asarray(gradient) * width
     left = nnls(active.T, gradient)[1] if len(active) else float(np.linalg.norm(gradient))
-    return float(left / abs(value))
+    return max(float(left / max(abs(value), LEAST_OBJECTIVE)), violation)

@@ -3,9 +3,8 @@
 import time
 from collections.abc import Sequence
 
-from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.problem import Problem
-from shapeopt.search.design import Design
+from shapeopt.search.design import Design, padded_loads
 from shapeopt.search.designer import Designer, check_model, check_problem
 from shapeopt.search.propose import Proposal, propose_all
 from surrogate.checks import expect
@@ -72,14 +71,12 @@ def optimise_all(
 
 
 def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds: float) -> Design:
-    drag = proposal.value
-    if not isinstance(problem.objective, AtReynolds):
-        drag = float(surrogate.drag(proposal.parameters, problem.objective.nominal))
+    loads = surrogate.loads(proposal.parameters, problem.objective.nominal)
     return Design(
         problem=problem,
         parameters=proposal.parameters,
         objective=proposal.value,
-        drag=drag,
+        loads=padded_loads(loads.tolist()),
         kkt_residual=proposal.kkt_residual,
         start=proposal.start,
         path=proposal.path,

@@ -12,9 +12,17 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import FEASIBLE, Limits, satisfied
 from shapeopt.problem.feasible import drawn_bodies
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.scenarios import DragModel, Scenarios, model_objective
+from shapeopt.problem.scenarios import (
+    LEAST_OBJECTIVE,
+    LOAD_BOUNDS,
+    LoadModel,
+    Scenarios,
+    model_loads,
+    model_objective,
+    objective_and_constraints,
+)
 from shapeopt.search.optimality import kkt_residual
-from shapeopt.search.sqp import SqpResult, minimise_sqp
+from shapeopt.search.sqp import PENALTY, SqpResult, minimise_sqp, model_values
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices, map_over_devices
 from surrogate.errors import NotConverged
@@ -41,7 +49,7 @@ class Proposal(NamedTuple):
 
 
 def propose(
-    problem: Problem, model: DragModel, starts: Bodies = (), require_converged: bool = True
+    problem: Problem, model: LoadModel, starts: Bodies = (), require_converged: bool = True
 ) -> Proposal:
     """Return the global optimum of a problem on a model, as ``propose_all`` does."""
     return propose_all([problem], model, starts, require_converged)[0]
@@ -49,7 +57,7 @@ def propose(
 
 def propose_all(
     problems: Sequence[Problem],
-    model: DragModel,
+    model: LoadModel,
     starts: Bodies = (),
     require_converged: bool = True,
     devices: Devices | None = None,
@@ -85,8 +93,11 @@ def propose_all(
         end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)
         sound = end.feasibility >= FEASIBLE and np.isfinite(end.value)
         if not (sound and (end.converged or not require_converged)):
-            raise NotConverged("optimise: none of the starts reached an optimum")
-        residual = kkt_residual(problem.limits, end.parameters, float(end.value), end.gradient)
+            raise NotConverged(_failure(problem, model, end))
+        _, constraints = model_values(model, end.parameters, problem.scenarios)
+        residual = kkt_residual(
+            problem.limits, end.parameters, float(end.value), end.gradient, *constraints
+        )
         found.append(
             Proposal(
                 parameters=end.parameters,
@@ -101,7 +112,7 @@ def propose_all(
 
 
 def best_draws(
-    model: DragModel,
+    model: LoadModel,
     drawn: Float[AnyArray, "problems bodies parameters"],
     limits: Limits,
     scenarios: Scenarios,
@@ -111,7 +122,10 @@ def best_draws(
 
     def one(case):
         drawn, limits, scenarios = case
-        values = jax.vmap(model_objective, in_axes=(None, 0, None))(model, drawn, scenarios)
+        objectives = jax.vmap(objective_and_constraints, in_axes=(None, 0, None))
+        values, constraints = objectives(model, drawn, scenarios)
+        violation = jnp.max(-constraints, axis=1, initial=0.0)
+        values += PENALTY * jnp.maximum(jnp.abs(values), LEAST_OBJECTIVE) * violation
         values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
         return drawn[jax.lax.top_k(-values, count)[1]], jnp.sum(jnp.isfinite(values))
 
@@ -119,7 +133,7 @@ def best_draws(
 
 
 def minimise_from_all(
-    model: DragModel,
+    model: LoadModel,
     starts: Float[AnyArray, "problems starts parameters"],
     limits: Limits,
     scenarios: Scenarios,
@@ -138,6 +152,20 @@ def minimise_from_all(
         return end, model_objective(model, starts[best], scenarios), jnp.sum(ends.evaluations)
 
     return jax.lax.map(one, (starts, limits, scenarios))
+
+
+def _failure(problem, model, end):
+    """Return why no search of a problem succeeded: a load out of reach, or none settled."""
+    _, (values, _) = model_values(model, end.parameters, problem.scenarios)
+    if not len(values) or float(jnp.min(values)) >= FEASIBLE:
+        return "optimise: none of the starts reached an optimum"
+    name = list(LOAD_BOUNDS)[int(jnp.argmin(values)) // len(problem.scenarios.weight)]
+    bound, loads = LOAD_BOUNDS[name], model_loads(model, end.parameters, problem.scenarios)[0]
+    nearest = bound.sense * float(jnp.min(bound.sense * loads[:, bound.index]))
+    return (
+        f"optimise: {name.replace('_', ' ')} {getattr(problem, name):g} is out of reach of these "
+        f"bodies; the nearest found has {bound.symbol} {nearest:.3g}"
+    )
 
 
 def _stacked(problems: Sequence[Problem]) -> tuple[Limits, Scenarios]:

@@ -13,7 +13,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from shapeopt.problem.constraints import Limits, constraint_values_and_jacobian
-from shapeopt.problem.scenarios import DragModel, Scenarios, model_objective
+from shapeopt.problem.scenarios import (
+    LEAST_OBJECTIVE,
+    LoadModel,
+    Scenarios,
+    model_objective,
+    objective_and_constraints,
+)
 from shapeopt.search.qp import solve_relaxed_qp
 from surrogate.arrays import AnyArray
 
@@ -73,15 +79,17 @@ class _State(NamedTuple):
 
 
 def minimise_sqp(
-    model: DragModel, start: Float[AnyArray, " parameters"], limits: Limits, scenarios: Scenarios
+    model: LoadModel, start: Float[AnyArray, " parameters"], limits: Limits, scenarios: Scenarios
 ) -> SqpResult:
     """Return the local optimum, from ``start``, of the objective that a model predicts."""
     low, width = limits.low, limits.width
 
     def evaluate(z):
         body = low + width * z
-        value, gradient = jax.value_and_grad(model_objective, argnums=1)(model, body, scenarios)
-        constraints, jacobian = constraint_values_and_jacobian(body, limits)
+        (value, gradient), (of_loads, by_loads) = model_values(model, body, scenarios)
+        of_shape, by_shape = constraint_values_and_jacobian(body, limits)
+        constraints = jnp.append(of_shape, of_loads)
+        jacobian = jnp.concatenate([by_shape, by_loads])
         return _Point(z, value / scale, gradient * width / scale, constraints, jacobian * width)
 
     def unfinished(state):
@@ -109,6 +117,7 @@ def minimise_sqp(
 
     z = jnp.clip((start - low) / width, 0, 1)
     scale = jnp.abs(model_objective(model, low + width * z, scenarios))
+    scale = jnp.maximum(scale, LEAST_OBJECTIVE)
     first, hessian = evaluate(z), jnp.eye(z.size)
     path = jnp.zeros((ITERATIONS + 1, z.size)).at[0].set(z)
     zero = jnp.zeros((), int)
@@ -127,6 +136,15 @@ def minimise_sqp(
         path=low + width * state.path,
         steps=state.steps,
     )
+
+
+def model_values(
+    model: LoadModel, body: Float[AnyArray, " parameters"], scenarios: Scenarios
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Return the objective and its gradient, and the load constraints and their Jacobian."""
+    values = objective_and_constraints(model, body, scenarios)
+    gradients = jax.jacrev(objective_and_constraints, argnums=1)(model, body, scenarios)
+    return tuple(zip(values, gradients, strict=True))
 
 
 def _merit(point):

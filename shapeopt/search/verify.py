@@ -102,8 +102,9 @@ def verify(
         flow.solve(parameters + shift, reynolds, estimate=estimate, allow_unsteady=True)
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
-    drags = np.array([solution.drag for solution in solutions])
-    own, others = (combine(*map(jnp.asarray, (d, cylinder)), scenarios) for d in (drags, cylinder))
+    loads = jnp.array([[one.drag, one.lift, one.moment] for one in solutions])
+    of_cylinder = jnp.zeros_like(loads).at[:, 0].set(cylinder)
+    own, others = (combine(of, jnp.asarray(cylinder), scenarios) for of in (loads, of_cylinder))
     return Verified(float(own), float(others), solutions, cylinder)
 
 

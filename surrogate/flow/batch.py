@@ -11,22 +11,22 @@ from jaxtyping import Bool, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
 from surrogate.devices import Devices, Partition
-from surrogate.flow.derivatives import DragGradient, drag_and_gradient
+from surrogate.flow.derivatives import LoadsAndGradients, load_values, loads_and_gradients
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.loads import drag_coefficient
 
 
 class FlowBatch(NamedTuple):
-    """Solved flows of many bodies: traction modes, convolutions with G, and convergence."""
+    """Solved flows of many bodies: traction modes, loads, convolutions with G, and convergence."""
 
     amplitude: Float[AnyArray, "bodies modes"]
+    loads: Float[AnyArray, "bodies loads"]
     green_applications: Int[AnyArray, " bodies"]
     converged: Bool[AnyArray, " bodies"]
 
     @property
     def drag(self) -> Float[AnyArray, " bodies"]:
         """Drag coefficients Cd."""
-        return drag_coefficient(self.amplitude)
+        return self.loads[:, 0]
 
 
 def estimated_cost(
@@ -41,16 +41,17 @@ def estimated_cost(
 @functools.cache
 def batch_solver(
     bodies: DiscreteBodies, devices: Devices, gradients: bool = False
-) -> Callable[[Partition, AnyArray, AnyArray], FlowBatch | DragGradient]:
+) -> Callable[[Partition, AnyArray, AnyArray], FlowBatch | LoadsAndGradients]:
     """Return a compiled function of (partition, parameters, reynolds) that solves many flows."""
 
     def flow(body):
-        _, state, info = bodies.solved(*body)
+        operators, state, info = bodies.solved(*body)
         spent = info.products + bodies.domain.assembly_cost
-        return FlowBatch(state.amplitude, spent, info.converged)
+        loads = load_values(bodies, bodies.loads, operators, state)
+        return FlowBatch(state.amplitude, loads, spent, info.converged)
 
     def gradient(body):
-        return drag_and_gradient(bodies, *body)
+        return loads_and_gradients(bodies, *body)
 
     def every(partition, parameters, reynolds):
         one = gradient if gradients else flow

@@ -18,7 +18,7 @@ from surrogate.compilation import compiled
 from surrogate.errors import NotConverged
 from surrogate.flow import programs
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.loads import Load, drag, drag_coefficient
+from surrogate.flow.loads import Load
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
@@ -27,17 +27,28 @@ from surrogate.flow.solver.steady import FlowState, Operators
 QUICK_ADJOINT = Effort(2e-4, 60)
 
 
-class DragGradient(NamedTuple):
-    """Cd and its derivatives in parameters and Re, to about 2e-4; NaN where not converged.
+class LoadsAndGradients(NamedTuple):
+    """Loads and their derivatives in parameters and Re, to about 2e-4; NaN where not converged.
 
-    ``green_applications`` counts the convolutions with G of flow and adjoint.
+    The loads are Cd alone for classes of symmetric bodies, else Cd, Cl and Cm.
+    ``green_applications`` counts the convolutions with G of flow and adjoints.
     """
 
-    drag: Float[AnyArray, "*bodies"]
-    gradient: Float[AnyArray, "*bodies parameters"]
-    by_reynolds: Float[AnyArray, "*bodies"]
+    loads: Float[AnyArray, "*bodies loads"]
+    gradients: Float[AnyArray, "*bodies loads parameters"]
+    by_reynolds: Float[AnyArray, "*bodies loads"]
     green_applications: Int[AnyArray, "*bodies"]
     converged: Bool[AnyArray, "*bodies"]
+
+    @property
+    def drag(self) -> Float[AnyArray, "*bodies"]:
+        """Drag coefficients Cd."""
+        return self.loads[..., 0]
+
+    @property
+    def gradient(self) -> Float[AnyArray, "*bodies parameters"]:
+        """Derivatives of Cd in the parameters."""
+        return self.gradients[..., 0, :]
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
@@ -49,7 +60,7 @@ def loads_and_status(
 ) -> tuple[Float[Array, " loads"], NewtonInfo]:
     """Return loads of a body, differentiable in both arguments, and the solver's outcome."""
     operators, state, info = bodies.solved(parameters, reynolds)
-    return _values(bodies, loads, operators, state), info
+    return load_values(bodies, loads, operators, state), info
 
 
 @loads_and_status.defjvp
@@ -57,11 +68,14 @@ def _loads_tangent(bodies, loads, primals, tangents):
     operators, state, info = bodies.solved(*primals)
     gradients = exact_gradients(bodies, loads, *primals, state, operators)
     change = gradients[0] @ tangents[0] + gradients[1] * tangents[1]
-    values = _values(bodies, loads, operators, state)
+    values = load_values(bodies, loads, operators, state)
     return (values, info), (change, jax.tree.map(_no_tangent, info))
 
 
-def _values(bodies, loads, operators, state):
+def load_values(
+    bodies: DiscreteBodies, loads: tuple[Load, ...], operators: Operators, state: FlowState
+) -> Float[Array, " loads"]:
+    """Return the values of loads of a solved flow."""
     at = bodies.domain.modes, state.amplitude, operators.markers
     return jnp.stack([load(*at) for load in loads])
 
@@ -135,23 +149,24 @@ def named_gradients(
     }
 
 
-def drag_and_gradient(
+def loads_and_gradients(
     bodies: DiscreteBodies,
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
-) -> DragGradient:
-    """Return Cd of a body and its gradient by one adjoint, to ``QUICK_ADJOINT``."""
+) -> LoadsAndGradients:
+    """Return the loads of a body and their gradients by an adjoint each, to ``QUICK_ADJOINT``."""
     operators, state, info = bodies.solved(parameters, reynolds)
     found = programs.load_gradients(
-        (drag,), bodies.domain, QUICK_ADJOINT, operators, state, reynolds
+        bodies.loads, bodies.domain, QUICK_ADJOINT, operators, state, reynolds
     )
-    return _drag_gradient(bodies, parameters, state, info, found)
+    values = load_values(bodies, bodies.loads, operators, state)
+    return _loads_and_gradients(bodies, parameters, values, info, found)
 
 
 @compiled("bodies")
-def _drag_gradient(bodies, parameters, state, info, found):
-    (by_parameters,), (by_reynolds,) = _in_parameters(bodies, parameters, found)
+def _loads_and_gradients(bodies, parameters, values, info, found):
+    by_parameters, by_reynolds = _in_parameters(bodies, parameters, found)
     converged = info.converged & found.work.converged & jnp.all(jnp.isfinite(by_parameters))
     spent = info.products + found.work.products + bodies.domain.assembly_cost
-    values = drag_coefficient(state.amplitude), by_parameters, by_reynolds
-    return DragGradient(*(jnp.where(converged, v, jnp.nan) for v in values), spent, converged)
+    parts = values, by_parameters, by_reynolds
+    return LoadsAndGradients(*(jnp.where(converged, v, jnp.nan) for v in parts), spent, converged)

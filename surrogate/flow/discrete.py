@@ -17,6 +17,7 @@ from surrogate.errors import InvalidInput
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.immersed import Markers
+from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators
 
@@ -46,6 +47,11 @@ class DiscreteBodies:
     domain: Domain
     body_class: BodyClass
     settings: NewtonSettings
+
+    @property
+    def loads(self) -> tuple[Load, ...]:
+        """The loads that do not vanish by symmetry: Cd, and Cl and Cm where bodies have lift."""
+        return (drag,) if self.domain.modes.lift_index is None else tuple(LOADS.values())
 
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
         """Return a body's surface markers: its contour in 2-D, a quarter of its skin in 3-D."""

@@ -20,8 +20,8 @@ from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
 from surrogate.flow.check.error_estimate import ErrorEstimate, Loads, estimate_error
 from surrogate.flow.continuation import not_converged_message, solve_by_continuation
 from surrogate.flow.derivatives import (
-    DragGradient,
-    drag_and_gradient,
+    LoadsAndGradients,
+    loads_and_gradients,
     loads_and_status,
     named_gradients,
 )
@@ -130,8 +130,8 @@ class Flow:
             raise NotConverged(not_converged_message(float(reynolds), info))
         return values
 
-    def slope(self, parameters: Body, reynolds: Number) -> DragGradient:
-        """Return Cd and its gradient by an adjoint to 2e-4, cheaper than ``jax.grad``.
+    def slope(self, parameters: Body, reynolds: Number) -> LoadsAndGradients:
+        """Return loads and their gradients by an adjoint each to 2e-4, cheaper than ``jax.grad``.
 
         Raises:
           InvalidInput: as ``drag``, except beyond the onset of vortex shedding.
@@ -142,12 +142,12 @@ class Flow:
         else:
             one_body(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        found = drag_and_gradient(self.bodies, *at)
+        found = loads_and_gradients(self.bodies, *at)
         if not traced(parameters, reynolds):
             return found
         known = self._covers(*at, allow_unsteady=True)
-        values = (jnp.where(known, value, jnp.nan) for value in found[:3])
-        return DragGradient(*values, found.green_applications, found.converged & known)
+        parts = (jnp.where(known, part, jnp.nan) for part in found[:3])
+        return LoadsAndGradients(*parts, found.green_applications, found.converged & known)
 
     def labels(
         self,
@@ -171,7 +171,7 @@ class Flow:
         parameters: Float[AnyArray, "bodies parameters"],
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
-    ) -> DragGradient:
+    ) -> LoadsAndGradients:
         """Return ``slope`` of many bodies, partitioned over ``devices``."""
         return self.solve_all(parameters, reynolds, devices, gradients=True)
 
@@ -247,8 +247,8 @@ class Flow:
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
         gradients: bool = False,
-    ) -> FlowBatch | DragGradient:
-        """Return the flows of many bodies, or their drags with gradients, converged or not.
+    ) -> FlowBatch | LoadsAndGradients:
+        """Return the flows of many bodies, or their loads with gradients, converged or not.
 
         Raises:
           InvalidInput: as ``labels``.

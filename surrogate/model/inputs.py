@@ -1,4 +1,8 @@
-"""Scaled inputs of drag models: logs of length ratios and of Re, betas as they are, in [-1, 1]."""
+"""Scaled inputs of load models: logs of length ratios and of Re, the others as they are.
+
+All are in [-1, 1]. The mirror image of a body in y = 0 has the opposite camber and incidence; these
+are scaled without an offset, so that it has the opposite scaled inputs there.
+"""
 
 import equinox as eqx
 import jax
@@ -26,6 +30,12 @@ class Inputs(eqx.Module):
         values = jnp.append(self.body_class.smooth(parameters), jnp.log(reynolds))
         return 2 * (values - low) / width - 1
 
+    @property
+    def mirror(self) -> np.ndarray:
+        """Factors, 1 or -1, from the scaled inputs of a body to those of its mirror image."""
+        kept = [parameter.keeps_mirror_plane for parameter in self.body_class.parameters]
+        return np.where([*kept, True], 1.0, -1.0)
+
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
         """d(parameters, log Re) / dz, which converts slopes to slopes in scaled inputs."""
         smooth = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
@@ -38,9 +48,13 @@ class Inputs(eqx.Module):
 
 def scene_inputs(scene: Scene) -> Inputs:
     """The scaled inputs of a scene's bodies and Reynolds numbers."""
-    low, high = scene.family.bounds.T
-    ends = zip((low, high), scene.reynolds, strict=True)
     body_class = scene.family.body_class
+    kept = np.array([parameter.keeps_mirror_plane for parameter in body_class.parameters])
+    low, high = scene.family.bounds.T
+    largest = np.maximum(np.abs(low), np.abs(high))
+    ends = zip(
+        (np.where(kept, low, -largest), np.where(kept, high, largest)), scene.reynolds, strict=True
+    )
     return Inputs(*(jnp.append(body_class.smooth(p), np.log(re)) for p, re in ends), body_class)
 
 

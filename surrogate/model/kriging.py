@@ -1,14 +1,18 @@
-"""Gradient-enhanced kriging (GEK): log Cd interpolated from drags and slopes of solved flows.
+"""Gradient-enhanced kriging (GEK): outputs interpolated from loads and slopes of solved flows.
 
-A Gaussian process of log Cd, or of the residual log Cd - log Cd of a base network: constant mean,
+The outputs are log Cd, and where there is lift Cl / Cd and Cm / Cd (``model/outputs.py``).
+Each is a Gaussian process of its own, or its residual over a base network is: constant mean,
 rational quadratic covariance with one length scale per scaled input,
 
     k(z, y) = s^2 (1 + r^2 / (2 alpha))^-alpha,   r^2 = sum_i ((z_i - y_i) / l_i)^2.
 
-Slopes are observations too: their covariances are the derivatives of k. Amplitude s, noise and
-lengths l maximise the posterior. Rasmussen and Williams 2006, chapters 2, 4.2, 5 and 9.4.
+With y' the scaled inputs of a body's mirror image, k(z, y) + k(z, y') makes log Cd even and
+k(z, y) - k(z, y') the others odd, exactly. Slopes are observations too: their covariances are the
+derivatives of k. Amplitude s, noise and lengths l maximise the posterior. Rasmussen and Williams
+2006, chapters 2, 4.2, 5 and 9.4.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -21,14 +25,15 @@ from scipy.optimize import minimize
 
 from surrogate.arrays import AnyArray
 from surrogate.model.inputs import Inputs
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
+from surrogate.model.outputs import load_gradients, loads_of, outputs_of
 
 # Priors and bounds in logs. They were set on the default scene, where a likelihood alone fits few
 # flows too closely; no study of them is kept.
 ALPHA = 2.0  # a mixture of length scales that differ by a factor of about two
-VALUE_NOISE, SLOPE_NOISE = 2e-5, 2e-4  # of log Cd and its slopes: their grid-offset error
+VALUE_NOISE, SLOPE_NOISE = 2e-5, 2e-4  # of outputs and their slopes: their grid-offset error
 LENGTH, LENGTH_DEVIATION = 1.5, 0.7  # prior median of lengths, deviation of their log
-AMPLITUDE = (-1.0, 3.0)  # prior mean and deviation of log s, for log Cd
+AMPLITUDE = (-1.0, 3.0)  # prior mean and deviation of log s, for outputs
 RESIDUAL_AMPLITUDE = (-7.0, 1.5)  # the same for the residual of a trained base
 NOISE_DEVIATION = 0.5  # prior deviation of the log of the noise over VALUE_NOISE, SLOPE_NOISE
 BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of amplitude, noise, lengths
@@ -37,57 +42,91 @@ MIN_CAPACITY, GROWTH = 16, 4  # of the padded arrays, so that few sizes are comp
 
 
 class Observation(NamedTuple):
-    """One solved flow: body, Reynolds number, Cd, and d log Cd / d(parameters, log Re)."""
+    """One solved flow: body, Reynolds number, loads Cd (, Cl, Cm), and slopes of the outputs.
+
+    ``slopes`` are the derivatives of log Cd (, Cl / Cd, Cm / Cd) in (parameters, log Re).
+    """
 
     parameters: Float[AnyArray, " parameters"]
     reynolds: float
-    drag: float
-    slopes: Float[AnyArray, " inputs"]
+    loads: Float[AnyArray, " loads"]
+    slopes: Float[AnyArray, "loads inputs"]
+
+    @property
+    def drag(self) -> float:
+        """Cd."""
+        return float(self.loads[0])
+
+    @property
+    def load_slopes(self) -> Float[np.ndarray, "loads inputs"]:
+        """The derivatives of the loads in (parameters, log Re)."""
+        return np.asarray(load_gradients(outputs_of(jnp.asarray(self.loads)), self.slopes))
 
 
 class Data(eqx.Module):
-    """Observations in scaled inputs: rows of (value, slopes), padded where not ``valid``."""
+    """Observations in scaled inputs: rows of (value, slopes), padded where not ``valid``.
+
+    ``parity`` of an output, and ``mirror`` of the inputs, are their factors under mirroring.
+    """
 
     z: Float[AnyArray, "flows inputs"]
-    rows: Float[AnyArray, "flows rows"]
+    rows: Float[AnyArray, "*loads flows rows"]
     valid: Bool[AnyArray, " flows"]
+    parity: Float[AnyArray, "*loads"]
+    mirror: Float[AnyArray, " inputs"]
+
+    def of_load(self, index: int) -> "Data":
+        """The observations of one output."""
+        return dataclasses.replace(self, rows=self.rows[index], parity=self.parity[index])
 
 
 class Hyper(NamedTuple):
-    """Hyperparameters as logs: amplitude, noise over its usual size, lengths."""
+    """Hyperparameters of every output as logs: amplitude, noise over its usual size, lengths."""
 
-    amplitude: Float[AnyArray, ""]
-    noise: Float[AnyArray, ""]
-    lengths: Float[AnyArray, " inputs"]
+    amplitude: Float[AnyArray, "*loads"]
+    noise: Float[AnyArray, "*loads"]
+    lengths: Float[AnyArray, "*loads inputs"]
 
 
 class Kriging(eqx.Module):
-    """A fitted process, plus the base network whose residual it models, if any."""
+    """Fitted processes, plus the base network whose residuals they model, if any."""
 
-    base: DragNetwork | None
+    base: LoadNetwork | None
     inputs: Inputs
     data: Data
     hyper: Hyper
-    mean: Float[AnyArray, ""]
-    coefficients: Float[AnyArray, "flows rows"]
+    mean: Float[AnyArray, " loads"]
+    coefficients: Float[AnyArray, "loads flows rows"]
 
     def drag(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, ""]:
         """Cd of a body."""
-        return jnp.exp(self.log_drag(self.inputs(parameters, reynolds)))
+        return jnp.exp(self.outputs(self.inputs(parameters, reynolds))[0])
 
-    def log_drag(self, z: Float[AnyArray, " inputs"]) -> Float[Array, ""]:
-        """log Cd at scaled inputs."""
-        covariances = jax.vmap(lambda y: _covariance(self.hyper, z, y)[0])(self.data.z)
-        residual = self.mean + jnp.sum(covariances * self.coefficients)
-        return residual if self.base is None else residual + self.base.log_drag(z)
+    def loads(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[Array, " loads"]:
+        """Cd of a body, and where there is lift Cl and Cm."""
+        return loads_of(self.outputs(self.inputs(parameters, reynolds)))
+
+    def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
+        """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
+
+        def one(hyper, parity, mean, coefficients):
+            def with_observation(y):
+                return _covariance(hyper, z, y, parity, self.inputs.mirror)[0]
+
+            return mean + jnp.sum(jax.vmap(with_observation)(self.data.z) * coefficients)
+
+        residual = jax.vmap(one)(self.hyper, self.data.parity, self.mean, self.coefficients)
+        return residual if self.base is None else residual + self.base.outputs(z)
 
 
 def kriging(
     observations: Sequence[Observation],
     inputs: Inputs,
-    base: DragNetwork | None = None,
+    base: LoadNetwork | None = None,
     hyper: Hyper | None = None,
 ) -> Kriging:
     """Fit the process to observations.
@@ -100,35 +139,49 @@ def kriging(
     """
     data, mean = _data(observations, inputs, base), _mean(observations, base)
     hyper = likeliest(observations, inputs, base) if hyper is None else hyper
-    return Kriging(base, inputs, data, hyper, jnp.asarray(mean), _solve(data, mean, hyper))
+    coefficients = jnp.stack(
+        [
+            _solve(data.of_load(k), mean[k], jax.tree.map(lambda leaf, k=k: leaf[k], hyper))
+            for k in range(len(mean))
+        ]
+    )
+    return Kriging(base, inputs, data, hyper, jnp.asarray(mean), coefficients)
 
 
 def likeliest(
-    observations: Sequence[Observation], inputs: Inputs, base: DragNetwork | None
+    observations: Sequence[Observation], inputs: Inputs, base: LoadNetwork | None
 ) -> Hyper:
     """Hyperparameters of greatest posterior probability, from at most ``FITTED`` observations."""
     some = observations[:: -(-len(observations) // FITTED)]
     data, mean = _data(some, inputs, base), _mean(observations, base)
     amplitude, size = AMPLITUDE if base is None else RESIDUAL_AMPLITUDE, data.z.shape[1]
-
-    def objective(theta):
-        value, gradient = _negative_log_posterior(theta, data, mean, amplitude)
-        return float(value), np.asarray(gradient)
-
     start = np.array([amplitude[0], 0.0, *[np.log(LENGTH)] * size])
     bounds = [*BOUNDS[:2], *[BOUNDS[2]] * size]
     options = {"maxiter": 40, "ftol": 1e-6}
-    found = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
-    return _hyper(jnp.asarray(found.x))
+
+    def fitted(load):
+        own = data.of_load(load)
+
+        def objective(theta):
+            value, gradient = _negative_log_posterior(theta, own, mean[load], amplitude)
+            return float(value), np.asarray(gradient)
+
+        settings = {"jac": True, "method": "L-BFGS-B", "bounds": bounds, "options": options}
+        return minimize(objective, start, **settings).x
+
+    return _hyper(jnp.asarray(np.array([fitted(load) for load in range(len(mean))]).T))
 
 
 def _hyper(theta):
-    return Hyper(theta[0], theta[1], theta[2:])
+    return Hyper(theta[0], theta[1], theta[2:].T)
 
 
 def _mean(observations, base):
-    """The process's mean: of the observed log Cd, or zero for a base's residual."""
-    return 0.0 if base is not None else np.mean([np.log(flow.drag) for flow in observations])
+    """The processes' means: of the observed log Cd, else zero, as for the residuals of a base."""
+    mean = np.zeros(len(observations[0].loads))
+    if base is None:
+        mean[0] = np.mean([np.log(flow.drag) for flow in observations])
+    return mean
 
 
 def _centred(data, mean):
@@ -139,8 +192,11 @@ def _centred(data, mean):
 def _matrix(data, hyper):
     """Covariance of all rows with noise; padding is independent of all else, of variance 1."""
     count, size = data.rows.shape
-    pairs = jax.vmap(jax.vmap(_covariance, (None, None, 0)), (None, 0, None))
-    blocks = pairs(hyper, data.z, data.z)
+
+    def covariance(z, y):
+        return _covariance(hyper, z, y, data.parity, data.mirror)
+
+    blocks = jax.vmap(jax.vmap(covariance, (None, 0)), (0, None))(data.z, data.z)
     full = blocks.transpose(0, 2, 1, 3).reshape(count * size, count * size)
     valid = jnp.repeat(data.valid, size)
     noise = jnp.exp(hyper.noise) * jnp.array([VALUE_NOISE, *[SLOPE_NOISE] * (size - 1)])
@@ -148,8 +204,16 @@ def _matrix(data, hyper):
     return jnp.where(valid[:, None] & valid, full, 0.0) + jnp.diag(diagonal)
 
 
-def _covariance(hyper, z, y):
-    """Covariance matrix of (value, slopes) at z with (value, slopes) at y."""
+def _covariance(hyper, z, y, parity, mirror):
+    """Covariance matrix of (value, slopes) at z with (value, slopes) at y, even or odd."""
+    direct = _free_covariance(hyper, z, y)
+    image = _free_covariance(hyper, z, mirror * y) * jnp.append(1.0, mirror)
+    lifting = jnp.any(mirror < 0)  # else every body is its own mirror image
+    return direct + jnp.where(lifting, parity, 0.0) * image
+
+
+def _free_covariance(hyper, z, y):
+    """The same of a process without symmetry."""
     scale = jnp.exp(-hyper.lengths)
     away = (z - y) * scale
     bulk = 1 + jnp.sum(away**2) / (2 * ALPHA)
@@ -190,16 +254,18 @@ def _data(observations, inputs, base):
     padded = [observations[min(k, count - 1)] for k in range(capacity)]
     arrays = [np.array(part, float) for part in zip(*padded, strict=True)]
     z, rows = _residuals(inputs, base, *arrays)
-    return Data(z, rows, jnp.arange(capacity) < count)
+    parity = np.append(1.0, -np.ones(len(rows) - 1))
+    return Data(z, rows, jnp.arange(capacity) < count, jnp.asarray(parity), inputs.mirror)
 
 
 @jax.jit
-def _residuals(inputs, base, parameters, reynolds, drags, slopes):
-    """Scaled inputs; log Cd and its slopes in them, minus those of the base."""
+def _residuals(inputs, base, parameters, reynolds, loads, slopes):
+    """Scaled inputs; outputs and their slopes in them, minus those of the base, loads first."""
     z = jax.vmap(inputs)(parameters, reynolds)
-    steepness = jax.vmap(inputs.steepness)(parameters)
-    rows = jnp.concatenate([jnp.log(drags)[:, None], slopes * steepness], axis=1)
-    if base is None:
-        return z, rows
-    values, slopes = jax.vmap(jax.value_and_grad(base.log_drag))(z)
-    return z, rows - jnp.concatenate([values[:, None], slopes], axis=1)
+    steepness = jax.vmap(inputs.steepness)(parameters)[:, None]
+    values = jax.vmap(outputs_of)(loads)
+    rows = jnp.concatenate([values[..., None], slopes * steepness], axis=2)
+    if base is not None:
+        values, slopes = jax.vmap(base.outputs)(z), jax.vmap(jax.jacrev(base.outputs))(z)
+        rows -= jnp.concatenate([values[..., None], slopes], axis=2)
+    return z, rows.transpose(1, 0, 2)

@@ -1,4 +1,4 @@
-"""The drag network: (shape parameters, log Re) to log Cd and traction modes."""
+"""The load network: (shape parameters, log Re) to log Cd, Cl / Cd, Cm / Cd and traction modes."""
 
 import itertools
 
@@ -11,94 +11,135 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.discretise import traction_modes
-from surrogate.flow.loads import drag_amplitude, drag_coefficient
+from surrogate.flow.loads import AnyModes, drag_amplitude
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
+from surrogate.model.outputs import loads_of
 from surrogate.scene.scene import Scene
 
-CORRECTION_SCALE = 0.3  # of log Cd about its trend, per unit of the MLP's output
+CORRECTION_SCALE = 0.3  # of the outputs about their trend, per unit of the MLP's output
 WIDTH = 20  # of both hidden layers
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
 
 
-class DragNetwork(eqx.Module):
-    """A quadratic trend of log Cd plus a small MLP with tanh.
+class LoadNetwork(eqx.Module):
+    """A quadratic trend of every output plus a small MLP with tanh, with the mirror symmetry.
 
-    With z the scaled inputs and q(z) all their monomials up to degree 2:
+    With z the scaled inputs, z' those of the body's mirror image, and q(z) all monomials of z up
+    to degree 2, the outputs y = (log Cd, Cl / Cd, Cm / Cd), or log Cd alone without lift, are
 
-        log Cd = trend . q(z) + 0.3 MLP_0(z)
-        a_0 = -Cd / 2,   a_k = (mode_mean_k + mode_scale_k MLP_k(z)) Cd / 2
+        f(z) = trend . q(z) + 0.3 MLP(z),   y_0 = (f(z) + f(z')) / 2,   y_1,2 = (f(z) - f(z')) / 2
+
+    and the traction modes a, each made even or odd in the same way,
+
+        a_0 = -Cd / 2,   a_lift = -Cl / 2,   a_k = (mode_mean_k + mode_scale_k MLP_k) Cd / 2
 
     ``mode_mean`` and ``mode_scale`` are the mean and standard deviation of the Oseen flows' modes
-    over half their drag. ``drag`` is what every method trains. The other traction modes are trained
-    by methods with ``trains_traction`` only; else their heads keep their random initial weights.
+    over half their drag. The loads are what every method trains. The other traction modes are
+    trained by methods with ``trains_traction`` only; else their heads keep their random initial
+    weights.
     """
 
     layers: tuple[eqx.nn.Linear, ...]
-    trend: Float[AnyArray, " features"]
+    trends: tuple[Float[AnyArray, " features"], ...]
     inputs: Inputs
     mode_mean: Float[AnyArray, " modes"]
     mode_scale: Float[AnyArray, " modes"]
+    modes: AnyModes = eqx.field(static=True)
 
     def drag(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, ""]:
         """Cd of a body."""
-        return jnp.exp(self.log_drag(self.inputs(parameters, reynolds)))
+        return jnp.exp(self.outputs(self.inputs(parameters, reynolds))[0])
 
-    def log_drag(self, z: Float[AnyArray, " inputs"]) -> Float[Array, ""]:
-        """log Cd at scaled inputs."""
-        return self._log_drag(z, self._mlp(z))
+    def loads(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, " loads"]:
+        """Cd of a body, and where there is lift Cl and Cm."""
+        return loads_of(self.outputs(self.inputs(parameters, reynolds)))
+
+    def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
+        """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
+        return self._outputs_and_heads(z)[0]
 
     def traction(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, " modes"]:
         """Traction modes a of a body (its force on the fluid, U = D = rho = 1).
 
-        Meaningless except for the drag's mode a_0, unless the traction was trained: a surrogate's
-        record says so in ``trained_for``, and ``Surrogate`` answers drags only.
+        Meaningless except for the modes of drag and lift, unless the traction was trained: a
+        surrogate's record says so in ``trained_for``, and ``Surrogate`` answers loads only.
         """
-        z = self.inputs(parameters, reynolds)
-        out = self._mlp(z)
+        outputs, heads = self._outputs_and_heads(self.inputs(parameters, reynolds))
         mean, scale = jax.lax.stop_gradient((self.mode_mean, self.mode_scale))
-        relative = (mean + scale * out).at[0].set(-1.0)
-        return -drag_amplitude(jnp.exp(self._log_drag(z, out))) * relative
+        relative = (mean + scale * heads[: self.modes.count]).at[0].set(-1.0)
+        if self.modes.lift_index is not None:
+            relative = relative.at[self.modes.lift_index].set(-outputs[1])
+        return -drag_amplitude(jnp.exp(outputs[0])) * relative
 
     @property
     def weights(self) -> Float[AnyArray, " weights"]:
         """All trained numbers as one vector."""
-        return ravel_pytree((self.layers, self.trend))[0]
+        return ravel_pytree((self.layers, self.trends))[0]
 
-    def with_weights(self, weights: Float[AnyArray, " weights"]) -> "DragNetwork":
+    def with_weights(self, weights: Float[AnyArray, " weights"]) -> "LoadNetwork":
         """The same network with other trained numbers."""
-        trained = ravel_pytree((self.layers, self.trend))[1](weights)
-        return eqx.tree_at(lambda net: (net.layers, net.trend), self, trained)
+        trained = ravel_pytree((self.layers, self.trends))[1](weights)
+        return eqx.tree_at(lambda net: (net.layers, net.trends), self, trained)
 
     @property
-    def drag_weights(self) -> Float[AnyArray, " drag_weights"]:
-        """The weights on which the drag depends: all but the heads of the other modes."""
-        return ravel_pytree(self._of_drag)[0]
+    def load_weights(self) -> Float[AnyArray, " load_weights"]:
+        """The weights on which the loads depend: all but the heads of the other modes."""
+        return ravel_pytree(self._of_loads)[0]
 
-    def with_drag_weights(self, weights: Float[AnyArray, " drag_weights"]) -> "DragNetwork":
-        """The same network with other ``drag_weights``."""
-        hidden, row, bias, trend = ravel_pytree(self._of_drag)[1](weights)
-        last = self.layers[-1]
-        heads = last.weight.at[0].set(row), last.bias.at[0].set(bias)
+    def with_load_weights(self, weights: Float[AnyArray, " load_weights"]) -> "LoadNetwork":
+        """The same network with other ``load_weights``."""
+        hidden, rows, biases, trends = ravel_pytree(self._of_loads)[1](weights)
+        last, own = self.layers[-1], np.array(self.load_heads)
+        heads = last.weight.at[own].set(rows), last.bias.at[own].set(biases)
         last = eqx.tree_at(lambda layer: (layer.weight, layer.bias), last, heads)
-        return eqx.tree_at(lambda net: (net.layers, net.trend), self, ((*hidden, last), trend))
+        return eqx.tree_at(lambda net: (net.layers, net.trends), self, ((*hidden, last), trends))
 
     @property
-    def _of_drag(self):
-        last = self.layers[-1]
-        return self.layers[:-1], last.weight[0], last.bias[0], self.trend
+    def load_heads(self) -> tuple[int, ...]:
+        """Indices of the MLP's outputs that correct the trends; the moment has one of its own."""
+        return load_heads(self.modes)
 
-    def _log_drag(self, z, out):
-        return quadratic(z) @ self.trend + CORRECTION_SCALE * out[0]
+    @property
+    def _of_loads(self):
+        last, own = self.layers[-1], np.array(self.load_heads)
+        return self.layers[:-1], last.weight[own], last.bias[own], self.trends
+
+    def _outputs_and_heads(self, z):
+        """Return the outputs and the MLP's outputs, each even or odd under mirroring."""
+        values, heads = self._unsymmetric(z)
+        if self.modes.lift_index is None:
+            return values, heads
+        mirrored = self._unsymmetric(self.inputs.mirror * z)
+        parity = np.append(self.modes.mirror, -1.0)
+        heads = (heads + parity * mirrored[1]) / 2
+        return (values + parity[np.array(self.load_heads)] * mirrored[0]) / 2, heads
+
+    def _unsymmetric(self, z):
+        heads = self._mlp(z)
+        trend = jnp.stack(self.trends) @ quadratic(z)
+        return trend + CORRECTION_SCALE * heads[np.array(self.load_heads)], heads
 
     def _mlp(self, z):
         for layer in self.layers[:-1]:
             z = jnp.tanh(layer(z))
         return self.layers[-1](z)
+
+
+def load_heads(modes: AnyModes) -> tuple[int, ...]:
+    """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd."""
+    return (0,) if modes.lift_index is None else (0, modes.lift_index, modes.count)
+
+
+def head_count(modes: AnyModes) -> int:
+    """Number of a network's heads: one a traction mode, and where there is lift the moment's."""
+    return modes.count + (modes.lift_index is not None)
 
 
 def make_network(
@@ -107,9 +148,10 @@ def make_network(
     parameters: Float[AnyArray, "samples parameters"],
     reynolds: Float[AnyArray, " samples"],
     oseen: Float[AnyArray, "samples modes"],
+    outputs: Float[AnyArray, "samples loads"],
     width: int = WIDTH,
-) -> DragNetwork:
-    """Initial network of a scene: its trend is fitted to the Oseen drags of the samples.
+) -> LoadNetwork:
+    """Initial network of a scene: its trends are fitted to the Oseen loads of the samples.
 
     Args:
       scene: whose ranges scale the inputs.
@@ -117,28 +159,41 @@ def make_network(
       parameters: of the training samples.
       reynolds: of the training samples.
       oseen: traction modes of their Oseen flows.
+      outputs: log Cd (, Cl / Cd, Cm / Cd) of their Oseen flows.
       width: of both hidden layers.
     """
-    inputs = scene_inputs(scene)
-    features = jax.vmap(lambda p, re: quadratic(inputs(p, re)))(parameters, reynolds)
-    trend = np.linalg.lstsq(features, np.log(drag_coefficient(oseen)))[0]
+    inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
+    z = jax.vmap(inputs)(parameters, reynolds)
+    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, inputs.mirror * z))
+    odd = [False, *[True] * (outputs.shape[1] - 1)]
+    trends = tuple(
+        jnp.asarray(np.linalg.lstsq(features - mirrored if k else features + mirrored, 2 * y)[0])
+        for k, y in zip(odd, np.asarray(outputs).T, strict=True)
+    )
     relative = -oseen / oseen[:, :1]
-    blank = blank_network(scene, (width, width), key)
     last = jax.tree.map(lambda leaf: LAST_LAYER_SCALE * leaf, blank.layers[-1])
-    mean, scale = relative.mean(axis=0), relative.std(axis=0) + MIN_MODE_SCALE
-    scales = jnp.asarray(mean), jnp.asarray(scale)
-    return DragNetwork((*blank.layers[:-1], last), jnp.asarray(trend), inputs, *scales)
+    even = blank.modes.mirror > 0  # the mean of the others over bodies and mirror images is zero
+    mean = np.where(even, relative.mean(axis=0), 0.0)
+    scale = np.sqrt(np.mean((relative - mean) ** 2, axis=0)) + MIN_MODE_SCALE
+    return LoadNetwork(
+        (*blank.layers[:-1], last),
+        trends,
+        inputs,
+        jnp.asarray(mean),
+        jnp.asarray(scale),
+        blank.modes,
+    )
 
 
-def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> DragNetwork:
-    """Random layers from a scene's inputs to its traction modes; trend and scales are zero."""
-    body_class = scene.family.body_class
-    outputs = traction_modes(scene.family, scene.fidelity).count
-    sizes = (len(body_class.names) + 1, *hidden, outputs)
+def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:
+    """Random layers from a scene's inputs to its traction modes; trends and scales are zero."""
+    body_class, modes = scene.family.body_class, traction_modes(scene.family, scene.fidelity)
+    sizes = (len(body_class.names) + 1, *hidden, head_count(modes))
     layers = tuple(
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
-    count, modes = sizes[0], jnp.zeros(sizes[-1])
+    count, scales = sizes[0], jnp.zeros(modes.count)
     inputs = Inputs(jnp.zeros(count), jnp.zeros(count), body_class)
-    return DragNetwork(layers, jnp.zeros((count + 1) * (count + 2) // 2), inputs, modes, modes)
+    trends = (jnp.zeros((count + 1) * (count + 2) // 2),) * len(load_heads(modes))
+    return LoadNetwork(layers, trends, inputs, scales, scales, modes)

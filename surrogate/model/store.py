@@ -24,8 +24,8 @@ from surrogate.files import (
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.network import DragNetwork, blank_network
-from surrogate.model.surrogate import Surrogate
+from surrogate.model.network import LoadNetwork, blank_network, head_count
+from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 
@@ -106,11 +106,9 @@ def read_surrogate(name: str | Path) -> Surrogate:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {problem}") from None
     except InvalidInput as problem:
         raise InvalidInput(f"{what}: {problem}") from None
-    outputs = traction_modes(scene.family, scene.fidelity).count
-    if not 1 <= len(sizes) <= MAX_DEPTH or sizes[-1] != outputs:
-        raise InvalidInput(
-            f"{what}: its layers {sizes} do not end in the {outputs} modes of its scene"
-        )
+    heads = head_count(traction_modes(scene.family, scene.fidelity))
+    if not 1 <= len(sizes) <= MAX_DEPTH or sizes[-1] != heads:
+        raise InvalidInput(f"{what}: its layers {sizes} do not end in its scene's {heads} heads")
     blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
     if file_digest(folder / WEIGHTS) != record.get("weights_sha256"):
@@ -139,14 +137,14 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise InvalidInput(f"{what}: damaged or not a surrogate")
     if record["format"] != FORMAT:
         raise InvalidInput(f"{what}: format {record['format']!r:.40}, this version reads {FORMAT}")
-    for name in ("drag_error_mean", "drag_error_max"):
+    for name in (f"{load}_error_{kind}" for load in LOAD_NAMES for kind in ("mean", "max")):
         error = record.get(name, 0.0)
         if not isinstance(error, int | float) or not 0 <= error < math.inf:
             raise InvalidInput(f"{what}: its record's {name} is no number")
     return record
 
 
-def _check_numbers(network: DragNetwork, scene: Scene, what: str) -> None:
+def _check_numbers(network: LoadNetwork, scene: Scene, what: str) -> None:
     """Refuse weights that are not finite, and scaled inputs that are not those of the scene."""
     if not all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(network)):
         raise InvalidInput(f"{what}: damaged, its weights are not all finite")

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.checks import check_batch, finite_number, real_numbers, traced
 from surrogate.errors import InvalidInput
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
@@ -20,18 +20,19 @@ from surrogate.summary import aligned
 # Errors of single held-out bodies scatter: in trainings whose mean is within the flow's tolerance
 # they are up to 15 times the mean (RESULTS.md, training).
 LARGEST_ERROR = 10  # over the flow's tolerance, of a held-out body, that is not large
-ONE_BODY = "(parameters),()->()"  # signature for ``jnp.vectorize``
+ONE_BODY = "(parameters),()->"  # begins signatures for ``jnp.vectorize``
+LOAD_NAMES = ("drag", "lift", "moment")  # as records call Cd, Cl and Cm
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surrogate:
     """A trained network, the scene it was trained on, and the record of its training.
 
-    It predicts drags. ``record["trained_for"]`` says whether the network's traction modes were
+    It predicts loads. ``record["trained_for"]`` says whether the network's traction modes were
     trained too ("traction") or not ("drag", also where the record does not say).
     """
 
-    network: DragNetwork
+    network: LoadNetwork
     scene: Scene
     record: dict[str, Any]
 
@@ -52,9 +53,11 @@ class Surrogate:
         }
         rows["Re"] = f"{low:g} to {high:g}"
         rows["method"] = str(self.record.get("method", "unknown"))
-        for key, text in (("mean", "mean"), ("max", "largest")):
-            if (error := self.record.get(f"drag_error_{key}")) is not None:
-                rows[f"{text} error of Cd"] = f"{error:.3%} on held-out bodies, against the flow"
+        for name, symbol in zip(LOAD_NAMES, ("Cd", "Cl", "Cm"), strict=True):
+            for key, text in (("mean", "mean"), ("max", "largest")):
+                if (error := self.record.get(f"{name}_error_{key}")) is not None:
+                    of = "" if name == "drag" else " of Cd"
+                    rows[f"{text} error of {symbol}"] = f"{error:.3%}{of} on held-out bodies"
         return aligned(rows)
 
     def drag(
@@ -75,20 +78,40 @@ class Surrogate:
         Raises:
           InvalidInput: a body or a Reynolds number is invalid, or outside the trained ranges.
         """
+        return self.loads(parameters, reynolds, extrapolate)[..., 0]
+
+    def loads(
+        self, parameters: Bodies, reynolds: Numbers, extrapolate: bool = False
+    ) -> Float[Array, "*batch 3"]:
+        """Return Cd, Cl and Cm of bodies, along a last axis.
+
+        As ``drag``, with the lift along y and the moment about the centroid, nose up, over
+        (1/2) rho U^2 D^2. Cl and Cm are 0 where all bodies of the scene are symmetric.
+
+        Args:
+          parameters: as for ``drag``.
+          reynolds: as for ``drag``.
+          extrapolate: answer outside the trained ranges as well.
+
+        Raises:
+          InvalidInput: as ``drag``.
+        """
         parameters = self.scene.family.array(parameters)
         given = traced(parameters, reynolds)
         if not given:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        cd = jnp.vectorize(self.network.drag, signature=ONE_BODY)(*at)
+        known = jnp.vectorize(self.network.loads, signature=ONE_BODY + "(loads)")(*at)
+        missing = len(LOAD_NAMES) - known.shape[-1]
+        loads = jnp.concatenate([known, jnp.zeros((*known.shape[:-1], missing))], axis=-1)
         if given:
             answers = functools.partial(self._answers, extrapolate=extrapolate)
-            valid = jnp.vectorize(answers, signature=ONE_BODY)(*at)
-            return cd * jnp.where(valid, 1.0, jnp.nan)  # a factor, so that the gradient is NaN too
-        if not np.all((cd > 0) & np.isfinite(cd)):
+            valid = jnp.vectorize(answers, signature=ONE_BODY + "()")(*at)
+            return loads * jnp.where(valid, 1.0, jnp.nan)[..., None]  # so is the gradient NaN
+        if not np.all((loads[..., 0] > 0) & np.isfinite(loads).all(axis=-1)):
             raise InvalidInput("surrogate: its weights give drags that are no numbers above 0")
-        return cd
+        return loads
 
     def knows(self, parameters: Body, reynolds: Number) -> bool:
         """Whether body and Reynolds number lie within the trained ranges.
@@ -130,14 +153,17 @@ class Surrogate:
         or where its maximum exceeds 10 times that.
         """
         tolerance = self.scene.fidelity.promise
-        mean, most = (self.record.get(f"drag_error_{key}", 0.0) for key in ("mean", "max"))
+        mean, most = (
+            max(self.record.get(f"{name}_error_{key}", 0.0) for name in LOAD_NAMES)
+            for key in ("mean", "max")
+        )
         if mean <= tolerance and most <= LARGEST_ERROR * tolerance:
             return None
         samples, budget = self.record.get("samples"), self.record.get("budget_s")
         help = [f"a budget above {budget:g} s"] if budget else []
         help.append(f"more samples than {samples}" if samples else "more samples")
         return (
-            f"its drags are inaccurate: error on held-out bodies {mean:.2%} on average and "
+            f"its loads are inaccurate: error on held-out bodies {mean:.2%} on average and "
             f"{most:.2%} at most, the flow's tolerance is {tolerance:.2%}; "
             f"{' or '.join(help)} would help"
         )

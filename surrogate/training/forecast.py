@@ -73,8 +73,9 @@ def _inverse_seconds(plan, batch):
         return 0.0
     network = _network(plan)
     first, last = network.layers[0], network.layers[-1]
-    outcomes = 1 + (last.out_features if plan.published else first.in_features)
-    trained = network.weights if plan.published else network.drag_weights
+    best = len(network.trends) * (1 + first.in_features)
+    outcomes = 1 + last.out_features if plan.published else best
+    trained = network.weights if plan.published else network.load_weights
     rows = min(trained.size, batch * outcomes)
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)

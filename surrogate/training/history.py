@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
 from surrogate.training.samples import Samples
 
 MAX_POINTS = 2000  # where the number of points is limited by time only
@@ -48,9 +48,9 @@ def points_of(history: Float[AnyArray, "points 7"]) -> tuple[HistoryPoint, ...]:
 
 
 @jax.jit
-def drag_errors(
-    network: DragNetwork, samples: Samples, drag: Float[Array, " samples"]
-) -> Float[Array, " samples"]:
-    """Relative error of the network's drag for each sample."""
-    predicted = jax.vmap(network.drag)(*samples)
-    return jnp.abs(predicted / drag - 1)
+def load_errors(
+    network: LoadNetwork, samples: Samples, loads: Float[AnyArray, "samples loads"]
+) -> Float[Array, "samples loads"]:
+    """Errors of the network's Cd (, Cl, Cm) over Cd for each sample."""
+    predicted = jax.vmap(network.loads)(*samples)
+    return jnp.abs(predicted - loads) / loads[:, :1]

@@ -15,13 +15,13 @@ from surrogate.devices import Devices, Sharded, choose_devices
 from surrogate.errors import NotConverged
 from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
-from surrogate.model.network import DragNetwork, make_network
+from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
 from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
 from surrogate.training.history import (
     HistoryPoint,
     blank_history,
-    drag_errors,
+    load_errors,
     points_of,
     with_point,
 )
@@ -45,7 +45,7 @@ class TrainingResult:
     ``compile_s`` the seconds of compiling the steps.
     """
 
-    network: DragNetwork
+    network: LoadNetwork
     history: tuple[HistoryPoint, ...]
     stopped: str | None
     idle_work: int
@@ -77,7 +77,7 @@ class TrainingSetup(NamedTuple):
     held_out: Samples
     labels: FlowBatch
     held_out_failed: int
-    network: DragNetwork
+    network: LoadNetwork
     setup_s: float
     compile_s: float
 
@@ -103,7 +103,10 @@ def make_setup(plan: Plan, devices: Devices | None = None) -> TrainingSetup:
     physics, velocities = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start
     oseen = np.asarray(physics.tractions)
-    network = make_network(plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen)
+    outputs = np.asarray(physics.outputs)
+    network = make_network(
+        plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen, outputs
+    )
     failed = plan.held_out - held_out.count
     return TrainingSetup(physics, velocities, held_out, labels, failed, network, setup_s, compile_s)
 
@@ -233,7 +236,7 @@ def _done(plan, state):
 
 
 def _point(state, setup, loss):
-    errors = drag_errors(state.learner.network, setup.held_out, setup.labels.drag)
+    errors = load_errors(state.learner.network, setup.held_out, setup.labels.loads)[:, 0]
     return HistoryPoint(
         int(state.iteration),
         float(state.seconds),

@@ -15,9 +15,10 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import Operators
+from surrogate.model.outputs import outputs_of
 from surrogate.training.samples import Samples
 
-StoredOperators = Operators | tuple[Array, Array]  # in 3-D parameters and Reynolds number alone
+StoredOperators = Operators | tuple[Array, Array]  # or parameters and Reynolds number, where large
 
 
 class Sample(eqx.Module):
@@ -34,28 +35,36 @@ class Sample(eqx.Module):
     def domain(self) -> Domain:
         return self.flow.domain
 
+    def loads(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " loads"]:
+        """Cd, and where there is lift Cl and Cm, of a traction on this body."""
+        return _loads(self.flow, self.parameters, amplitude)
+
+    def outputs(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " loads"]:
+        """log Cd, and where there is lift Cl / Cd and Cm / Cd, of a traction on this body."""
+        return outputs_of(self.loads(amplitude))
+
     @property
     def renewal(self) -> int:
-        """Convolutions that ``operators`` takes: 0 in 2-D, where the operators are stored."""
+        """Convolutions that ``operators`` takes: 0 where the operators are stored."""
         return 0 if isinstance(self.stored, Operators) else self.domain.assembly_cost
 
     def operators(self) -> Operators:
-        """The operators of the flow solver; in 3-D they are assembled here."""
+        """The operators of the flow solver; where they are large they are assembled here."""
         return restored(self.flow, jax.tree.map(lambda leaf: leaf[self.row], self.stored))
 
 
 class Physics(eqx.Module):
     """Everything that evaluations of the samples need, apart from their last velocities.
 
-    Operators are sharded; samples, the tractions of their Oseen flows and the influence matrices
-    dy/da of these are replicated. In 3-D the
-    operators of a sample take tens of megabytes: only its parameters are stored, and every
-    evaluation assembles the operators anew.
+    Operators are sharded; samples, the tractions and outputs of their Oseen flows and the influence
+    matrices dy/da of these are replicated. In 3-D, and of lifting bodies, the operators of a sample
+    take tens of megabytes: only its parameters are stored, and every evaluation assembles anew.
     """
 
     samples: Samples
     operators: Sharded
     tractions: Float[AnyArray, "samples modes"]
+    outputs: Float[AnyArray, "samples loads"]
     influence: Float[AnyArray, "samples modes modes"]
     partition: Partition
     flow: Flow = eqx.field(static=True)
@@ -100,16 +109,22 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple
 
     def prepare(sample):
         operators = restored(flow, sample)
-        stored = operators if flow.domain.OPERATORS_ARE_SMALL else sample
+        stored = operators if flow.domain.operators_are_small else sample
         oseen, influence = (
             compute(flow.domain, operators)
             for compute in (steady.oseen_flow, steady.influence_matrix)
         )
-        return stored, oseen.velocity, (oseen.amplitude, influence)
+        outputs = outputs_of(_loads(flow, sample[0], oseen.amplitude))
+        return stored, oseen.velocity, (oseen.amplitude, outputs, influence)
 
     rows = partition.map(prepare, partition.scatter(tuple(samples))).rows
     stored, velocities, small = (Sharded(part) for part in rows)
     return Physics(samples, stored, *partition.gather(small), partition, flow), velocities
+
+
+def _loads(flow, parameters, amplitude):
+    at = flow.domain.modes, amplitude, flow.bodies.markers(parameters)
+    return jax.numpy.stack([load(*at) for load in flow.bodies.loads])
 
 
 def restored(flow: Flow, stored: StoredOperators) -> Operators:

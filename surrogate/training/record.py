@@ -3,10 +3,13 @@
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from surrogate.files import JsonObject
-from surrogate.model.surrogate import Surrogate
+from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.scene import Scene
+from surrogate.training.history import load_errors
 from surrogate.training.loop import TrainingResult, TrainingSetup
 from surrogate.training.plan import Plan
 
@@ -28,8 +31,7 @@ def surrogate_of(
     record = {
         "method": plan.method,
         "trained_for": "traction" if plan.make_method().trains_traction else "drag",
-        "drag_error_mean": last.error_mean,
-        "drag_error_max": last.error_max,
+        **_errors(trained, setup),
         "green_applications": last.green_applications,
         "train_s": last.seconds,
         "weights": int(trained.network.weights.size),
@@ -51,6 +53,16 @@ def surrogate_of(
         **(notes or {}),
     }
     return Surrogate(trained.network, plan.scene, record)
+
+
+def _errors(trained, setup):
+    """Mean and largest error on held-out bodies, over Cd, of the drag and where there is lift."""
+    errors = np.asarray(load_errors(trained.network, setup.held_out, setup.labels.loads))
+    return {
+        f"{name}_error_{kind}": float(measure(column))
+        for name, column in zip(LOAD_NAMES, errors.T, strict=False)
+        for kind, measure in (("mean", np.mean), ("max", np.max))
+    }
 
 
 def plan_differences(plan: Plan, record: JsonObject) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from surrogate.devices import Devices, Partition, Sharded
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
 from surrogate.training.methods.method import Batch, EvaluationCost, LabelStore, Method
 from surrogate.training.physics import Physics
 
@@ -24,7 +24,7 @@ NO_COST = EvaluationCost(0, 0, 0)
 class LearnerState(NamedTuple):
     """What a step changes: network, optimiser's state, labels, last velocity of every sample."""
 
-    network: DragNetwork
+    network: LoadNetwork
     optimiser: PyTree
     labels: LabelStore
     velocities: Sharded
@@ -70,7 +70,7 @@ class Step(NamedTuple):
 
 
 def first_state(
-    method: Method, network: DragNetwork, physics: Physics, oseen: Sharded
+    method: Method, network: LoadNetwork, physics: Physics, oseen: Sharded
 ) -> LearnerState:
     """The state before the first step; ``oseen`` are the velocities of the Oseen flows."""
     devices = physics.partition.devices

@@ -49,7 +49,6 @@ class Domain(abc.ABC):
 
     MIN_THICKNESS: ClassVar[float]  # cells across the mean thickness of a body
     CLEARANCE: ClassVar[tuple[float, float]]  # D from a fitted body to the domain's edges
-    OPERATORS_ARE_SMALL: ClassVar[bool]  # enough to store those of all samples of a training
     FORCE_UNIT: ClassVar[float]  # force, over rho U^2 D^(d-1), of a unit amplitude of mode 0
 
     @classmethod
@@ -89,6 +88,11 @@ class Domain(abc.ABC):
         return (np.array(self.box) / 2 - (SPLINE_CELLS - 1)) * self.lattice.step
 
     @property
+    def operators_are_small(self) -> bool:
+        """Whether those of all samples of a training can be stored; else tens of megabytes each."""
+        return False
+
+    @property
     def far_combinations(self) -> int | None:
         """Combinations of modes that make up the response far from a body; None for all modes."""
         return None
@@ -107,9 +111,7 @@ class Domain(abc.ABC):
         for cells, side in zip(self.lattice.shape[1:], sides[1:], strict=True):
             corner.append(0 if self.lattice.symmetric else (cells - side) // 2)
             shape.append(side // 2 if self.lattice.symmetric else side)
-        lattice = dataclasses.replace(
-            self.lattice, shape=tuple(shape), inlet=inlet, periodic=False
-        )
+        lattice = dataclasses.replace(self.lattice, shape=tuple(shape), inlet=inlet, periodic=False)
         return tuple(corner), lattice
 
     @property

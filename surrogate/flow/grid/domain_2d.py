@@ -46,7 +46,6 @@ class Domain2D(Domain):
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
-    OPERATORS_ARE_SMALL = True
     FORCE_UNIT = 1.0
 
     @classmethod
@@ -126,6 +125,10 @@ class Domain2D(Domain):
     def mirrored(self) -> bool:
         """Whether G must carry the images of the body in the tunnel's walls explicitly."""
         return self.height is not None and not self.modes.symmetric
+
+    @property
+    def operators_are_small(self) -> bool:
+        return self.modes.symmetric
 
     @property
     def far_combinations(self) -> int | None:

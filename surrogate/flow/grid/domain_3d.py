@@ -37,7 +37,6 @@ class Domain3D(Domain):
 
     MIN_THICKNESS = 2.0
     CLEARANCE = (1.0, 0.5)
-    OPERATORS_ARE_SMALL = False  # tens of megabytes a body
     FORCE_UNIT = FORCE_UNIT
 
     @classmethod

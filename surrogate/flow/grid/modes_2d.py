@@ -31,6 +31,15 @@ class Modes2D:
         """Index of the mode whose amplitude is the force along y; None for symmetric bodies."""
         return None if self.symmetric else 2 * self.harmonics + 1
 
+    @property
+    def mirror(self) -> np.ndarray:
+        """Factors, 1 or -1, of the amplitudes in the flow past the body's mirror image in y = 0."""
+        if self.symmetric:
+            return np.ones(self.count)
+        waves = np.ones(self.harmonics)
+        along = np.concatenate([[1.0], waves, -waves])
+        return np.concatenate([along, -along])
+
     def values(self, nodes: int) -> Float[AnyArray, "modes 2 nodes"]:
         """Return the traction of every mode at equidistant t, as force per unit t."""
         t = 2 * np.pi * np.arange(nodes) / nodes

@@ -33,6 +33,11 @@ class Modes3D:
         """Number of modes."""
         return len(self._terms)
 
+    @property
+    def mirror(self) -> np.ndarray:
+        """Factors of the amplitudes in the flow past the mirror image in y = 0: all 1."""
+        return np.ones(self.count)
+
     def values(self, nodes: tuple[int, int]) -> Float[AnyArray, "modes 3 nodes"]:
         """Return the traction of every mode at the nodes, as force per unit mu and phi."""
         mu, phi = skin_grid(nodes)

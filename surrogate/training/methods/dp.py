@@ -23,10 +23,10 @@ from surrogate.flow.solver.adjoint import Effort, slip_weights
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_adjoint
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
 from surrogate.training.methods.labels import (
     CoupledStep,
-    drag_residuals,
+    load_residuals,
     no_labels,
 )
 from surrogate.training.methods.method import (
@@ -34,6 +34,7 @@ from surrogate.training.methods.method import (
     Method,
     adam,
     evaluation_cost,
+    moment_residual,
     predict,
     with_cosine_rate,
 )
@@ -80,9 +81,9 @@ class DifferentiablePhysics(Method):
             moved = network.with_weights(weights)
             difference = predict(moved, samples, batch) - labels.tractions[batch]
             slip = jnp.einsum("bym,bm->by", optimiser.compliance[batch], difference)
-            residuals = jax.vmap(lambda k: drag_residuals(moved, samples, labels, k))(batch)
-            scale = self.goal * jnp.append(1.0, jnp.full(residuals.shape[1] - 1, self.slopes))
-            losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * residuals) ** 2, axis=1)
+            residuals = jax.vmap(lambda k: load_residuals(moved, samples, labels, k))(batch)
+            scale = self.goal * jnp.append(1.0, jnp.full(residuals.shape[2] - 1, self.slopes))
+            losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * residuals) ** 2, axis=(1, 2))
             return jnp.sum(jnp.where(valid, losses, 0.0)) / jnp.maximum(jnp.sum(valid), 1) / 2
 
         loss, gradient = jax.value_and_grad(loss_of)(network.weights)
@@ -154,18 +155,25 @@ class PublishedDifferentiablePhysics(Method):
         def traction_of(weights):
             return predict(network.with_weights(weights), samples, batch)
 
+        def moment_loss(weights):
+            moved = network.with_weights(weights)
+            residuals = jax.vmap(lambda k: moment_residual(moved, samples, k))(batch)
+            squares = jnp.where(valid[:, None], residuals, 0.0) ** 2
+            return self.goal**2 * jnp.sum(squares) / count / 2
+
         gradient = jax.vjp(traction_of, network.weights)[1](gradient)[0]
+        gradient += jax.grad(moment_loss)(network.weights)
         network, state = adam_step(network, optimiser, gradient, self.learning_rate, done)
         return network, state, jnp.sum(jnp.where(valid, loss, 0.0)) / count
 
 
 def adam_step(
-    network: DragNetwork,
+    network: LoadNetwork,
     state: optax.OptState,
     gradient: Float[Array, " weights"],
     learning_rate: float,
     done: Array,
-) -> tuple[DragNetwork, optax.OptState]:
+) -> tuple[LoadNetwork, optax.OptState]:
     """One step of Adam with its cosine schedule."""
     state = with_cosine_rate(state, learning_rate, done)
     change, state = adam(learning_rate).update(gradient, state)

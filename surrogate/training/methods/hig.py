@@ -6,7 +6,8 @@ y of a batch of B samples and J = dy/d(weights) / sqrt(B) = U S V^T, the update 
     -eta / (1 + iteration / decay) V S^-kappa U^T y / sqrt(B),   kappa = 1/2,
 
 singular values below tau S_max being dropped. As published, y are the slips of the flows that the
-predicted tractions drive; at its best, residuals of log Cd and of its gradient in shape and Re.
+predicted tractions drive; at its best, residuals of log Cd (, Cl / Cd, Cm / Cd) and of their
+gradients in shape and Re.
 """
 
 import dataclasses
@@ -25,8 +26,14 @@ from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_jacobian
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.labels import LABEL_FLOW, FullSolve, drag_residuals, no_labels
-from surrogate.training.methods.method import Batch, Method, evaluation_cost, predict
+from surrogate.training.methods.labels import LABEL_FLOW, FullSolve, load_residuals, no_labels
+from surrogate.training.methods.method import (
+    Batch,
+    Method,
+    evaluation_cost,
+    moment_residual,
+    predict,
+)
 from surrogate.training.physics import Sample
 
 FLOW = NewtonSettings(1e-4, 10, 40)
@@ -64,13 +71,14 @@ class HalfInverseGradients(Method):
 
     def update(self, network, optimiser, labels, samples, batch, done):
         def residuals(weights, index):
-            return drag_residuals(network.with_drag_weights(weights), samples, labels, index)
+            moved = network.with_load_weights(weights)
+            return load_residuals(moved, samples, labels, index).ravel()
 
-        weights = network.drag_weights
+        weights = network.load_weights
         y = jax.vmap(residuals, (None, 0))(weights, batch)
         step = weight_step(residuals, weights, batch, y, self.tau, self.kappa, self.vectors)
         rate = self.eta / (1 + optimiser / self.decay)
-        network = network.with_drag_weights(weights - rate * step)
+        network = network.with_load_weights(weights - rate * step)
         return network, optimiser + 1, jnp.mean(jnp.sum(y**2, axis=1)) / 2
 
 
@@ -134,11 +142,14 @@ class PublishedHalfInverseGradients(Method):
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
-        y = labels.y[batch]
+        moments = jax.vmap(lambda k: moment_residual(network, samples, k))(batch)
+        known = jnp.any(labels.y[batch] != 0, axis=1, keepdims=True)
+        y = jnp.append(labels.y[batch], self.goal * jnp.where(known, moments, 0.0), axis=1)
 
         def residuals(weights, index):
-            traction = network.with_weights(weights).traction(*samples.at(index))
-            return labels.by_traction[index] @ traction
+            moved = network.with_weights(weights)
+            slips = labels.by_traction[index] @ moved.traction(*samples.at(index))
+            return jnp.append(slips, self.goal * moment_residual(moved, samples, index))
 
         step = weight_step(residuals, network.weights, batch, y, self.tau, self.kappa)
         rate = self.eta / (1 + optimiser / self.decay)

@@ -1,4 +1,4 @@
-"""Training labels: traction modes and gradients of log Cd, computed by inverting the flow solver.
+"""Training labels: traction modes, loads and their gradients, by inverting the flow solver.
 
 ``FullSolve`` solves the body flow once. ``CoupledStep`` makes one coupled Newton step per
 evaluation, so that solver and network converge together. Labels are stored: a sample whose label
@@ -17,13 +17,14 @@ from jaxtyping import Array, Bool, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.devices import Sharded, compute_where
 from surrogate.flow.derivatives import QUICK_ADJOINT
-from surrogate.flow.loads import drag, drag_coefficient
+from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import Effort, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import coupled_step
-from surrogate.model.network import DragNetwork
+from surrogate.model.network import LoadNetwork
+from surrogate.model.outputs import output_gradients
 from surrogate.training.methods.method import Batch, EvaluationCost, evaluation_cost, predict
 from surrogate.training.physics import Physics, Sample
 from surrogate.training.samples import Samples
@@ -34,15 +35,19 @@ LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
 class TrainingLabels(NamedTuple):
     """Training labels of samples, or of one.
 
+    The outputs are log Cd, and where there is lift Cl / Cd and Cm / Cd.
+
     Args:
       tractions: traction modes; of the Oseen flow until the label is valid.
-      slopes: d log Cd / d(parameters, log Re) of valid and converged labels, if requested.
+      outputs: of the same flow.
+      slopes: d outputs / d(parameters, log Re) of valid and converged labels, if requested.
       valid: whether there is a label.
       converged: whether no further evaluation is needed (also if none would succeed).
     """
 
     tractions: Float[AnyArray, "*samples modes"]
-    slopes: Float[AnyArray, "*samples inputs"]
+    outputs: Float[AnyArray, "*samples loads"]
+    slopes: Float[AnyArray, "*samples loads inputs"]
     valid: Bool[AnyArray, "*samples"]
     converged: Bool[AnyArray, "*samples"]
 
@@ -54,15 +59,15 @@ class TrainingLabels(NamedTuple):
 def no_labels(physics: Physics) -> TrainingLabels:
     """The label store before any evaluation."""
     none = jnp.zeros(physics.count, bool)
-    count, parameters = physics.samples.parameters.shape
-    return TrainingLabels(physics.tractions, jnp.zeros((count, parameters + 1)), none, none)
+    slopes = jnp.zeros((*physics.outputs.shape, physics.samples.parameters.shape[1] + 1))
+    return TrainingLabels(physics.tractions, physics.outputs, slopes, none, none)
 
 
 class InversionResult(NamedTuple):
     """One inversion of the flow solver: flow, slopes, whether valid and converged, convolutions."""
 
     state: FlowState
-    slopes: Float[Array, " inputs"]
+    slopes: Float[Array, "loads inputs"]
     valid: Bool[Array, ""]
     converged: Bool[Array, ""]
     products: Int[Array, ""]
@@ -79,7 +84,7 @@ class LabelResult(NamedTuple):
 class Inversion(abc.ABC):
     """A way to invert the flow solver: from a body and its no-slip condition to the traction."""
 
-    slopes: bool  # whether a converged label gets its slopes, by one adjoint solve
+    slopes: bool  # whether a converged label gets its slopes, by an adjoint solve a load
 
     @abc.abstractmethod
     def invert(
@@ -96,7 +101,7 @@ class Inversion(abc.ABC):
 
     def evaluate(
         self,
-        network: DragNetwork,
+        network: LoadNetwork,
         physics: Physics,
         labels: TrainingLabels,
         velocities: Sharded,
@@ -115,7 +120,8 @@ class Inversion(abc.ABC):
             result = compute_where(~label.converged, inverted, kept)
             new = jax.tree.map(lambda a, b: jnp.where(result.valid, a, b), result.state, stored)
             flags = label.valid | result.valid, label.converged | result.converged
-            label = TrainingLabels(new.amplitude, result.slopes, *flags)
+            outputs = sample.outputs(new.amplitude)
+            label = TrainingLabels(new.amplitude, outputs, result.slopes, *flags)
             return LabelResult(label, result.valid, result.products), new.velocity
 
         predicted = predict(network, physics.samples, batch)
@@ -126,22 +132,24 @@ class Inversion(abc.ABC):
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _slopes_where(self, converged, sample, operators, state):
-        """(d log Cd / d(parameters, log Re), whether found, convolutions) by the drag's adjoint.
+        """(d outputs / d(parameters, log Re), whether found, convolutions) by the loads' adjoints.
 
         Zeros where the flow has not converged, or where ``slopes`` is false.
         """
-        none = jnp.zeros(sample.parameters.size + 1), jnp.array(True), jnp.array(0)
+        loads = sample.flow.bodies.loads
+        zeros = jnp.zeros((len(loads), sample.parameters.size + 1))
+        none = zeros, jnp.array(True), jnp.array(0)
         if not self.slopes:
             return none
 
         def adjoint():
-            by_markers, (by_re,), work = load_gradients(
-                (drag,), sample.domain, operators, state, sample.reynolds, QUICK_ADJOINT
+            by_markers, by_re, work = load_gradients(
+                loads, sample.domain, operators, state, sample.reynolds, QUICK_ADJOINT
             )
-            by_markers = jax.tree.map(lambda leaf: leaf[0], by_markers)
-            by_shape = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1](by_markers)[0]
-            slopes = jnp.append(by_shape, sample.reynolds * by_re)
-            slopes = slopes / drag_coefficient(state.amplitude)
+            pull = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1]
+            by_shape = jax.vmap(lambda one: pull(one)[0])(by_markers)
+            slopes = jnp.column_stack([by_shape, sample.reynolds * by_re])
+            slopes = output_gradients(sample.loads(state.amplitude), slopes)
             found = work.converged & jnp.all(jnp.isfinite(slopes))
             return jnp.where(found, slopes, 0.0), found, work.products
 
@@ -191,18 +199,17 @@ class FullSolve(Inversion):
         return InversionResult(state, slopes, found, jnp.array(True), info.products + products)
 
 
-def drag_residuals(
-    network: DragNetwork, samples: Samples, labels: TrainingLabels, index: Int[Array, ""]
-) -> Float[Array, " outcomes"]:
-    """Residuals of one sample: of log Cd, and of its gradient in the network's scaled inputs.
+def load_residuals(
+    network: LoadNetwork, samples: Samples, labels: TrainingLabels, index: Int[Array, ""]
+) -> Float[Array, "loads outcomes"]:
+    """Residuals of one sample: of every output, and of its gradient in scaled inputs.
 
     Residuals of labels that are not valid (gradient: not converged) are zero.
     """
     parameters, reynolds = samples.at(index)
     z, steepness = network.inputs(parameters, reynolds), network.inputs.steepness(parameters)
-    log_drag, gradient = jax.value_and_grad(network.log_drag)(z)
-    target = jnp.log(drag_coefficient(labels.tractions[index]))
-    residual = jnp.where(labels.valid[index], log_drag - target, 0.0)
+    outputs, gradients = network.outputs(z), jax.jacrev(network.outputs)(z)
+    residuals = jnp.where(labels.valid[index], outputs - labels.outputs[index], 0.0)
     known = labels.valid[index] & labels.converged[index]
-    residuals = jnp.where(known, gradient - steepness * labels.slopes[index], 0.0)
-    return jnp.append(residual, residuals)
+    slopes = jnp.where(known, gradients - steepness * labels.slopes[index], 0.0)
+    return jnp.column_stack([residuals, slopes])

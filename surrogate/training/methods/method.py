@@ -14,10 +14,12 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import Evaluated, Sharded
-from surrogate.model.network import DragNetwork
+from surrogate.flow.loads import drag_coefficient, moment
+from surrogate.model.network import LoadNetwork
 from surrogate.training.physics import Physics
 from surrogate.training.samples import Samples
 
+MOMENT_NODES = 128  # of the contour on which the moment of a traction is integrated, exactly
 Batch = Int[AnyArray, " batch"]  # indices of samples
 
 
@@ -49,13 +51,13 @@ class Method(abc.ABC):
     trains_traction: bool
 
     @abc.abstractmethod
-    def init(self, network: DragNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:
+    def init(self, network: LoadNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:
         """The optimiser's state and the label store before the first step."""
 
     @abc.abstractmethod
     def evaluate(
         self,
-        network: DragNetwork,
+        network: LoadNetwork,
         physics: Physics,
         labels: LabelStore,
         velocities: Sharded,
@@ -70,13 +72,13 @@ class Method(abc.ABC):
     @abc.abstractmethod
     def update(
         self,
-        network: DragNetwork,
+        network: LoadNetwork,
         optimiser: PyTree,
         labels: LabelStore,
         samples: Samples,
         batch: Batch,
         done: Float[AnyArray, ""],
-    ) -> tuple[DragNetwork, PyTree, Float[Array, ""]]:
+    ) -> tuple[LoadNetwork, PyTree, Float[Array, ""]]:
         """Update the network: new network, new optimiser state, the loss before.
 
         Runs on one device. ``done`` is the fraction of the training that is over, for schedules.
@@ -106,6 +108,23 @@ def with_cosine_rate(state: optax.OptState, learning_rate: float, done: Array) -
     return state
 
 
-def predict(network: DragNetwork, samples: Samples, batch: Batch) -> Float[Array, "batch modes"]:
+def predict(network: LoadNetwork, samples: Samples, batch: Batch) -> Float[Array, "batch modes"]:
     """The network's traction modes of a batch of samples."""
     return jax.vmap(network.traction)(*samples.at(batch))
+
+
+def moment_residual(
+    network: LoadNetwork, samples: Samples, index: Int[Array, ""]
+) -> Float[Array, " moments"]:
+    """Cm / Cd by the network minus that of its traction; empty where there is no lift.
+
+    Methods as published train the traction, which has drag and lift among its modes; by this
+    residual the network's moment follows it.
+    """
+    if network.modes.lift_index is None:
+        return jnp.zeros(0)
+    parameters, reynolds = samples.at(index)
+    traction = jax.lax.stop_gradient(network.traction(parameters, reynolds))
+    markers = network.inputs.body_class.markers(parameters, MOMENT_NODES)
+    of_traction = moment(network.modes, traction, markers) / drag_coefficient(traction)
+    return network.outputs(network.inputs(parameters, reynolds))[2:] - of_traction

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from surrogate.flow.solver.adjoint import Effort
-from surrogate.training.methods.labels import CoupledStep, Inversion, drag_residuals, no_labels
+from surrogate.training.methods.labels import CoupledStep, Inversion, load_residuals, no_labels
 from surrogate.training.methods.method import Method, adam, predict, with_cosine_rate
 
 
@@ -63,10 +63,10 @@ class LabelRegression(Method):
     def _loss(self, weights, network, labels, samples):
         """Mean loss of all samples with a valid label."""
         everyone, moved = jnp.arange(samples.count), network.with_weights(weights)
-        residuals = jax.vmap(lambda k: drag_residuals(moved, samples, labels, k))(everyone)
-        total = self.goal**2 * jnp.sum(residuals[:, 0] ** 2)
+        residuals = jax.vmap(lambda k: load_residuals(moved, samples, labels, k))(everyone)
+        total = self.goal**2 * jnp.sum(residuals[..., 0] ** 2)
         if self.slopes:
-            total += (self.slopes * self.goal) ** 2 * jnp.sum(residuals[:, 1:] ** 2)
+            total += (self.slopes * self.goal) ** 2 * jnp.sum(residuals[..., 1:] ** 2)
         if self.modes:
             scale = network.mode_scale * jnp.abs(labels.tractions[:, :1])
             off = (predict(moved, samples, everyone) - labels.tractions) / scale

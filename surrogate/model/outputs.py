@@ -1,0 +1,35 @@
+"""What drag models predict of a body's loads: log Cd, and where there is lift Cl / Cd and Cm / Cd.
+
+Drag spans decades over Re while its logarithm is smooth; lift and moment change their sign, and
+over the drag they are of order one at every Re.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+
+
+def outputs_of(loads: Float[AnyArray, " loads"]) -> Float[Array, " loads"]:
+    """Return log Cd (, Cl / Cd, Cm / Cd) of loads Cd (, Cl, Cm)."""
+    return jnp.append(jnp.log(loads[:1]), loads[1:] / loads[0])
+
+
+def loads_of(outputs: Float[AnyArray, " loads"]) -> Float[Array, " loads"]:
+    """Return loads Cd (, Cl, Cm) of log Cd (, Cl / Cd, Cm / Cd), the inverse of ``outputs_of``."""
+    return jnp.exp(outputs[0]) * jnp.append(1.0, outputs[1:])
+
+
+def output_gradients(
+    loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
+) -> Float[Array, "loads inputs"]:
+    """Return the gradients of the outputs from those of the loads."""
+    return jax.jacfwd(outputs_of)(loads) @ gradients
+
+
+def load_gradients(
+    outputs: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
+) -> Float[Array, "loads inputs"]:
+    """Return the gradients of the loads from those of the outputs."""
+    return jax.jacfwd(loads_of)(outputs) @ gradients
