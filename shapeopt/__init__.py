@@ -5,7 +5,7 @@ problem -> search -> runs -> render; the payoff and the commands are above them.
 """
 
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import Robust, Weighted
+from shapeopt.problem.objective import Glide, Robust, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.runs import load_run, save_run
@@ -19,6 +19,7 @@ optimize = optimise  # the same function, spelled otherwise
 __all__ = [
     "Design",
     "Designer",
+    "Glide",
     "LogNormal",
     "Problem",
     "Robust",

@@ -56,7 +56,7 @@ def save_run(
 
     Returns:
       The record, as in run.json. cd_* are values of the problem's objective: Cd where that is the
-      drag at one Reynolds number.
+      drag at one Reynolds number; of the glide ratio Cd itself, and the ratio is under "glide".
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -181,7 +181,7 @@ def _search_record(design: Design) -> dict[str, Any]:
 def _verification_record(
     design: Design, verified: Verified | None, surrogate: Surrogate | None
 ) -> dict[str, Any]:
-    """Return the objective by surrogate and flow, and the drags of every scenario."""
+    """Return the objective by surrogate and flow, and the loads of every scenario."""
     scenarios, network = design.problem.scenarios, surrogate and surrogate.network
     record: dict[str, Any] = {"cd_start": None, "cd_verified": None, "verify_s": 0.0, "cases": []}
     if verified is not None:
@@ -200,6 +200,8 @@ def _verification_record(
                 "cd_start": float(cylinder),
                 "cd_surrogate": drag,
                 "cd_verified": solution.drag,
+                "cl_verified": solution.lift,
+                "cm_verified": solution.moment,
                 "status": solution.status,
                 "expected_error": solution.expected_error,
                 "estimated_error": solution.estimated_error,
@@ -209,6 +211,8 @@ def _verification_record(
         record = {
             "cd_start": verified.cylinder_objective,
             "cd_verified": verified.objective,
+            "cl_verified": cases[0]["cl_verified"],
+            "cm_verified": cases[0]["cm_verified"],
             "status": verified.status,
             "accuracy": verified.accuracy,
             "expected_error": verified.expected_error,
@@ -217,7 +221,10 @@ def _verification_record(
             "cases": cases,
         }
     predicted = network and float(model_objective(network, design.parameters, scenarios))
-    return record | {"cd_surrogate": predicted}
+    record["cd_surrogate"] = predicted
+    if bool(scenarios.glide) and verified is not None:
+        record |= {"glide": -verified.objective} | {name: cases[0][name] for name in DRAGS}
+    return record
 
 
 def _nominal_flow(design: Design) -> Solution | None:

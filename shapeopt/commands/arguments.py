@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import AtReynolds, Objective, Robust, Weighted
+from shapeopt.problem.objective import AtReynolds, Glide, Objective, Robust, Weighted
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
@@ -141,8 +142,8 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", required=True, help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
     objective = "drag: least Cd (default); glide: greatest Cl / Cd"
-    add("--objective", choices=list(OBJECTIVES), default="drag", help=objective)
-    add("--lift", help="lower bound on Cl: one, or in one run a polar of designs, 0:0.6:7 (none)")
+    add("--objective", choices=["drag", "glide"], default="drag", help=objective)
+    add("--lift", type=float, help="lower bound on Cl (none)")
     add("--min-moment", type=float, help="lower bound on Cm, about the centroid, nose up (none)")
     add("--max-moment", type=float, help="upper bound on it (none)")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
@@ -184,6 +185,7 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
         min_radius=arguments.min_radius,
         within=_ranges(arguments.range),
         trust=arguments.trust,
+        **{name: getattr(arguments, name) for name in LOAD_BOUNDS},
     )
 
 
@@ -200,6 +202,10 @@ def _objective(arguments: argparse.Namespace) -> Objective:
     reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     uncertain = [name for name, value in given.items() if value is not None]
+    if arguments.objective == "glide":
+        if len(reynolds) > 1 or uncertain:
+            raise InvalidInput("--objective glide: goes with one Reynolds number, without spread")
+        return Glide(reynolds[0])
     if len(reynolds) > 1:
         if uncertain:
             raise InvalidInput(f"--{uncertain[0]}: belongs to one Reynolds number, not to several")

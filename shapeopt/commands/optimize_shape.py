@@ -7,11 +7,16 @@ python scripts/optimize_shape.py --reynolds 1,10,40 --weights 1,2,1 --until flow
 python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --reynolds 40 \
     --max-thickness 0.5 --out out/flat
 python scripts/optimize_shape.py --reynolds 20 --spread 0.3 --cvar 0.9 --out out/robust
+python scripts/optimize_shape.py --surrogate none --scene scripts/lift.toml --reynolds 60 \
+    --objective glide --out out/glider
+python scripts/optimize_shape.py --surrogate none --scene scripts/lift.toml --reynolds 60 \
+    --lift 0.3 --max-moment 0.1 --out out/vane
 
 The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at
 that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar
 over the worst of them. Reynolds numbers are truncated to the scene's range. All cd_* are then
-values of that objective, and "cases" lists the drags.
+values of that objective, and "cases" lists the drags. Sections with camber and incidence may have
+bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective.
 """
 
 import argparse
@@ -107,8 +112,13 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
+    lifts = ""
+    if not problem.scene.family.body_class.symmetric:
+        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified"
+    if "glide" in r:
+        lifts += f", glide ratio {r['glide']:.4f}"
     lines = [
-        f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D",
+        f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
         f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
         f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "

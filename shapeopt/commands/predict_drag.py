@@ -1,9 +1,11 @@
-"""Drag of a family body by a trained surrogate, with --verify also by the flow solver.
+"""Loads of a family body by a trained surrogate, with --verify also by the flow solver.
 
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
 python scripts/predict_drag.py --aspect 4 --chord-reynolds 2:60:log20 --reference chord --json
 python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
+
+Bodies with camber or incidence have Cl and Cm too, where the surrogate was trained for them.
 """
 
 from collections.abc import Sequence
@@ -27,6 +29,7 @@ from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
+from surrogate.flow.loads import LOADS
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
 
@@ -67,13 +70,17 @@ def _predict(
     reference: str,
     extrapolate: bool,
 ) -> JsonObject:
-    length = surrogate.scene.family.body_class.length
+    family = surrogate.scene.family
+    length, lifts = family.body_class.length, not family.body_class.symmetric
 
-    def drag(body):
+    def coefficients(body):
         by = length(body) if reference == CHORD else 1.0
-        return surrogate.drag(body, reynolds, extrapolate) / by
+        of_moment = by**2  # over the square of the reference length
+        return surrogate.loads(body, reynolds, extrapolate) / jnp.stack([by, by, of_moment])
 
-    cd, gradient = drag(parameters), jax.grad(drag)(jnp.asarray(parameters))
+    loads = coefficients(parameters)
+    gradients = map(family.named, jax.jacrev(coefficients)(jnp.asarray(parameters)))
+    gradients = dict(zip(LOADS, gradients, strict=True))
     beyond = surrogate.beyond(parameters, reynolds)
     confidence = "inside"
     if beyond:
@@ -81,8 +88,8 @@ def _predict(
         confidence = f"outside: {worst} by {beyond[worst]:.2g} of its trained range"
     return {
         **reference_record(reynolds, float(length(parameters)), reference),
-        "cd": float(cd),
-        "gradient": surrogate.scene.family.named(gradient),
+        **dict(zip(LOADS, loads.tolist(), strict=True)),
+        "gradient": gradients if lifts else gradients["cd"],
         "in_trained_range": not beyond,
         "confidence": confidence,
     }
@@ -94,9 +101,12 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
     if not row["in_trained_range"]:
         body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
     solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
-    drag = solution.drag / (row["chord"] if row["reference"] == CHORD else 1.0)
+    by = row["chord"] if row["reference"] == CHORD else 1.0
+    drag = solution.drag / by
     return {
         "cd_flow": drag,
+        "cl_flow": solution.lift / by,
+        "cm_flow": solution.moment / by**2,
         "error": abs(row["cd"] / drag - 1),
         "status": solution.status,
         "accuracy": solution.accuracy,
@@ -107,8 +117,12 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
 
 def _line(r: JsonObject) -> str:
     line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
+    lifts = r["cl"] or r["cm"]
+    line += f" Cl {r['cl']:.4f} Cm {r['cm']:.4f}" if lifts else ""
     if "cd_flow" in r:
-        line += f"  by the flow {r['cd_flow']:.4f}, which {r['accuracy']}"
+        line += f"  by the flow {r['cd_flow']:.4f}"
+        line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
+        line += f", which {r['accuracy']}"
         line += f", error {100 * r['error']:.3f} %"
     return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
 

@@ -51,10 +51,10 @@ class Scenarios(NamedTuple):
     """The cases i of an objective: shape changes s_i, Reynolds numbers Re_i and weights w_i.
 
     Weights sum to 1. The loss of a case is Cd; with ``relative`` it is divided by the drag of the
-    ``round_body`` (cylinder, in 3-D sphere) at the same Re; with ``glide`` it is -Cl / Cd. ``level``
-    is the CVaR level: the objective is the mean of the worst share 1 - level of the cases, and of
-    all cases at level 0. ``load_bounds`` are the values of ``LOAD_BOUNDS``, which hold in every
-    case; there are none where there is no lift.
+    ``round_body`` (cylinder, in 3-D sphere) at the same Re; with ``glide`` it is -Cl / Cd.
+    ``level`` is the CVaR level: the objective is the mean of the worst share 1 - level of the
+    cases, and of all cases at level 0. ``load_bounds`` are the values of ``LOAD_BOUNDS``, which
+    hold in every case; there are none where there is no lift.
     """
 
     shift: Float[AnyArray, "cases parameters"]

@@ -49,10 +49,8 @@ class Design:
 
     def __repr__(self) -> str:
         lift = f"Cl {self.lift:.4f}, " if self.has_lift else ""
-        found = (
-            f"Cd {self.drag:.4f}, {lift}{self.flows} flows, KKT residual {self.kkt_residual:.0e}"
-        )
-        return f"Design({listed(self._named)}: {found})"
+        work = f"{self.flows} flows, KKT residual {self.kkt_residual:.0e}"
+        return f"Design({listed(self._named)}: Cd {self.drag:.4f}, {lift}{work})"
 
     def summary(self) -> str:
         """Return the body and how it was found as lines of text."""
