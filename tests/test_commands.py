@@ -258,7 +258,7 @@ def test_commands_say_in_one_line_that_a_surrogate_is_inaccurate(capsys, trained
         printed = capsys.readouterr()
         lines = [line for line in printed.err.splitlines() if "warning" in line]
         assert len(lines) == 1
-        assert f"warning: surrogate {folder}: its drags are inaccurate: " in lines[0]
+        assert f"warning: surrogate {folder}: its loads are inaccurate: " in lines[0]
         assert "6.40% on average and 20.00% at most" in lines[0]
         assert json.loads(printed.out)["warning"] in lines[0]
 

@@ -25,7 +25,7 @@ def test_page_holds_the_weights_and_scales(name):
         np.testing.assert_array_equal(saved["bias"], layer.bias)
     for scale in ("low", "high"):
         np.testing.assert_array_equal(data[scale], getattr(network.inputs, scale))
-    np.testing.assert_array_equal(data["trend"], network.trend)
+    np.testing.assert_array_equal(data["trends"], network.trends)
 
 
 @every

@@ -147,7 +147,7 @@ def test_slip_adjoint_agrees_with_the_slip_jacobian(cylinder_domain, driven, sli
     assert float(gradient @ step) == pytest.approx(float(difference), abs=1e-10)
 
 
-def test_drag_weights_predict_the_newton_step(cylinder_domain, driven):
+def test_load_weights_predict_the_newton_step(cylinder_domain, driven):
     """lambda . y is the drag that one coupled step removes, for the flow a traction drives."""
     operators, state, _ = driven
 

@@ -15,7 +15,7 @@ from surrogate import Family, Flow, InvalidInput, Scene, Surrogate, load, save
 from surrogate.leaves import write_leaves
 from surrogate.model.network import blank_network
 from surrogate.model.store import BEST
-from surrogate.training.loop import drag_errors
+from surrogate.training.loop import load_errors
 from surrogate.training.plan import METHODS, make_plan
 from surrogate.training.record import plan_differences
 from surrogate.training.samples import held_out_samples
@@ -232,7 +232,7 @@ def test_a_surrogate_of_large_error_says_so_when_it_is_loaded(folder):
         assert len(caught) == large
         if large:
             words = str(caught[0].message)
-            assert words.startswith(f"surrogate {folder}: its drags are inaccurate")
+            assert words.startswith(f"surrogate {folder}: its loads are inaccurate")
             assert f"{mean:.2%} on average and {most:.2%} at most" in words
             assert "tolerance is 0.40%" in words
 
@@ -260,7 +260,7 @@ def test_golden_pretrained_surrogate_on_unseen_bodies():
     net: Surrogate = load("pretrained")
     samples = held_out_samples(net.scene, 987, 12)
     drag = Flow(net.scene).labels(*samples).drag
-    errors = drag_errors(net.network, samples, jnp.asarray(drag))
+    errors = load_errors(net.network, samples, jnp.asarray(drag)[:, None])[:, 0]
     assert float(errors.mean()) < 0.0005, errors
     assert float(errors.max()) < 0.003, errors
     assert net.scene.family == Family()

@@ -11,7 +11,7 @@ import pytest
 from surrogate import Family, Flow, InvalidInput, NotConverged, load, train
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.training import train as training
-from surrogate.training.loop import drag_errors, make_setup, run_training
+from surrogate.training.loop import load_errors, make_setup, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
 from surrogate.training.methods.sip import ScaleInvariantPhysics
 from surrogate.training.plan import METHODS, Plan, make_plan
@@ -43,7 +43,7 @@ def trained(plan, setup):
 
 
 def initial_error(setup):
-    return float(drag_errors(setup.network, setup.held_out, setup.labels.drag).mean())
+    return float(load_errors(setup.network, setup.held_out, setup.labels.loads)[:, 0].mean())
 
 
 @pytest.mark.parametrize(
@@ -348,7 +348,7 @@ def test_training_warns_of_a_large_error(plan, setup, monkeypatch):
     scene = dataclasses.replace(plan.scene, fidelity=rough)
     monkeypatch.setattr(training, "make_setup", lambda plan, devices: setup)
     monkeypatch.setattr(training, "make_plan", lambda *_: dataclasses.replace(plan, scene=scene))
-    with pytest.warns(UserWarning, match="training by sip: its drags are inaccurate"):
+    with pytest.warns(UserWarning, match="training by sip: its loads are inaccurate"):
         train(scene, "sip", progress=False)
 
 

@@ -17,7 +17,7 @@ from surrogate import Flow, NotConverged, Scene
 from surrogate.devices import choose_devices
 from surrogate.flow.loads import drag_coefficient
 from surrogate.model.network import make_network
-from surrogate.training.loop import TrainingSetup, drag_errors, make_setup, run_training
+from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
 from surrogate.training.methods.hig import weight_step, with_goal_row
 from surrogate.training.methods.method import Method, predict
 from surrogate.training.physics import partition_samples, prepare_physics
@@ -127,7 +127,7 @@ def short_training(run, panel, row, column, method, **changes) -> Row:
     plan, method = _short(method, **changes)
     plan = shrunk(plan) if run.tiny else plan
     setup = setup_of(plan)
-    before = float(drag_errors(setup.network, setup.held_out, setup.labels.drag).mean())
+    before = float(load_errors(setup.network, setup.held_out, setup.labels.loads)[:, 0].mean())
     found = attempt(plan, method)
     outcome = "blew up"
     if found["outcome"] == "trained":

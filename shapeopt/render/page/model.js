@@ -1,6 +1,6 @@
 // The network, its gradient and the family of bodies; independent of the document.
 function makeModel(data) {
-  const { layers, trend, reach, low, high, bounds, modes, reynolds, ratios, dimension } = data;
+  const { layers, trends: [trend], reach, low, high, bounds, modes, reynolds, ratios, dimension } = data;
   const width = bounds.map(([a, b]) => b - a);
   const span = high.map((b, k) => b - low[k] || 1); // 1 where the scene has one Reynolds number
 

@@ -72,7 +72,7 @@ def page_data(surrogate: Surrogate) -> JsonObject:
             {"weight": np.asarray(layer.weight).tolist(), "bias": np.asarray(layer.bias).tolist()}
             for layer in network.layers
         ],
-        "trend": np.asarray(network.trend).tolist(),
+        "trends": [np.asarray(trend).tolist() for trend in network.trends],
         "reach": CORRECTION_SCALE,
         "low": np.asarray(network.inputs.low).tolist(),
         "high": np.asarray(network.inputs.high).tolist(),
