@@ -35,6 +35,7 @@ LONG = {
     "literature",
     "march",
     "onset",
+    "onset_2d",
     "safeguards",
     "scenarios",
     "seeds",

@@ -1,4 +1,4 @@
-"""Measures of contours: area, centroid, mean thickness; radii of curvature."""
+"""Measures of contours: area, centroid, thickness, mean line; radii of curvature."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from surrogate.arrays import AnyArray
 
 AREA = np.pi / 4  # of every 2-D body unless its size is kept: the equivalent diameter D is 1
 ANGLES = np.linspace(0, np.pi, 181)  # t from the nose to the tail
+STATIONS = 64  # along the stream, where the thickness across it is measured
 SIDES = ANGLES[20:161:2]  # where the thickness is bounded: not at the ends, where it vanishes
 
 
@@ -20,6 +21,20 @@ class Radii(NamedTuple):
     nose: Float[AnyArray, ""]
     tail: Float[AnyArray, ""]
     side: Float[AnyArray, ""]
+
+
+class StreamwiseProfile(NamedTuple):
+    """A contour as it lies in the stream, in D.
+
+    Attributes:
+      length: side of its box along the stream.
+      thickness: greatest distance, across the stream, of its upper from its lower side.
+      rise: side of the box across the stream of its mean line, midway between the two.
+    """
+
+    length: Float[AnyArray, ""]
+    thickness: Float[AnyArray, ""]
+    rise: Float[AnyArray, ""]
 
 
 @jax.jit
@@ -50,6 +65,21 @@ def least_mean_thickness(
     """
     thinnest_view = jnp.stack([1.0, jnp.min(extent[1:]) / extent[-1]])
     return mean_thickness(thinnest_view * outline)
+
+
+@jax.jit
+def streamwise_profile(contour: Float[AnyArray, "nodes 2"]) -> StreamwiseProfile:
+    """Return length, thickness and rise of the mean line of a contour as it lies in the stream."""
+    x, y = jnp.asarray(contour).T
+    after, above = jnp.roll(x, -1), jnp.roll(y, -1)
+    length = jnp.ptp(x)
+    stations = jnp.min(x) + length * (np.arange(STATIONS)[:, None] + 0.5) / STATIONS
+    crossed = (x - stations) * (after - stations) <= 0
+    share = (stations - x) / jnp.where(after == x, 1.0, after - x)
+    sides = y + (above - y) * share
+    upper = jnp.max(jnp.where(crossed, sides, -jnp.inf), axis=1)
+    lower = jnp.min(jnp.where(crossed, sides, jnp.inf), axis=1)
+    return StreamwiseProfile(length, jnp.max(upper - lower), jnp.ptp(upper + lower) / 2)
 
 
 def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:
