@@ -21,25 +21,28 @@ ROUNDING = 1e-9  # relative, of a limit
 
 
 class OnsetRule2D(NamedTuple):
-    """The onset of shedding in 2-D, Re = (plate + slope (length / height)^power) / height.
+    """The onset of shedding in 2-D, Re = sqrt(plate^2 + slope^2 (length / height)^power) / height.
 
-    The height of the body that sheds is sqrt(thickness^2 + (lean rise)^2); see
-    ``StreamwiseProfile``.
+    Of a body as it lies in the stream, see ``StreamwiseProfile``: the length is shortened by the
+    factor front^nose if its front half is less full than an ellipse's; the height is at least
+    sqrt(thickness^2 + (lean rise)^2).
 
     Attributes:
-      plate: onset by the height of a plate across the stream.
-      slope: what an ellipse as long as high adds to it.
+      plate: onset, by the height, of a plate across the stream.
+      slope: about what slenderness adds to the onset by the height.
       power: of the slenderness.
-      lean: weight of the rise of the mean line by incidence or camber.
+      lean: weight of the rise of the mean line, by incidence or camber.
+      nose: power of the fullness of the front half.
     """
 
     plate: float
     slope: float
     power: float
     lean: float
+    nose: float
 
 
-RULE_2D = OnsetRule2D(33.8, 12.9, 1.65, 1.15)  # fitted to linear stability, study ``onset_2d``
+RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
 
 
 def onset_of_shedding(
@@ -63,9 +66,10 @@ def onset_in_2d(
     contour: Float[AnyArray, "nodes 2"], rule: OnsetRule2D = RULE_2D
 ) -> Float[Array, ""]:
     """Return the onset of shedding of a 2-D body with this contour as it lies in the stream."""
-    length, thickness, rise = streamwise_profile(contour)
-    height = jnp.hypot(thickness, rule.lean * rise)
-    return (rule.plate + rule.slope * (length / height) ** rule.power) / height
+    length, height, thickness, rise, front = streamwise_profile(contour)
+    height = jnp.maximum(height, jnp.hypot(thickness, rule.lean * rise))
+    slenderness = length * jnp.minimum(front, 1.0) ** rule.nose / height
+    return jnp.sqrt(rule.plate**2 + rule.slope**2 * slenderness**rule.power) / height
 
 
 def onset_of(shape: Shape) -> float:

@@ -4,7 +4,8 @@ There a disturbance of the plane flow neither grows nor decays.
 """
 
 import contextlib
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -16,7 +17,7 @@ from scipy.signal import find_peaks
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 from studies.onset import critical
-from study import Row, Run, Study, Table, columns
+from study import Result, Row, Run, Study, Table, columns, words
 from tools import name_of
 
 from surrogate import NotConverged, Shape, contour_shape, family_shape, naca4
@@ -41,11 +42,13 @@ FITTED: tuple[dict[str, Any], ...] = (
     {"aspect": 3.0, "beta2": -0.15, "beta4": 0.08},
     {"section": "0012", "incidence": 10.0},
     {"aspect": 4.0},
+    {"section": "0012", "incidence": 15.0},
+    {"aspect": 2.5, "beta3": 0.15, "incidence": 5.0},
+    {"aspect": 3.0, "beta2": 0.25, "beta3": -0.08, "beta4": 0.05},
 )
 HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 4.0, "incidence": 30.0},
     {"aspect": 2.0, "beta2": 0.2, "beta3": 0.1, "gamma2": 0.25, "incidence": 8.0},
-    {"section": "0012", "incidence": 15.0},
     {"aspect": 0.6, "beta2": 0.2},
     {"aspect": 2.5},
     {"aspect": 6.0, "incidence": 15.0},
@@ -53,6 +56,8 @@ HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 1.5, "beta3": -0.1},
     {"section": "2412", "incidence": 20.0},
     {"aspect": 1.2, "incidence": 30.0},
+    {"aspect": 2.0, "beta2": -0.2, "beta3": 0.1},
+    {"aspect": 1.5, "beta2": 0.15, "gamma2": 0.2, "gamma3": -0.1, "incidence": -10.0},
 )
 MESH = Elements(order=2, box=30.0, wall=0.06, near=0.15, wake=0.5)
 COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
@@ -73,7 +78,7 @@ def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool) ->
     """The critical Re and pulsation, or None where the search fails, and the sides of the body."""
     shape, onset = shape_of(parameters), None
     length, height = np.ptp(shape.draw(400), axis=0)
-    guess = min((30 + 16 * (length / height) ** 1.5) / height, MOST)
+    guess = min(onset_of(shape), MOST)
     wave = Disturbance(shape, run.pick(COARSE, MESH))
     with contextlib.suppress(NotConverged):
         onset = 1 / critical(lambda viscosity: wave.growth(1 / viscosity), 1 / START / guess, CLOSE)
@@ -179,13 +184,47 @@ def envelope_rate(lift: np.ndarray, step: float) -> float:
     return float(np.polyfit(step * peaks, np.log(late[peaks]), 1)[0])
 
 
+def against_rule(rows: Sequence[Row]) -> list[Row]:
+    """The rows with the onset of the flow solver's rule, and its error."""
+    found = []
+    for row in rows:
+        rule, onset = onset_of(shape_of(row["parameters"])), row["onset"]
+        error = None if onset is None else rule / onset - 1
+        found.append(row | {"rule": rule, "error": error, "use": USES[row["fitted"]]})
+    return found
+
+
+def text(result: Result) -> str:
+    """Bodies, the rule's errors, and marches."""
+    rows = against_rule(result["rows"])
+    parts = []
+    for use in USES.values():
+        errors = [abs(row["error"]) for row in rows if row["use"] == use and row["error"]]
+        if errors:
+            worst, mean = max(errors), math.sqrt(np.mean(np.square(errors)))
+            form = "{use}: {n} bodies, error of the rule at most {worst:.1%}, {mean:.1%} rms"
+            parts.append(words(form, use=use, n=len(errors), worst=worst, mean=mean))
+    return f"{COLUMNS(rows)}\n\n{'; '.join(parts)}\n\n{MARCHES(result['marches'])}"
+
+
+USES = {True: "fitted", False: "held out"}
 COLUMNS = columns(
     "body {body} | length {length:.2f} | height {height:.2f} | critical Re {onset:.1f}"
-    " | omega h / U {pulsation:.3f}"
+    " | omega h / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%} | {use}"
+)
+MARCHES = columns(
+    "body {body} | Re {reynolds:.1f} | over the rule's {share:g} | growth rate, elements"
+    " {by_elements:+.4f} | marched {marched:+.4f}"
 )
 CASES = [
     {"body": name_of(body, ""), "parameters": body, "fitted": fitted}
     for bodies, fitted in ((FITTED, True), (HELD_OUT, False))
     for body in bodies
 ]
-STUDIES = {"onset_2d": Study([Table(CASES, measure, COLUMNS)])}
+BESIDE = [
+    {"body": name_of(body), "parameters": body, "share": share}
+    for body in ({"aspect": 0.5}, {"aspect": 2.0})
+    for share in (0.85, 1.2)
+]
+TABLES = [Table(CASES, measure), Table(BESIDE, marched, key="marches")]
+STUDIES = {"onset_2d": Study(TABLES, text)}
