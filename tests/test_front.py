@@ -316,6 +316,7 @@ def test_the_steady_flow_beyond_the_onset_of_shedding_must_be_asked_for():
     assert flow.solve(ROUND, 50.0, allow_unsteady=True, estimate=False).drag == pytest.approx(drag)
 
 
+@pytest.mark.slow
 def test_slender_bodies_are_answered_as_far_as_they_are_steady_and_traced_ones_too():
     flow = Flow(dataclasses.replace(FLOW.scene, reynolds=(1, 60)))
     drags = jax.jit(jax.vmap(flow.drag))(jnp.array([BODY, ROUND]), jnp.full(2, 50.0))

@@ -70,7 +70,7 @@ GROWTH = 0.12  # of the pulsation, of those shifts: the modes that decay are far
 MODES, KRYLOV = 3, 20
 BOX = Box(cells=10, step=0.025)  # of marches; the time step is stable from Re 12.5
 TINY_BOX = Box(cells=8, upstream=4.0, downstream=8.0, height=8.0, sponge=2.0, step=0.05)
-DURATION, KICK = 120.0, 0.02  # D / U, and U: so little that the lift stays proportional to it
+DURATION, KICK = 100.0, 0.002  # D / U, and U: so little that the lift stays proportional to it
 TOLERANCE = 1e-5  # of eigenvalues, relative to their distance from the shift
 
 
