@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     dimension = surrogate.scene.dimension
     check_reference(arguments.reference, dimension)
     chord = family_shape(named, dimension=dimension).chord  # refuses what is no body
-    reynolds = reynolds_of(arguments, chord, allow_unsteady=True, dimension=dimension)
+    reynolds = reynolds_of(arguments, chord, dimension)
     parameters = surrogate.scene.family.parameters(named)
     at = arguments.reference, arguments.extrapolate
     results = [_predict(surrogate, parameters, re, *at) for re in reynolds]
