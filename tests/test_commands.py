@@ -358,12 +358,20 @@ def test_help_tells_examples_and_statuses(script, capsys):
         assert status in " ".join(text.split())
 
 
-def test_help_explains_the_training_methods(capsys):
+@pytest.mark.parametrize("script", ["train_surrogate", "predict_drag", "optimize_shape", "payoff"])
+def test_help_explains_the_training_methods(script, capsys):
     with pytest.raises(SystemExit):
-        importlib.import_module("train_surrogate").main(["--help"])
-    text = capsys.readouterr().out
+        importlib.import_module(script).main(["--help"])
+    text = " ".join(capsys.readouterr().out.split()).replace("- ", "-")
     for name in ("differentiable physics", "scale-invariant physics", "half-inverse gradients"):
         assert name in text
+
+
+@pytest.mark.parametrize("script", ["solve_drag", "predict_drag", "optimize_shape"])
+def test_help_tells_the_familys_formula(script, capsys):
+    with pytest.raises(SystemExit):
+        importlib.import_module(script).main(["--help"])
+    assert "x = -(c/2) cos t" in capsys.readouterr().out
 
 
 def test_entry_point(capsys, monkeypatch):
