@@ -36,15 +36,15 @@ CONVOLUTIONS = {
     2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
     3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
 }
-# Without the mirror plane y = 0 a window has twice the rows, and a flow takes more convolutions,
-# for 35 more traction modes and 3 more parts of each of 2 far fields.
-WHOLE, MORE = 2, 35.0 + 3 * 2
+# Without the mirror plane y = 0 a window has twice the rows, and gradients take three adjoints. A
+# body's operators take about as many convolutions as with it, see ``CompressedResponse``.
+WHOLE, ADJOINTS = 2, 3
 
 
 def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
     """Return the average convolutions with G of bodies with or without the mirror plane y = 0."""
     takes = CONVOLUTIONS[dimension]
-    return takes if symmetric else takes._replace(flow=takes.flow + MORE)
+    return takes if symmetric else takes._replace(adjoint=ADJOINTS * takes.adjoint)
 
 
 @functools.cache

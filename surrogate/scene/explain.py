@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from surrogate.body.family import Family
 from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
-from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.fidelity import NAMED, Fidelity
 from surrogate.scene.limits import ONSET_OF_SHEDDING
 from surrogate.scene.stream import Stream, describe_stream, window_height
 
@@ -57,7 +57,7 @@ def explain_scene(
             f"Steady laminar flow in {describe_stream(stream)}, "
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
             f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
-            f"Grid ({f.name}): {f.cells} cells per D on a window {window} D "
+            f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a window {window} D "
             f"({cells} cells{f' in its {words.part}' if symmetric else ''}), where the flow "
             "is non-linear; outside it the Oseen Green's function G and the far field's "
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
@@ -73,6 +73,12 @@ def explain_scene(
             f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",
         ]
     )
+
+
+def _refined(f, dimension):
+    """What is said of a grid whose cells follow thin boundary layers."""
+    usual = NAMED[dimension].get(f.name, f).cells
+    return f", finer than its {usual} for thin boundary layers" if f.cells > usual else ""
 
 
 def _kind(family):
