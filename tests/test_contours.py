@@ -48,6 +48,7 @@ FORMATS = {
     "quotes": lines(SECTION, '","').replace("\n", '"\n').replace("-", "-"),
     "comments behind rows": lines(SECTION).replace("\n", " % a point\n"),
     "minus signs": lines(SECTION).replace("-", "\N{MINUS SIGN}"),
+    "a solved flow's": "x,y,Cp,Cf\n" + lines(SECTION, ",").replace("\n", ",0.5,0.01\n"),
     "comments": "# one\n# two\nx,y\n" + lines(SECTION, ","),
 }
 

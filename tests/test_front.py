@@ -25,6 +25,7 @@ FLOW = Flow(Scene(fidelity=TINY))
 NET = load("pretrained")
 MODELS = {"flow": FLOW, "surrogate": NET}
 both = pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+ROUND = np.array([1.0, 0.0, 0.0, 0.0])
 BODY = np.array([2.0, 0.125, -0.0625, 0.03125])  # exact in any kind of floating-point number
 
 
@@ -309,10 +310,18 @@ def test_the_steady_flow_beyond_the_onset_of_shedding_must_be_asked_for():
     flow = Flow(dataclasses.replace(FLOW.scene, reynolds=(1, 60)))
     for ask in (flow.drag, flow.solve):
         with pytest.raises(InvalidInput, match=r"allow_unsteady .* asks for it all the same"):
-            ask(BODY, 50.0)
-    drag = float(flow.drag(BODY, 50.0, allow_unsteady=True))
-    assert drag < float(flow.drag(BODY, 46.0))
-    assert flow.solve(BODY, 50.0, allow_unsteady=True, estimate=False).drag == pytest.approx(drag)
+            ask(ROUND, 50.0)
+    drag = float(flow.drag(ROUND, 50.0, allow_unsteady=True))
+    assert drag < float(flow.drag(ROUND, 46.0))
+    assert flow.solve(ROUND, 50.0, allow_unsteady=True, estimate=False).drag == pytest.approx(drag)
+
+
+@pytest.mark.slow
+def test_slender_bodies_are_answered_as_far_as_they_are_steady_and_traced_ones_too():
+    flow = Flow(dataclasses.replace(FLOW.scene, reynolds=(1, 60)))
+    drags = jax.jit(jax.vmap(flow.drag))(jnp.array([BODY, ROUND]), jnp.full(2, 50.0))
+    assert np.isnan(drags).tolist() == [False, True]
+    assert float(flow.drag(BODY, 50.0)) == pytest.approx(float(drags[0]))
 
 
 def test_a_flow_above_its_scenes_range_is_refused():

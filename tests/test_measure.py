@@ -13,7 +13,7 @@ import rivals
 import run
 import study
 from elements import PLANE, solve_by_elements
-from studies import optima
+from studies import onset_2d, optima
 from study import Run, Study, Table, columns
 
 from surrogate import Family, InvalidInput
@@ -35,6 +35,7 @@ LONG = {
     "literature",
     "march",
     "onset",
+    "onset_2d",
     "safeguards",
     "scenarios",
     "seeds",
@@ -191,6 +192,13 @@ def test_payoff_is_kept_with_its_pictures(tmp_path):
     assert record["command"] == "python scripts/payoff.py"
     assert record["result"] == {"payoff": []}
     assert (kept / "shapes.png").read_bytes() == b"picture"
+
+
+def test_the_growth_rate_of_a_wave_is_that_of_its_extremes():
+    time = np.arange(4000) * 0.02
+    assert onset_2d.envelope_rate(np.exp(-0.03 * time) * np.sin(1.1 * time), 0.02) == pytest.approx(
+        -0.03, rel=1e-3
+    )
 
 
 def test_json_has_no_infinity():

@@ -9,6 +9,8 @@ import pytest
 from conftest import TINY
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from run import RESULTS
+from studies.onset_2d import shape_of
 
 from surrogate import (
     FIDELITIES,
@@ -19,11 +21,18 @@ from surrogate import (
     Scene,
     Tunnel,
     Unbounded,
+    contour_shape,
     family_shape,
 )
 from surrogate.body.parameters import PARAMETERS
 from surrogate.scene.fidelity import LONGEST_WINDOW
-from surrogate.scene.limits import check_reynolds, check_stream, onset_of_shedding
+from surrogate.scene.limits import (
+    ONSET_OF_SHEDDING,
+    REYNOLDS,
+    check_reynolds,
+    check_stream,
+    onset_of,
+)
 
 TUNNEL = """
 dimension = 2
@@ -287,17 +296,39 @@ def test_no_window_is_longer_than_the_longest(fidelity):
     assert longest == LONGEST_WINDOW
 
 
-def test_bodies_taller_than_long_shed_sooner():
-    """The ellipse of aspect 0.5 from Re 26.7, by its linear stability; slender ones are safe."""
-    tall, turned = family_shape({"aspect": 0.5}), family_shape({"aspect": 2.0}, 90.0)
-    assert float(onset_of_shedding(tall.extent)) == pytest.approx(26.7, rel=1e-6)
-    assert float(onset_of_shedding(turned.extent)) == pytest.approx(26.7, rel=1e-6)
-    assert check_reynolds(26, extent=tall.extent) == 26
-    for shape in (tall, turned):
-        with pytest.raises(InvalidInput, match=r"beyond 26\.7"):
-            Flow(Scene()).solve(shape, 45.0)
-    for aspect in (1.0, 2.0):
-        assert check_reynolds(46.7, extent=family_shape({"aspect": aspect}).extent) == 46.7
+def measured_onsets():
+    """Bodies and their critical Re below 300, study ``onset_2d``."""
+    record = json.loads((RESULTS / "onset_2d.json").read_text())
+    for row in record["result"]["rows"]:
+        if row["onset"] is not None and row["onset"] < REYNOLDS[2][1]:
+            yield row["parameters"], row["onset"]
+
+
+def test_the_onset_of_shedding_is_that_of_linear_stability():
+    errors = [onset_of(shape_of(body)) / onset - 1 for body, onset in measured_onsets()]
+    assert len(errors) > 20
+    assert np.abs(errors).max() < 0.051
+    assert np.sqrt(np.mean(np.square(errors))) < 0.026
+
+
+def test_every_body_is_answered_up_to_its_own_onset():
+    """By linear stability ellipses of aspect 0.5, 1 and 2 shed from Re 27.0, 46.9 and 107.6."""
+    for aspect, turn, steady, sheds in ((0.5, 0, 26, 28.5), (2, 90, 26, 28.5), (2, 0, 102, 113)):
+        shape = family_shape({"aspect": float(aspect)}, turn)
+        onset = onset_of(shape)
+        assert check_reynolds(steady, onset=onset) == steady
+        with pytest.raises(InvalidInput, match=f"beyond {onset:.3g}, .* allow_unsteady"):
+            Flow(Scene()).solve(shape, sheds)
+    assert onset_of(family_shape({"aspect": 1.0})) == pytest.approx(ONSET_OF_SHEDDING[2], rel=5e-3)
+
+
+def test_the_onset_of_a_contour_is_by_its_own_size_and_that_of_its_mirror_image():
+    points = np.asarray(family_shape({"aspect": 3.0, "gamma2": 0.2}).draw(200))
+    onset = onset_of(contour_shape(points, 12.0))
+    assert onset_of(contour_shape(2 * points, 12.0)) == pytest.approx(onset, rel=1e-3)
+    larger = onset_of(contour_shape(2 * points, 12.0, keep_size=True))
+    assert larger == pytest.approx(onset / 2, rel=1e-3)
+    assert onset_of(contour_shape(points * [1, -1], -12.0)) == pytest.approx(onset, rel=1e-3)
 
 
 def test_a_narrow_tunnel_is_refused_by_the_height_of_the_turned_body():

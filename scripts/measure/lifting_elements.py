@@ -4,7 +4,7 @@ As ``elements``, without a mirror plane: the sides of the box have the velocity,
 traction, of the Oseenlets of the body's own drag and lift.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from elements import (
     ngsolve,
 )
 from meshes import Elements, whole_plane
+from numpy.typing import ArrayLike
 
 from surrogate import NotConverged, Shape, family_shape
 
@@ -59,13 +60,29 @@ def loads_by_elements(
       NotConverged: Newton's method failed.
     """
     ng, shape = ngsolve(), body if isinstance(body, Shape) else family_shape(body)
+    flow = section_at_rest(ng, shape, elements)
+    return Loads(*(2 * raise_reynolds(ng, flow, continuation(reynolds))).tolist())
+
+
+def section_at_rest(ng: Any, shape: Shape, elements: Elements) -> Any:
+    """Velocity and pressure, both zero, on a mesh of the plane round the body."""
     mesh = whole_plane(ng, shape, elements)
     velocities = ng.VectorH1(mesh, order=elements.order, dirichlet="body|stream")
-    flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
-    loads = np.zeros(3)
-    for number in continuation(reynolds):
+    return ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
+
+
+def raise_reynolds(
+    ng: Any, flow: Any, numbers: Iterable[float], loads: ArrayLike = (0.0, 0.0, 0.0)
+) -> np.ndarray:
+    """Take the flow with these loads from Re to Re; force and moment over rho U^2 and D there.
+
+    Raises:
+      NotConverged: Newton's method failed.
+    """
+    loads = np.asarray(loads)
+    for number in numbers:
         loads = _newton(ng, flow, number, loads)
-    return Loads(*(2 * loads).tolist())
+    return loads
 
 
 def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarray:

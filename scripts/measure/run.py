@@ -46,6 +46,7 @@ MODULES = {  # the studies of every module
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",
     "onset": "onset",
+    "onset_2d": "onset_2d",
     "optima": "literature least",
     "settling": "settling",
     "speed": "speed space_speed space_rival network",

@@ -29,6 +29,10 @@ x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... - gamma2 cos 
 from the nose, t = 0, over the upper side to the tail, t = pi, and back along the lower one;
 aspect = c / (2 b), scaled to area pi/4, so that D = 1. In 3-D, where gammas are 0, a meridian
 with elliptic cross-sections of a flatness, volume pi/6."""
+METHODS_HELP = (
+    "METHOD: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
+    "gradients) or supervised (regression)"
+)
 SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
@@ -137,7 +141,8 @@ def _shape(arguments: argparse.Namespace, incidence: float, dimension: int) -> S
 def add_problem_arguments(parser: Parser) -> None:
     """Add the options of an optimisation problem: model, objective and constraints."""
     add = parser.add_argument
-    add("--surrogate", default="pretrained", help="folder, pretrained[:METHOD] (default) or none")
+    models = f"folder, pretrained[:METHOD] (default) or none; {METHODS_HELP}"
+    add("--surrogate", default="pretrained", help=models)
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", required=True, help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
@@ -158,7 +163,8 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--max-thickness", type=float, help="upper bound on it, 3-D: on the height, in D (none)")
     add("--thickness-at", help="x/c:minimum thickness in D, as 0.25:0.5,0.75:0.3")
     add("--min-radius", type=float, help="lower bound on the radius of curvature in D (none)")
-    add("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
+    family = parser.add_argument_group("bodies of the family", FAMILY)
+    family.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
     add(
         "--trust", type=float, default=0.0, help="margin at the ends of each range, < 0.5 of it (0)"
     )

@@ -24,7 +24,7 @@ from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.progress import progress_bar
-from surrogate.scene.limits import onset_of_shedding
+from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
 
@@ -38,11 +38,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """March, compare with the steady flow if there is one, render."""
     arguments = _parser().parse_args(argv)
     shape = shape_of(arguments)
-    reynolds = reynolds_of(arguments, shape.chord, allow_unsteady=True, dimension=2)
+    reynolds = reynolds_of(arguments, shape.chord, dimension=2)
     if len(reynolds) != 1:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
-    sheds = re > float(onset_of_shedding(shape.extent))
+    sheds = re > onset_of(shape)
     duration = (160.0 if sheds else 60.0) if arguments.time is None else arguments.time
     if re < LEAST_REYNOLDS:
         raise InvalidInput(f"--reynolds {re:g}: from 1, below which time steps are too small")

@@ -4,7 +4,8 @@ python scripts/payoff.py --preset quick --out out/quick
 python scripts/payoff.py --preset full --out out/full --json
 
 Surrogates that are already in --out are not trained again, and the same command after it is done
-prints the stored result.
+prints the stored result. The methods: dp, differentiable physics; sip, scale-invariant physics;
+hig, half-inverse gradients; supervised, regression on solved flows.
 """
 
 import argparse

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.commands.arguments import add_family_arguments, family_named
+from shapeopt.commands.arguments import METHODS_HELP, add_family_arguments, family_named
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.sections import (
     CHORD,
@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     dimension = surrogate.scene.dimension
     check_reference(arguments.reference, dimension)
     chord = family_shape(named, dimension=dimension).chord  # refuses what is no body
-    reynolds = reynolds_of(arguments, chord, allow_unsteady=True, dimension=dimension)
+    reynolds = reynolds_of(arguments, chord, dimension)
     parameters = surrogate.scene.family.parameters(named)
     at = arguments.reference, arguments.extrapolate
     results = [_predict(surrogate, parameters, re, *at) for re in reynolds]
@@ -129,7 +129,8 @@ def _line(r: JsonObject) -> str:
 
 def _parser() -> Parser:
     parser = Parser(__doc__)
-    parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
+    models = f"folder, or pretrained[:METHOD]; {METHODS_HELP}"
+    parser.add_argument("--surrogate", default="pretrained", help=models)
     add_family_arguments(parser)
     add_reynolds_arguments(parser)
     add_reference_argument(parser)

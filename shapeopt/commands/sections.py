@@ -35,22 +35,21 @@ def add_reference_argument(parser: Parser) -> None:
     parser.add_argument("--reference", choices=(DIAMETER, CHORD), default=DIAMETER, help=reference)
 
 
-def reynolds_of(
-    arguments: argparse.Namespace, chord: float, allow_unsteady: bool, dimension: int
-) -> list[float]:
+def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> list[float]:
     """The Reynolds numbers U D / nu of --reynolds, or of --chord-reynolds for a chord in D.
 
     Raises:
-      InvalidInput: neither or both are given, or one is outside the range of the solver.
+      InvalidInput: neither or both are given, or one is outside the range of the solver. Whether
+        the body sheds vortices is not asked here.
     """
     if (arguments.reynolds is None) == (arguments.chord_reynolds is None):
         raise InvalidInput("--reynolds: give it, or --chord-reynolds instead")
     if arguments.reynolds is not None:
         values = numbers(arguments.reynolds)
-        return [check_reynolds(value, allow_unsteady, dimension) for value in values]
+        return [check_reynolds(value, True, dimension) for value in values]
     values = numbers(arguments.chord_reynolds, "--chord-reynolds")
     try:
-        return [check_reynolds(value / chord, allow_unsteady, dimension) for value in values]
+        return [check_reynolds(value / chord, True, dimension) for value in values]
     except InvalidInput as error:
         text = f"--chord-reynolds {arguments.chord_reynolds}, chord {chord:.4g} D: {error}"
         raise InvalidInput(text) from None

@@ -43,7 +43,7 @@ from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.settling import RANGE, Particle, settle
 from surrogate.flow.solution import Solution
 from surrogate.scene.fidelity import MOST_CELLS, read_fidelity
-from surrogate.scene.limits import check_reynolds
+from surrogate.scene.limits import check_reynolds, onset_of
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import parse_stream
 
@@ -85,7 +85,7 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     check_reference(arguments.reference, dimension)
     shapes = shapes_of(arguments, dimension)
     chord = next(iter(shapes.values())).chord
-    reynolds = reynolds_of(arguments, chord, unsteady, dimension)
+    reynolds = reynolds_of(arguments, chord, dimension)
     cases = [
         Case(shape, turn, value, arguments.reference)
         for turn, shape in shapes.items()
@@ -106,8 +106,9 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     for turn, shape in shapes.items():
         which = f"--incidence {turn:g}: " if len(shapes) > 1 else ""
         with refusals_by_options(arguments.keep_size, which):
+            onset = onset_of(shape)
             for value in scene.reynolds:
-                check_reynolds(value, unsteady, dimension, shape.extent)
+                check_reynolds(value, unsteady, dimension, onset)
                 fitted_domain(scene.stream, scene.fidelity, shape, value)
     return scene, cases
 
@@ -253,7 +254,7 @@ def _parser() -> Parser:
         action="store_true",
         help="derivatives of the loads by parameters (incidence in degrees) and Re",
     )
-    unsteady = "beyond the onset of shedding: Re 46.7, in 3-D 210, sooner for tall bodies"
+    unsteady = "beyond the onset of shedding: Re 46.7 of the cylinder, in 3-D 210"
     add("--allow-unsteady", action="store_true", help=unsteady)
     add("--table", help="CSV file of the results, one row for each flow")
     add("--plot", help="picture of the polar, .png, .svg or .pdf")

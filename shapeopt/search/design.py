@@ -124,7 +124,9 @@ class Design:
         return self.verified.estimated_error
 
 
-def padded_loads(loads: Sequence[float]) -> tuple[float, float, float]:
+def padded_loads(
+    loads: Sequence[float] | Float[AnyArray, " loads"],
+) -> tuple[float, float, float]:
     """Return Cd, Cl and Cm of the loads that a model knows; those it does not are zero."""
     drag, lift, moment = (*map(float, loads), 0.0, 0.0)[:3]
     return drag, lift, moment

@@ -138,6 +138,7 @@ def minimise_sqp(
     )
 
 
+@jax.jit
 def model_values(
     model: LoadModel, body: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -29,6 +29,11 @@ class Verified:
     solutions: tuple[Solution, ...]
     cylinder: Float[AnyArray, " cases"]
 
+    def __repr__(self) -> str:
+        flows = ", ".join(f"Cd {one.drag:.4f} at Re {one.reynolds:g}" for one in self.solutions[:3])
+        more = f" and {len(self.solutions) - 3} more" if len(self.solutions) > 3 else ""
+        return f"Verified(objective {self.objective:.5g}: {flows}{more}; {self.accuracy})"
+
     @property
     def drags(self) -> Float[np.ndarray, " cases"]:
         """Cd of the body in every scenario."""

@@ -19,7 +19,7 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     """Return the points of a file of x and y: CSV with usual delimiters, Selig's, Lednicer's.
 
     Titles, headers, comments and empty lines are passed over; decimal commas and Fortran's
-    exponents are read.
+    exponents are read. Columns beyond x and y are passed over where a header names them all.
 
     Raises:
       InvalidInput: the file is missing or is not text, a row is not two finite numbers, or
@@ -28,11 +28,11 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     path = path_of(path)
     lines = [_bare(line) for line in _text(path).splitlines()]
     rows = [(k, _words(line)) for k, line in enumerate(lines, start=1) if line]
-    count = len(rows)
+    count, header = len(rows), list[str]()
     while rows and _is_title(rows[0][1]) and count - len(rows) < TITLES:
         if rows[0][1][:2] in (["y", "x"], ["Y", "X"]):
             raise InvalidInput(f"contour {path}: row {rows[0][0]} names y first; x comes first")
-        rows = rows[1:]
+        header, rows = rows[0][1], rows[1:]
     if not rows:
         raise InvalidInput(
             f"contour {path}: none of its {len(lines)} rows is two finite numbers, x and y; "
@@ -40,7 +40,8 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
         )
     points = []
     for k, words in rows:
-        if (pair := _pair(words)) is None:
+        named = len(words) == len(header) and [name.lower() for name in header[:2]] == ["x", "y"]
+        if (pair := _pair(words[:2] if named else words)) is None:
             raise InvalidInput(f"contour {path}: row {k} must be two finite numbers, x and y")
         points.append(pair)
     counts, sides = points[0], np.array(points[1:]).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Measures of contours: area, centroid, mean thickness; radii of curvature."""
+"""Measures of contours: area, centroid, thickness, mean line; radii of curvature."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from surrogate.arrays import AnyArray
 
 AREA = np.pi / 4  # of every 2-D body unless its size is kept: the equivalent diameter D is 1
 ANGLES = np.linspace(0, np.pi, 181)  # t from the nose to the tail
+STATIONS = 128  # along the stream, where the thickness across it is measured
 SIDES = ANGLES[20:161:2]  # where the thickness is bounded: not at the ends, where it vanishes
 
 
@@ -20,6 +21,26 @@ class Radii(NamedTuple):
     nose: Float[AnyArray, ""]
     tail: Float[AnyArray, ""]
     side: Float[AnyArray, ""]
+
+
+class StreamwiseProfile(NamedTuple):
+    """A contour as it lies in the stream; its lengths in D.
+
+    Attributes:
+      length: side of its box along the stream.
+      height: side of its box across the stream.
+      thickness: greatest distance, across the stream, of its upper from its lower side.
+      rise: of its mean line, midway between the two sides: four times the line's standard
+        deviation across the stream, with the thickness of an ellipse as weight, so that of a
+        straight line it is the difference of its ends.
+      front: area of the front half over that of the ellipse of this length and thickness.
+    """
+
+    length: Float[AnyArray, ""]
+    height: Float[AnyArray, ""]
+    thickness: Float[AnyArray, ""]
+    rise: Float[AnyArray, ""]
+    front: Float[AnyArray, ""]
 
 
 @jax.jit
@@ -50,6 +71,26 @@ def least_mean_thickness(
     """
     thinnest_view = jnp.stack([1.0, jnp.min(extent[1:]) / extent[-1]])
     return mean_thickness(thinnest_view * outline)
+
+
+@jax.jit
+def streamwise_profile(contour: Float[AnyArray, "nodes 2"]) -> StreamwiseProfile:
+    """Return measures of a contour as it lies in the stream, from its sides at many stations."""
+    x, y = jnp.asarray(contour).T
+    after, above = jnp.roll(x, -1), jnp.roll(y, -1)
+    stations = (np.arange(STATIONS) + 0.5) / STATIONS
+    length = jnp.ptp(x)
+    at = jnp.min(x) + length * stations[:, None]
+    crossed = (x - at) * (after - at) <= 0
+    sides = y + (above - y) * (at - x) / jnp.where(after == x, 1.0, after - x)
+    upper = jnp.max(jnp.where(crossed, sides, -jnp.inf), axis=1)
+    lower = jnp.min(jnp.where(crossed, sides, jnp.inf), axis=1)
+    line, weights = (upper + lower) / 2, np.sqrt(stations * (1 - stations))
+    weights = weights / weights.sum()
+    rise = 4 * jnp.sqrt(weights @ (line - weights @ line) ** 2)
+    thickness = jnp.max(upper - lower)
+    front = 4 / np.pi * jnp.mean((upper - lower)[: STATIONS // 2]) / thickness
+    return StreamwiseProfile(length, jnp.ptp(y), thickness, rise, front)
 
 
 def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:

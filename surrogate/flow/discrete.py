@@ -20,6 +20,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators
+from surrogate.scene.limits import onset_of_shedding
 
 OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
 
@@ -28,13 +29,13 @@ class Coverage(NamedTuple):
     """How a grid covers bodies.
 
     Attributes:
-      half_extent: largest |x|, |y|, ... in D.
+      onset: Re from which they may shed vortices.
       fits: whether the grid's box holds the body.
       cells: cells across the mean thickness.
       resolved: whether these are enough.
     """
 
-    half_extent: Float[AnyArray, "*bodies axes"]
+    onset: Float[AnyArray, "*bodies"]
     fits: Bool[AnyArray, "*bodies"]
     cells: Float[AnyArray, "*bodies"]
     resolved: Bool[AnyArray, "*bodies"]
@@ -70,7 +71,8 @@ class DiscreteBodies:
         outline = self.body_class.outline(parameters, OUTLINE_NODES)
         cells = least_mean_thickness(outline, half_extent) / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
-        return Coverage(half_extent, fits, cells, cells >= self.domain.MIN_THICKNESS)
+        onset = onset_of_shedding(half_extent, self.body_class.contour(parameters, OUTLINE_NODES))
+        return Coverage(onset, fits, cells, cells >= self.domain.MIN_THICKNESS)
 
     def check(self, parameters: Float[np.ndarray, "bodies parameters"]) -> Coverage:
         """Return the coverage of many bodies, all of which the grid must cover.

@@ -33,7 +33,7 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of_shedding
+from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of
 from surrogate.scene.scene import Scene
 
 ROUNDING = 1e-9  # relative, of a range's end
@@ -205,7 +205,9 @@ class Flow:
         if isinstance(body, Shape):
             body = body.differentiable() if gradient else body
             self._check_dimension(body)
-            reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, body.extent)
+            reynolds = check_reynolds(
+                reynolds, allow_unsteady, self.scene.dimension, onset_of(body)
+            )
             shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
             fidelity = self.scene.fidelity.for_body(reynolds, body.height, body.chord)
         else:
@@ -290,7 +292,7 @@ class Flow:
     def _covers(self, parameters, reynolds, allow_unsteady) -> Bool[Array, ""]:
         """Return whether ``_checked`` would accept a body and Re, for traced values."""
         found = self.bodies.coverage(parameters)
-        onset = jnp.inf if allow_unsteady else onset_of_shedding(found.half_extent)
+        onset = jnp.inf if allow_unsteady else found.onset
         lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
         body = self.scene.family.body_class.is_valid(parameters)
         steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
@@ -301,10 +303,10 @@ class Flow:
         body = self.scene.family.check(parameters)
         self._check_reynolds(reynolds, True)
         found = self.bodies.check(body[None])
-        return body, self._check_reynolds(reynolds, allow_unsteady, found.half_extent[0])
+        return body, self._check_reynolds(reynolds, allow_unsteady, float(found.onset[0]))
 
-    def _check_reynolds(self, reynolds, allow_unsteady, half_extent=None):
-        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, half_extent)
+    def _check_reynolds(self, reynolds, allow_unsteady, onset=None):
+        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset)
         highest = self.scene.reynolds[1]
         if value > highest * (1 + ROUNDING):
             raise InvalidInput(

@@ -11,11 +11,16 @@ from surrogate.scene.stream import Stream, describe_stream, window_height
 
 
 class Words(NamedTuple):
-    """What differs between 2-D and 3-D: the part of the window that is gridded, tested ranges."""
+    """What differs between 2-D and 3-D.
+
+    The part of the window that is gridded, tested ranges, and the onset of shedding of bodies that
+    are not round.
+    """
 
     part: str
     tested: str
     left_out: str
+    others: str
 
 
 WORDS = {
@@ -23,8 +28,9 @@ WORDS = {
         "upper half",
         "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window",
         "the third dimension, ",
+        "slender bodies later, those wider than long sooner",
     ),
-    3: Words("quarter", "Re 0.1 to 100 and aspect 0.5 to 4", ""),
+    3: Words("quarter", "Re 0.1 to 100 and aspect 0.5 to 4", "", "those wider than long sooner"),
 }
 
 
@@ -57,8 +63,8 @@ def explain_scene(
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
             f"{words.tested}; every solved flow says whether it meets this, with its expected "
             "error and a bound that 95 % of the errors are within.",
-            f"Left out: {words.left_out}unsteadiness (bluff bodies shed vortices beyond "
-            f"Re {ONSET_OF_SHEDDING[dimension]:g}, those shorter than wide sooner), "
+            f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} sheds "
+            f"vortices beyond Re {ONSET_OF_SHEDDING[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
             f"On this machine one convolution with G takes {1e3 * seconds:.2g} ms, so {bodies} "
             f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "

@@ -1,12 +1,14 @@
 """What can be asked: Reynolds numbers that are steady and tested, bodies that fit their stream."""
 
-import math
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray, Number
+from surrogate.body.measures import streamwise_profile
+from surrogate.body.shape import NODES, Shape
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.fidelity import Fidelity
@@ -14,31 +16,72 @@ from surrogate.scene.stream import Stream, Tunnel
 
 REYNOLDS = {2: (1e-3, 300.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
-# The onset goes with these powers of length over width, for bodies wider than long. By linear
-# stability: in 2-D the ellipse of aspect 0.5 sheds from Re 26.7; in 3-D study ``onset``.
-ONSET_POWERS = {2: math.log(46.7 / 26.7) / math.log(2), 3: 0.9}
+ONSET_POWER_3D = 0.9  # of length over width, for bodies wider than long; by study ``onset``
 ROUNDING = 1e-9  # relative, of a limit
 
 
-def onset_of_shedding(extent: Float[AnyArray, " axes"]) -> Float[Array, ""]:
-    """Return the Re from which a body of this extent may have no steady symmetric wake.
+class OnsetRule2D(NamedTuple):
+    """The onset of shedding in 2-D, Re = sqrt(plate^2 + slope^2 (length / height)^power) / height.
 
-    Slender bodies have one for longer than the cylinder or the sphere, whose onset stands for
-    theirs.
+    Of a body as it lies in the stream, see ``StreamwiseProfile``: the length is shortened by the
+    factor front^nose if its front half is less full than an ellipse's; the height is at least
+    sqrt(thickness^2 + (lean rise)^2).
+
+    Attributes:
+      plate: onset, by the height, of a plate across the stream.
+      slope: about what slenderness adds to the onset by the height.
+      power: of the slenderness.
+      lean: weight of the rise of the mean line, by incidence or camber.
+      nose: power of the fullness of the front half.
+    """
+
+    plate: float
+    slope: float
+    power: float
+    lean: float
+    nose: float
+
+
+RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
+
+
+def onset_of_shedding(
+    extent: Float[AnyArray, " axes"], contour: Float[AnyArray, "nodes 2"] | None = None
+) -> Float[Array, ""]:
+    """Return the Re from which a body may have no steady wake, by linear stability of the flow.
+
+    In 3-D slender bodies have one for longer than the sphere, whose onset stands for theirs.
 
     Args:
       extent: length, (in 3-D width,) and height, all in D or all halved.
+      contour: of a 2-D body as it lies in the stream.
     """
-    dimension = len(extent)
+    if len(extent) == 2:
+        return onset_in_2d(contour)
     slenderness = extent[0] / jnp.max(jnp.asarray(extent[1:]))
-    return ONSET_OF_SHEDDING[dimension] * jnp.minimum(slenderness, 1.0) ** ONSET_POWERS[dimension]
+    return ONSET_OF_SHEDDING[3] * jnp.minimum(slenderness, 1.0) ** ONSET_POWER_3D
+
+
+def onset_in_2d(
+    contour: Float[AnyArray, "nodes 2"], rule: OnsetRule2D = RULE_2D
+) -> Float[Array, ""]:
+    """Return the onset of shedding of a 2-D body with this contour as it lies in the stream."""
+    length, height, thickness, rise, front = streamwise_profile(contour)
+    height = jnp.maximum(height, jnp.hypot(thickness, rule.lean * rise))
+    slenderness = length * jnp.minimum(front, 1.0) ** rule.nose / height
+    return jnp.sqrt(rule.plate**2 + rule.slope**2 * slenderness**rule.power) / height
+
+
+def onset_of(shape: Shape) -> float:
+    """Return ``onset_of_shedding`` of a body as a number."""
+    return float(onset_of_shedding(shape.extent, shape.draw(NODES)))
 
 
 def check_reynolds(
     reynolds: Number,
     allow_unsteady: bool = False,
     dimension: int = 2,
-    extent: Float[AnyArray, " axes"] | None = None,
+    onset: float | None = None,
 ) -> float:
     """Return the Reynolds number as a float, if a steady laminar flow is a fair answer there.
 
@@ -46,7 +89,7 @@ def check_reynolds(
       reynolds: U D / nu.
       allow_unsteady: accept it beyond the onset of vortex shedding too.
       dimension: 2 or 3.
-      extent: of the body, as in ``onset_of_shedding``; by default the cylinder or the sphere.
+      onset: that of the body, see ``onset_of``; by default of the cylinder or the sphere.
 
     Raises:
       InvalidInput: it is not a number, is beyond what the solver is tested for, or the body sheds
@@ -55,15 +98,15 @@ def check_reynolds(
     value = finite_number("Reynolds number", reynolds)
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
-    (low, high), onset = REYNOLDS[dimension], ONSET_OF_SHEDDING[dimension]
-    onset = onset if extent is None else float(onset_of_shedding(extent))
+    low, high = REYNOLDS[dimension]
+    onset = ONSET_OF_SHEDDING[dimension] if onset is None else onset
     if value < low * (1 - ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
     if value > high * (1 + ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
     if value > onset * (1 + ROUNDING) and not allow_unsteady:
         raise InvalidInput(
-            f"Reynolds number {value:g}: bluff bodies shed vortices beyond "
+            f"Reynolds number {value:g}: such a body sheds vortices beyond "
             f"{onset:.3g}, so no steady flow is observed there; "
             "allow_unsteady (--allow-unsteady) asks for it all the same"
         )

@@ -41,14 +41,14 @@ def measure(run: Run, body: str, parameters: Mapping[str, float]) -> Row:
     return {"slenderness": extent[0] / max(extent[1:]), "limit": limit, "onset": onset}
 
 
-def critical(growth: Callable[[float], float], limit: float) -> float:
-    """Re at which the growth rate is zero, by the secant method.
+def critical(growth: Callable[[float], float], limit: float, close: float = CLOSE) -> float:
+    """Re at which the growth rate is zero, by the secant method, within ``close`` of the limit.
 
     Raises:
       NotConverged: It is not found.
     """
     first, second = (share * limit for share in START)
-    found = root_scalar(growth, x0=first, x1=second, xtol=CLOSE * limit, maxiter=SECANTS)
+    found = root_scalar(growth, x0=first, x1=second, xtol=close * limit, maxiter=SECANTS)
     if not found.converged:
         raise NotConverged(f"onset: not found near Re {found.root:.3g}")
     return found.root

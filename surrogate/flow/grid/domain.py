@@ -78,8 +78,8 @@ class Domain(abc.ABC):
 
     @abc.abstractmethod
     def each_mode(
-        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "modes modes"]
-    ) -> Float[Array, "modes axes ..."]:
+        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
+    ) -> Float[Array, "rows axes ..."]:
         """Apply a function to every row of mode amplitudes."""
 
     @property

@@ -94,6 +94,6 @@ class Domain3D(Domain):
         return spread_modes(self.lattice, self.box, wall)
 
     def each_mode(
-        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "modes modes"]
-    ) -> Float[Array, "modes axes ..."]:
+        self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
+    ) -> Float[Array, "rows axes ..."]:
         return jax.lax.map(function, amplitudes)  # all at once would take gigabytes

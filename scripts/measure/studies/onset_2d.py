@@ -1,0 +1,230 @@
+"""Critical Re at which the steady flow past a 2-D body loses its stability, and marches beside it.
+
+There a disturbance of the plane flow neither grows nor decays.
+"""
+
+import contextlib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from elements import CORNERS, continuation, ngsolve
+from lifting_elements import raise_reynolds, section_at_rest
+from meshes import Elements
+from scipy.signal import find_peaks
+from scipy.sparse import csr_array
+from scipy.sparse.linalg import LinearOperator, eigs, splu
+from studies.onset import critical
+from study import Result, Row, Run, Study, Table, columns, words
+from tools import name_of
+
+from surrogate import NotConverged, Shape, contour_shape, family_shape, naca4
+from surrogate.flow.check.march import Box, make_marcher, march, start
+from surrogate.scene.limits import onset_of
+
+FITTED: tuple[dict[str, Any], ...] = (
+    {"aspect": 1.0},
+    {"aspect": 0.5},
+    {"aspect": 2.0},
+    {"aspect": 3.0, "incidence": 15.0},
+    {"aspect": 6.0, "incidence": 30.0},
+    {"aspect": 1.5, "beta2": 0.25},
+    {"aspect": 2.0, "gamma2": 0.3},
+    {"aspect": 1.0, "beta3": 0.15},
+    {"aspect": 0.3},
+    {"aspect": 3.0},
+    {"aspect": 2.0, "incidence": 20.0},
+    {"aspect": 4.0, "incidence": 10.0},
+    {"aspect": 1.5, "beta2": -0.25},
+    {"aspect": 3.0, "gamma3": 0.2, "incidence": 10.0},
+    {"aspect": 3.0, "beta2": -0.15, "beta4": 0.08},
+    {"section": "0012", "incidence": 10.0},
+    {"aspect": 4.0},
+    {"section": "0012", "incidence": 15.0},
+    {"aspect": 2.5, "beta3": 0.15, "incidence": 5.0},
+    {"aspect": 3.0, "beta2": 0.25, "beta3": -0.08, "beta4": 0.05},
+)
+HELD_OUT: tuple[dict[str, Any], ...] = (
+    {"aspect": 4.0, "incidence": 30.0},
+    {"aspect": 2.0, "beta2": 0.2, "beta3": 0.1, "gamma2": 0.25, "incidence": 8.0},
+    {"aspect": 0.6, "beta2": 0.2},
+    {"aspect": 2.5},
+    {"aspect": 6.0, "incidence": 15.0},
+    {"aspect": 4.0, "beta2": 0.25, "gamma2": 0.2, "incidence": 20.0},
+    {"aspect": 1.5, "beta3": -0.1},
+    {"section": "2412", "incidence": 20.0},
+    {"aspect": 1.2, "incidence": 30.0},
+    {"aspect": 2.0, "beta2": -0.2, "beta3": 0.1},
+    {"aspect": 1.5, "beta2": 0.15, "gamma2": 0.2, "gamma3": -0.1, "incidence": -10.0},
+)
+MESH = Elements(order=2, box=30.0, wall=0.06, near=0.15, wake=0.5)
+COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
+START = 1.5  # Re over the guess, divided by those of ``onset``: 1.15 and 1.25, where modes grow
+MOST = 330.0  # Re of a guess
+CLOSE = 0.01  # of 1 / Re, over the guess; its secants lose an error of 1 % in one step
+PULSATION = 0.74  # omega h / U near the onset, about; h is the height across the stream
+AROUND = 0.9, 1.15  # of it, where the mode is sought at first
+GROWTH = 0.12  # of the pulsation, of those shifts: the modes that decay are farther from them
+MODES, KRYLOV = 3, 20
+BOX = Box(cells=10, step=0.025)  # of marches; the time step is stable from Re 12.5
+TINY_BOX = Box(cells=8, upstream=4.0, downstream=8.0, height=8.0, sponge=2.0, step=0.05)
+DURATION, KICK = 100.0, 0.002  # D / U, and U: so little that the lift stays proportional to it
+TOLERANCE = 1e-5  # of eigenvalues, relative to their distance from the shift
+
+
+def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool) -> Row:
+    """The critical Re and pulsation, or None where the search fails, and the sides of the body."""
+    shape, onset = shape_of(parameters), None
+    length, height = np.ptp(shape.draw(400), axis=0)
+    guess = min(onset_of(shape), MOST)
+    wave = Disturbance(shape, run.pick(COARSE, MESH))
+    with contextlib.suppress(NotConverged):
+        onset = 1 / critical(lambda viscosity: wave.growth(1 / viscosity), 1 / START / guess, CLOSE)
+    pulsation = None if onset is None else wave.mode.imag * height
+    return {"length": length, "height": height, "onset": onset, "pulsation": pulsation}
+
+
+def shape_of(parameters: Mapping[str, Any]) -> Shape:
+    """The body of the family with these parameters, or the NACA section at incidence."""
+    if "section" in parameters:
+        return contour_shape(naca4(parameters["section"]), parameters["incidence"])
+    return family_shape(parameters)
+
+
+class Disturbance:
+    """The leading disturbance of the steady flow past a body, followed from Re to Re.
+
+    It is at rest on the sides of the box, and the outlet is free of its traction.
+
+    Raises:
+      Unavailable: NGSolve is not installed.
+    """
+
+    def __init__(self, body: Shape, elements: Elements) -> None:
+        self.ng = ngsolve()
+        self.flow = section_at_rest(self.ng, body, elements)
+        self.height = float(np.ptp(body.draw(400)[:, 1]))
+        self.loads: np.ndarray | None = None
+        self.mode = 0j
+
+    def growth(self, reynolds: float) -> float:
+        """The growth rate, U / D, at this Re."""
+        if self.loads is None:
+            self.loads = raise_reynolds(self.ng, self.flow, continuation(reynolds))
+        else:
+            self.loads = raise_reynolds(self.ng, self.flow, [reynolds], self.loads)
+        equations = linearised(self.ng, self.flow, reynolds)
+        if self.mode:
+            found = modes(*equations, self.mode + GROWTH * self.mode.imag / 4, 1)
+        else:
+            sought = [PULSATION / self.height * share * (GROWTH + 1j) for share in AROUND]
+            found = np.concatenate([modes(*equations, shift, MODES) for shift in sought])
+        self.mode = found[np.argmax(found.real)]
+        return float(self.mode.real)
+
+
+def linearised(ng: Any, flow: Any, reynolds: float) -> tuple[csr_array, csr_array]:
+    """A and M of M du/dt = A u, the disturbances of a flow, at the nodes that are free."""
+    space, stream = flow.space, flow.components[0]
+    (u, p), (v, q) = space.TnT()
+    viscous = ng.InnerProduct(ng.Grad(u), ng.Grad(v)) / reynolds
+    inertia = (ng.Grad(u) * stream + ng.Grad(stream) * u) * v
+    incompressible = p * ng.div(v) + q * ng.div(u) + CORNERS * p * q
+    change, mass = ng.BilinearForm(space), ng.BilinearForm(space)
+    change += (incompressible - viscous - inertia) * ng.dx
+    mass += u * v * ng.dx
+    free = np.flatnonzero(list(space.FreeDofs()))
+    matrices = []
+    for form in (change, mass):
+        rows, others, entries = map(np.array, form.Assemble().mat.COO())
+        matrices.append(
+            csr_array((entries, (rows, others)), shape=2 * (space.ndof,))[free][:, free]
+        )
+    return matrices[0], matrices[1]
+
+
+def modes(change: csr_array, mass: csr_array, shift: complex, count: int) -> np.ndarray:
+    """The eigenvalues nearest to the shift, by Arnoldi's method on the shifted inverse."""
+    solve = splu((change - shift * mass).tocsc()).solve
+    inverse = LinearOperator(change.shape, matvec=solve, dtype=complex)
+    return eigs(
+        change.astype(complex),
+        M=mass.astype(complex),
+        OPinv=inverse,
+        sigma=shift,
+        k=count,
+        ncv=KRYLOV,
+        tol=TOLERANCE,
+        v0=np.random.default_rng(0).random(change.shape[0]) + 0j,
+        return_eigenvectors=False,
+    )
+
+
+def marched(run: Run, body: str, parameters: Mapping[str, float], share: float) -> Row:
+    """The growth rate, U / D, of the lift after a kick, at this share of the rule's onset.
+
+    Marched in time, and of the leading disturbance by elements.
+    """
+    shape = family_shape(parameters)
+    reynolds = share * onset_of(shape)
+    by_elements = Disturbance(shape, run.pick(COARSE, MESH)).growth(reynolds)
+    box, steps = run.pick((TINY_BOX, 400), (BOX, round(DURATION / BOX.step)))
+    marcher = make_marcher(box, shape.draw(200))
+    _, force = march(box, marcher, start(box, KICK), jnp.asarray(reynolds), steps)
+    rate = envelope_rate(np.asarray(force.lift), box.step)
+    return {"reynolds": reynolds, "by_elements": by_elements, "marched": rate}
+
+
+def envelope_rate(lift: np.ndarray, step: float) -> float:
+    """The rate at which the extremes of an oscillation grow, in its later half."""
+    late = np.abs(lift[len(lift) // 2 :])
+    peaks, _ = find_peaks(late)
+    return float(np.polyfit(step * peaks, np.log(late[peaks]), 1)[0])
+
+
+def against_rule(rows: Sequence[Row]) -> list[Row]:
+    """The rows with the onset of the flow solver's rule, and its error."""
+    found = []
+    for row in rows:
+        rule, onset = onset_of(shape_of(row["parameters"])), row["onset"]
+        error = None if onset is None else rule / onset - 1
+        found.append(row | {"rule": rule, "error": error, "use": USES[row["fitted"]]})
+    return found
+
+
+def text(result: Result) -> str:
+    """Bodies, the rule's errors, and marches."""
+    rows = against_rule(result["rows"])
+    parts = []
+    for use in USES.values():
+        errors = [abs(row["error"]) for row in rows if row["use"] == use and row["error"]]
+        if errors:
+            worst, mean = max(errors), math.sqrt(np.mean(np.square(errors)))
+            form = "{use}: {n} bodies, error of the rule at most {worst:.1%}, {mean:.1%} rms"
+            parts.append(words(form, use=use, n=len(errors), worst=worst, mean=mean))
+    return f"{COLUMNS(rows)}\n\n{'; '.join(parts)}\n\n{MARCHES(result['marches'])}"
+
+
+USES = {True: "fitted", False: "held out"}
+COLUMNS = columns(
+    "body {body} | length {length:.2f} | height {height:.2f} | critical Re {onset:.1f}"
+    " | omega h / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%} | {use}"
+)
+MARCHES = columns(
+    "body {body} | Re {reynolds:.1f} | over the rule's {share:g} | growth rate, elements"
+    " {by_elements:+.4f} | marched {marched:+.4f}"
+)
+CASES = [
+    {"body": name_of(body, ""), "parameters": body, "fitted": fitted}
+    for bodies, fitted in ((FITTED, True), (HELD_OUT, False))
+    for body in bodies
+]
+BESIDE = [
+    {"body": name_of(body), "parameters": body, "share": share}
+    for body in ({"aspect": 0.5}, {"aspect": 2.0})
+    for share in (0.85, 1.2)
+]
+TABLES = [Table(CASES, measure), Table(BESIDE, marched, key="marches")]
+STUDIES = {"onset_2d": Study(TABLES, text)}

@@ -1,0 +1,215 @@
+"""Models of Cd, Cl and Cm: mirror symmetry, kriging, glide ratio, bounds on loads, commands."""
+
+import dataclasses
+import json
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TINY
+
+from shapeopt import Glide, Problem, optimise, optimise_all, save_run
+from shapeopt.commands.optimize_shape import main as optimize_shape
+from shapeopt.commands.predict_drag import main as predict_drag
+from shapeopt.payoff.direct import design_directly
+from shapeopt.search.propose import propose
+from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load, train
+from surrogate.model.inputs import scene_inputs
+from surrogate.model.kriging import Observation, kriging
+from surrogate.model.network import blank_network
+from surrogate.model.outputs import load_gradients, loads_of, output_gradients, outputs_of
+
+FAMILY = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
+SCENE = Scene(family=FAMILY, fidelity=TINY, reynolds=(5, 20))
+BODY = jnp.array([2.0, 0.1, 0.2, 6.0])
+MIRROR = jnp.array([1.0, 1.0, -1.0, -1.0])
+OPPOSITE = jnp.array([1.0, -1.0, -1.0])  # loads of the mirror image over those of the body
+LOADS = jnp.array([2.0, -0.3, 0.1])
+
+
+def smooth_loads(parameters, reynolds):
+    """Known loads with the mirror symmetry."""
+    aspect, beta2, gamma2, incidence = parameters
+    attack = incidence / 20 + gamma2
+    cd = jnp.exp(1 - 0.6 * jnp.log(reynolds) + (jnp.log(aspect) - 0.8) ** 2 + beta2 * attack**2)
+    cl = jnp.log(aspect) * attack - 0.2 * gamma2**3 + 0.1 * jnp.sin(attack)
+    return jnp.stack([cd, cl, 0.2 * cl + 0.1 * beta2 * gamma2])
+
+
+def observe(parameters, reynolds):
+    def outputs(p, log_re):
+        return outputs_of(smooth_loads(p, jnp.exp(log_re)))
+
+    by_body, by_re = jax.jacobian(outputs, (0, 1))(jnp.asarray(parameters), np.log(reynolds))
+    slopes = np.column_stack([by_body, by_re])
+    return Observation(parameters, reynolds, np.asarray(smooth_loads(parameters, reynolds)), slopes)
+
+
+class Polar(eqx.Module):
+    """Loads of a parabolic drag polar, Cd = 2 + Cl^2 / 2, Cl = incidence / 4, Cm = gamma2 - Cl / 4.
+
+    The greatest glide ratio, 1 / 2, is at Cl = 2.
+    """
+
+    def loads(self, parameters, reynolds):
+        lift = parameters[3] / 4
+        return jnp.stack([2 + lift**2 / 2, lift, parameters[2] - lift / 4])
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A surrogate of sections, trained in seconds."""
+    folder = tmp_path_factory.mktemp("trained") / "sections"
+    net = train(SCENE, "supervised", samples=12, preset="quick", progress=False, out=folder)
+    return folder, net
+
+
+def test_outputs_and_their_gradients_are_inverted_exactly():
+    np.testing.assert_allclose(loads_of(outputs_of(LOADS)), LOADS, rtol=1e-14)
+    gradients = jnp.arange(6.0).reshape(3, 2) + 1
+    there = output_gradients(LOADS, gradients)
+    np.testing.assert_allclose(load_gradients(outputs_of(LOADS), there), gradients, rtol=1e-13)
+    np.testing.assert_allclose(there[1], gradients[1] / 2 + 0.3 / 4 * gradients[0], rtol=1e-13)
+
+
+def test_a_network_of_any_weights_has_the_mirror_symmetry():
+    blank = blank_network(SCENE, (7, 7), jax.random.key(0))
+    network = eqx.tree_at(lambda net: net.inputs, blank, scene_inputs(SCENE))
+    scales = jnp.ones(network.modes.count)
+    network = eqx.tree_at(lambda net: net.mode_scale, network, scales)
+    weights = jax.random.normal(jax.random.key(1), network.weights.shape)
+    network = network.with_weights(weights)
+    ours, theirs = network.loads(BODY, 10.0), network.loads(MIRROR * BODY, 10.0)
+    np.testing.assert_allclose(theirs, OPPOSITE * ours, rtol=1e-12)
+    assert np.all(np.abs(ours) > 1e-3)
+    tractions = [network.traction(body, 10.0) for body in (BODY, MIRROR * BODY)]
+    np.testing.assert_allclose(tractions[1], network.modes.mirror * tractions[0], rtol=1e-10)
+    drag, lift = -2 * tractions[0][jnp.array([0, network.modes.lift_index])]
+    np.testing.assert_allclose([drag, lift], ours[:2], rtol=1e-12)
+    assert network.with_load_weights(network.load_weights).weights == pytest.approx(weights)
+
+
+def test_flows_of_mirror_images_have_mirrored_modes():
+    flow = Flow(SCENE)
+    one, image = (flow.solve(body, 10.0, estimate=False) for body in (BODY, MIRROR * BODY))
+    mirror = one.domain.modes.mirror
+    scale = float(jnp.abs(one.state.amplitude).max())
+    np.testing.assert_allclose(
+        image.state.amplitude, mirror * one.state.amplitude, atol=1e-5 * scale
+    )
+
+
+def test_kriging_of_loads_interpolates_and_has_the_mirror_symmetry(generator):
+    low, high = FAMILY.bounds.T
+    bodies = generator.uniform(low, high, (20, 4))
+    flows = [observe(p, float(np.exp(generator.uniform(np.log(5), np.log(20))))) for p in bodies]
+    model = kriging(flows[:16], scene_inputs(SCENE))
+    for flow in flows[:16]:
+        found = model.loads(jnp.asarray(flow.parameters), jnp.asarray(flow.reynolds))
+        np.testing.assert_allclose(found, flow.loads, atol=3e-4 * flow.drag)
+    for flow in flows[16:]:
+        found = model.loads(jnp.asarray(flow.parameters), jnp.asarray(flow.reynolds))
+        np.testing.assert_allclose(found, flow.loads, atol=0.03 * flow.drag)
+        image = model.loads(MIRROR * flow.parameters, jnp.asarray(flow.reynolds))
+        np.testing.assert_allclose(image, OPPOSITE * found, atol=1e-9)
+    spread = np.std([flow.loads[1] / flow.drag for flow in flows[16:]])
+    assert spread > 0.1  # or the test would prove little
+
+
+def test_optima_of_a_known_polar():
+    glide = propose(Problem(SCENE, Glide(10.0)), Polar())
+    assert glide.value == pytest.approx(-0.5, rel=1e-9)
+    assert glide.parameters[3] == pytest.approx(8.0, rel=1e-4)
+    bound = propose(Problem(SCENE, 10.0, lift=1.25), Polar())
+    assert bound.parameters[3] == pytest.approx(5.0, rel=1e-7)
+    assert bound.value == pytest.approx(2 + 1.25**2 / 2, rel=1e-7)
+    assert bound.kkt_residual < 1e-6
+    trimmed = propose(Problem(SCENE, Glide(10.0), min_moment=0.0, max_moment=0.0), Polar())
+    assert trimmed.parameters[2] == pytest.approx(0.3, abs=1e-6)  # all that camber can balance
+    assert trimmed.parameters[3] == pytest.approx(4.8, rel=1e-5)
+    with pytest.raises(NotConverged, match=r"lift 3\.5 is out of reach .* Cl 3$"):
+        propose(Problem(SCENE, 10.0, lift=3.5), Polar())
+
+
+def test_loads_of_symmetric_bodies_are_refused():
+    with pytest.raises(InvalidInput, match="lift: the bodies of this scene have no lift"):
+        Problem(Scene(), 10.0, lift=0.2)
+    with pytest.raises(InvalidInput, match="glide: the bodies of this scene have no lift"):
+        optimise(Problem(Scene(), Glide(10.0)), load("pretrained"))
+    with pytest.raises(InvalidInput, match="lift nan"):
+        Problem(SCENE, 10.0, lift=float("nan"))
+    symmetric = load("pretrained").loads([2.0, 0.0, 0.0, 0.0], [10.0, 20.0])
+    assert symmetric.shape == (2, 3)
+    assert not np.any(symmetric[:, 1:])
+
+
+@pytest.mark.parametrize(
+    "problem",
+    [
+        Problem(SCENE, 10.0, lift=0.3),
+        pytest.param(Problem(SCENE, Glide(10.0), max_moment=0.3), marks=pytest.mark.slow),
+        pytest.param(Problem(SCENE, (5.0, 15.0), lift=0.2), marks=pytest.mark.slow),
+    ],
+    ids=["lift", "glide", "several Re"],
+)
+def test_designs_from_nothing_meet_their_bounds_on_the_flow(problem):
+    """As good as SLSQP on the flow, stationary there, and the bounds hold by the flow."""
+    design = optimise(problem, Flow(SCENE))
+    assert design.kkt_residual <= 1e-2
+    loads = np.array([[s.drag, s.lift, s.moment] for s in design.verified.solutions])
+    slack = 1e-2 * loads[:, 0]
+    assert np.all(loads[:, 1] >= (problem.lift or -9.0) - slack)
+    assert np.all(loads[:, 2] <= (problem.max_moment or 9.0) + slack)
+    direct = design_directly(problem, Flow(SCENE))
+    assert design.objective <= direct.objective + 2e-3 * abs(direct.objective)
+
+
+def test_a_surrogate_of_sections_answers_all_loads(trained):
+    folder, net = trained
+    flow = np.asarray(Flow(SCENE).loads(BODY, 10.0))
+    found = np.asarray(net.loads(BODY, 10.0))
+    np.testing.assert_allclose(found, flow, atol=0.03 * flow[0])
+    np.testing.assert_allclose(load(folder).loads(BODY, 10.0), found, rtol=1e-12)
+    assert {f"{name}_error_max" for name in ("drag", "lift", "moment")} <= set(net.record)
+    assert "error of Cl" in net.summary()
+    several = net.loads(jnp.stack([BODY, BODY]), jnp.array([10.0, 15.0]))
+    assert several.shape == (2, 3)
+    jacobian = jax.jacobian(net.loads)(BODY, 10.0)
+    step = 1e-6 * jnp.eye(4)[3]
+    change = (net.loads(BODY + step, 10.0) - net.loads(BODY - step, 10.0)) / 2e-6
+    np.testing.assert_allclose(jacobian[:, 3], change, rtol=1e-5)
+    outside = dataclasses.replace(net).loads
+    assert np.all(np.isnan(jax.jit(outside)(BODY.at[3].set(40.0), 10.0)))
+
+
+def test_a_polar_of_designs_in_one_call(trained, tmp_path):
+    _, net = trained
+    designs = optimise_all([Problem(SCENE, 10.0, lift=lift) for lift in (0.1, 0.2, 0.3)], net)
+    lifts = [design.lift for design in designs]
+    np.testing.assert_allclose(lifts, [0.1, 0.2, 0.3], atol=1e-6)
+    assert np.all(np.diff([design.drag for design in designs]) > 0)
+    assert "Cl 0.1000" in repr(designs[0])
+    assert "Cm" in designs[0].summary()
+    record = save_run(tmp_path / "run", designs[1], net)
+    assert record["cl_verified"] == pytest.approx(0.2, abs=0.03 * record["cd_verified"])
+
+
+def test_commands_know_lift(trained, tmp_path, capsys):
+    folder, _ = trained
+    body = ["--aspect", "2", "--gamma2", "0.2", "--incidence", "6"]
+    predict_drag(["--surrogate", str(folder), *body, "--reynolds", "10", "--json"])
+    row = json.loads(capsys.readouterr().out.splitlines()[-1])["results"][0]
+    assert row["cl"] > 0.1
+    assert set(row["gradient"]) == {"cd", "cl", "cm"}
+    assert row["gradient"]["cl"]["incidence"] > 0
+    arguments = ["--surrogate", str(folder), "--objective", "glide", "--reynolds"]
+    found = optimize_shape([*arguments, "10", "--out", str(tmp_path / "glide")])
+    assert found["glide"] == pytest.approx(found["cl_verified"] / found["cd_verified"], rel=1e-9)
+    assert found["glide"] > 0.2
+    assert found["cd_start"] > 1
+    lines = capsys.readouterr().out
+    assert "glide ratio" in lines
+    with pytest.raises(InvalidInput, match="--objective glide: goes with one Reynolds number"):
+        optimize_shape([*arguments, "8,10", "--out", str(tmp_path / "other")])
