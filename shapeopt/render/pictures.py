@@ -165,7 +165,9 @@ def _streamlines(mesh: pv.ImageData, markers: AnyArray) -> list[pv.DataSet]:
     for depth in centres:
         levels = np.sort(of_body + depth * np.array([0.1, 0.4, 0.7, 0.95]))
         for line in field.contour(levels, scalars="stream function").split_bodies():
-            if line.bounds[0] > VIEW[0] + 0.05:  # others of the same level come from upstream
+            if (
+                line.bounds[0] > field.bounds[0] + NEAR
+            ):  # others of the same level come from upstream
                 found.append(line)
     for lines in found:
         lines.points[:, 2] = 0.01
