@@ -278,6 +278,16 @@ def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
     assert not any("%" in title for title in titles.values())
 
 
+def test_families_of_lifting_bodies_are_drawn_with_their_glide_ratios(tmp_path):
+    """Not with their drag over the cylinder's."""
+    records = [lifting([2.0, 0.1, 10.0], re) | {"cl_verified": 0.4} for re in (10.0, 20.0)]
+    _, first = pixels(plot_family(records, tmp_path / "first.png"))
+    other = [record | {"cd_start": 9.0} for record in records]
+    assert np.array_equal(first, pixels(plot_family(other, tmp_path / "same.png"))[1])
+    other = [record | {"cl_verified": 0.1} for record in records]
+    assert not np.array_equal(first, pixels(plot_family(other, tmp_path / "other.png"))[1])
+
+
 def test_streamlines_at_incidence_follow_the_flow():
     """None is cut off beside the body's plane: each ends at the picture's edge, or is closed."""
     _, after = before_and_after(lifting([2.0, 0.1, 20.0], 40.0))

@@ -97,8 +97,9 @@ def _draw_glide(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) 
     ratios = [r.get("cl_verified", 0.0) / r["cd_verified"] for r in records]
     words = [f"Cl/Cd {ratio:.3f}" for ratio in ratios]
     _draw_over_reynolds(axis, records, ratios, words, colours)
-    low, high = min(0.0, *ratios), max(0.0, *ratios)
-    axis.set(ylim=(low - 0.4 * (high - low), 1.1 * high), ylabel="glide ratio $C_l / C_d$")
+    room = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points
+    ends = min(0.0, min(ratios) - room), max(0.0, 1.1 * max(ratios))
+    axis.set(ylim=ends, ylabel="glide ratio $C_l / C_d$")
 
 
 def _draw_over_reynolds(

@@ -44,7 +44,7 @@ function drawCurve(body, re, valid) {
   const across = element("curve").clientWidth || 600;
   const right = across - 14;
   const values = Array.from({ length: 81 }, (_, k) => Math.exp(low + ((high - low) * k) / 80));
-  const drag = (parameters, value) => Math.exp(model.outputs(parameters, value)[0].value);
+  const drag = (parameters, value) => Math.exp(model.outputs(parameters, value, false)[0].value);
   const curves = [model.reference, body].map((p) => values.map((value) => [value, drag(p, value)]));
   const shown = (valid ? curves.flat() : curves[0]).map(([, cd]) => Math.log10(cd));
   const [least, most] = [Math.min(...shown) - 0.05, Math.max(...shown) + 0.05];
@@ -69,7 +69,7 @@ function drawLift(body, re, valid) {
   if (!turns || !valid) return;
   const [here, most] = [model.incidenceOf(body), model.glideIncidence(body, re)];
   const at = (incidence) => {
-    const [drag, lift] = model.loads(model.turned(body, incidence), re);
+    const [drag, lift] = model.loads(model.turned(body, incidence), re, false);
     return { cl: lift.value, glide: lift.value / drag.value };
   };
   const values = Array.from({ length: 81 }, (_, k) => turns[0] + ((turns[1] - turns[0]) * k) / 80);

@@ -69,7 +69,7 @@ function makeModel(data) {
   // The incidence of best glide of one shape: the best of samples, then golden sections about it.
   function glideIncidence(parameters, re) {
     const [low, high] = bounds[names.indexOf("incidence")];
-    const glide = (incidence) => outputs(turned(parameters, incidence), re)[1].value;
+    const glide = (incidence) => outputs(turned(parameters, incidence), re, false)[1].value;
     const samples = Array.from({ length: 33 }, (_, n) => low + ((high - low) * n) / 32);
     const values = samples.map(glide);
     const place = values.indexOf(Math.max(...values));

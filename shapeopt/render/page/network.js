@@ -40,42 +40,43 @@ function makeNetwork(data) {
     return back;
   }
 
-  // The outputs at scaled inputs before they are made even or odd, and their gradients there.
-  function unsymmetric(z) {
+  // The outputs at scaled inputs before they are made even or odd, and if asked for their gradients.
+  function unsymmetric(z, sloped) {
     const [trace, last] = [forward(z), layers.at(-1)];
     return heads.map((head, k) => {
       const trend = quadratic(trends[k], z);
+      const value = trend.value + reach * (dot(last.weight[head], trace.at(-1)) + last.bias[head]);
+      if (!sloped) return { value, slopes: [] };
       const back = backward(trace, last.weight[head]);
-      return {
-        value: trend.value + reach * (dot(last.weight[head], trace.at(-1)) + last.bias[head]),
-        slopes: trend.slopes.map((slope, i) => slope + reach * back[i]),
-      };
+      return { value, slopes: trend.slopes.map((slope, i) => slope + reach * back[i]) };
     });
   }
 
   // Log Cd is even and the others odd where a body changes to its mirror image.
-  function symmetric(z) {
-    const own = unsymmetric(z);
+  function symmetric(z, sloped) {
+    const own = unsymmetric(z, sloped);
     if (heads.length === 1) return own;
-    const image = unsymmetric(z.map((x, i) => mirror[i] * x));
+    const image = unsymmetric(z.map((x, i) => mirror[i] * x), sloped);
     return own.map(({ value, slopes }, k) => ({
       value: (value + PARITY[k] * image[k].value) / 2,
       slopes: slopes.map((slope, i) => (slope + PARITY[k] * mirror[i] * image[k].slopes[i]) / 2),
     }));
   }
 
-  // Log Cd (, Cl / Cd, Cm / Cd), each with its gradient in the shape parameters.
-  function outputs(parameters, re) {
+  // Log Cd (, Cl / Cd, Cm / Cd), each with its gradient in the shape parameters if asked for.
+  function outputs(parameters, re, sloped = true) {
     const inputs = [...parameters.map((x, k) => (k < ratios ? Math.log(x) : x)), Math.log(re)];
     const chain = parameters.map((x, k) => (k < ratios ? 2 / x : 2) / span[k]);
-    return symmetric(inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1)).map(
-      ({ value, slopes }) => ({ value, gradient: chain.map((factor, k) => factor * slopes[k]) }),
-    );
+    const z = inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1);
+    return symmetric(z, sloped).map(({ value, slopes }) => ({
+      value,
+      gradient: slopes.slice(0, chain.length).map((slope, k) => slope * chain[k]),
+    }));
   }
 
-  // Cd (, Cl, Cm), each with its gradient in the shape parameters.
-  function loads(parameters, re) {
-    const [drag, ...others] = outputs(parameters, re);
+  // Cd (, Cl, Cm), each with its gradient in the shape parameters if asked for.
+  function loads(parameters, re, sloped = true) {
+    const [drag, ...others] = outputs(parameters, re, sloped);
     const cd = Math.exp(drag.value);
     return [
       { value: cd, gradient: drag.gradient.map((slope) => cd * slope) },
