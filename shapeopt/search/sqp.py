@@ -2,7 +2,8 @@
 
 The Hessian of the Lagrangian is a damped BFGS approximation (Powell 1978), the merit function the
 objective plus an exact penalty on the worst violation (Nocedal and Wright 2006, chapter 18). A step
-that does not reduce the merit enough is shortened and tried again, so that every iteration
+that does not reduce the merit enough is corrected to second order for the curvature of the
+constraints (section 18.3 there), and where that does not help shortened, so that every iteration
 evaluates the model once. Equations in ``shapeopt/README.md``, section 2.
 """
 
@@ -73,6 +74,7 @@ class _State(NamedTuple):
     hessian: Float[Array, "parameters parameters"]
     step: _Step
     length: Float[Array, ""]
+    corrected: Bool[Array, ""]
     iterations: Int[Array, ""]
     path: Float[Array, "iterations parameters"]
     steps: Int[Array, ""]
@@ -94,6 +96,7 @@ def minimise_sqp(
 
     def unfinished(state):
         going = (state.step.predicted_decrease > DECREASE) & (state.length > SHORTEST)
+        going |= state.corrected
         return going & (state.iterations < ITERATIONS)
 
     def iterate(state):
@@ -104,12 +107,16 @@ def minimise_sqp(
         point, hessian = jax.tree.map(
             lambda a, b: jnp.where(accepted, a, b), (new, updated), (old, state.hessian)
         )
+        correct = ~accepted & ~state.corrected & (length == 1)
+        curved = new.constraints - old.jacobian @ (new.z - old.z)
+        constraints = jnp.where(correct, curved, point.constraints)
         steps = state.steps + accepted
         return _State(
             point,
             hessian,
-            _next_step(point, hessian),
-            jnp.where(accepted, 1.0, SHORTENING * length),
+            _next_step(point, hessian, constraints),
+            jnp.where(accepted | correct, 1.0, SHORTENING * length),
+            correct,
             state.iterations + 1,
             state.path.at[steps].set(point.z),
             steps,
@@ -121,7 +128,8 @@ def minimise_sqp(
     first, hessian = evaluate(z), jnp.eye(z.size)
     path = jnp.zeros((ITERATIONS + 1, z.size)).at[0].set(z)
     zero = jnp.zeros((), int)
-    state = _State(first, hessian, _next_step(first, hessian), jnp.ones(()), zero, path, zero)
+    step, no = _next_step(first, hessian, first.constraints), jnp.array(False)
+    state = _State(first, hessian, step, jnp.ones(()), no, zero, path, zero)
     state = jax.lax.while_loop(unfinished, iterate, state)
     point = state.point
     # where no step length helps, rounding hides what little decrease is predicted
@@ -156,13 +164,13 @@ def _violation(constraints):
     return jnp.maximum(-jnp.min(constraints), 0.0)
 
 
-def _next_step(point, hessian):
-    """Return the step of the quadratic program at a point."""
+def _next_step(point, hessian, constraints):
+    """Return the step of the quadratic program at a point, for these constraint values."""
     bounds = -point.z, 1 - point.z
     change, multipliers = solve_relaxed_qp(
-        hessian, point.gradient, point.constraints, point.jacobian, *bounds, PENALTY
+        hessian, point.gradient, constraints, point.jacobian, *bounds, PENALTY
     )
-    linearised = point.constraints + point.jacobian @ change
+    linearised = constraints + point.jacobian @ change
     relief = _violation(point.constraints) - _violation(linearised)
     return _Step(change, multipliers, PENALTY * relief - point.gradient @ change)
 
