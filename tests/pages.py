@@ -1,11 +1,13 @@
-"""Pages of surrogates: one that ships, of eight modes, without a cylinder, in 3-D."""
+"""Pages of surrogates: one that ships, of eight modes, without a cylinder, in 3-D, with lift."""
 
 import functools
 import json
 from html.parser import HTMLParser
 
 import browser
+import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -15,8 +17,13 @@ from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import held_out_samples
 
-NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D")
+NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D", "with lift")
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
+LIFT_SCENES = {
+    "turned": [("set", "incidence", -3.0)],
+    "cambered": [("set", "gamma2", 0.25), ("set", "incidence", 8.0)],
+    "glide": [("click", "glide")],
+}
 REYNOLDS = 20.0  # where the least drag is asked for
 
 
@@ -29,20 +36,33 @@ def surrogate_of(name):
         return untrained(Scene(family=Family(aspect=(1, 4), **betas)))
     if name == "in 3-D":
         return untrained(Scene(dimension=3, reynolds=(0.1, 100)))
+    if name == "with lift":
+        waves = {"beta2": (-0.4, 0.4), "beta3": (-0.15, 0.2), "gamma2": (-0.3, 0.4)}
+        family = Family(aspect=(1.5, 4), **waves, gamma4=(-0.1, 0.1), incidence=(-4, 12))
+        return untrained(Scene(reynolds=(5, 60), family=family))
     family = Family(aspect=(2, 4), beta2=(-0.3, 0.3), beta5=(-0.1, 0.1))
     return untrained(Scene(Tunnel(12), (0.01, 200), family))
 
 
 def untrained(scene):
-    """Random weights about a bowl in the parameters; scales of a slow stream."""
+    """Random weights about a bowl of the drag in the parameters; scales of a slow stream."""
     generator = np.random.default_rng(0)
     bodies = held_out_samples(scene, 0, 512)
     low, high = scene.family.bounds.T
     places = (np.asarray(bodies.parameters) - low) / (high - low) - 0.6
     bowl = np.exp(np.sum(places**2, axis=1)) / np.asarray(bodies.reynolds) ** 0.6
-    count = traction_modes(scene.family, scene.fidelity).count
-    modes = 1 + 0.01 * generator.standard_normal((512, count))
-    network = make_network(scene, jax.random.key(1), *bodies, -modes * bowl[:, None])
+    modes = traction_modes(scene.family, scene.fidelity)
+    oseen = 1 + 0.01 * generator.standard_normal((512, modes.count))
+    outputs = np.log(bowl)[:, None]
+    if modes.lift_index is not None:  # lift by incidence and camber, moment by slender bodies
+        turned = places[:, -1] + places[:, -3]
+        outputs = np.column_stack([outputs, turned, turned * places[:, 0]])
+    key = jax.random.key(1)
+    network = make_network(scene, key, *bodies, -oseen * bowl[:, None], jnp.asarray(outputs))
+    if modes.lift_index is not None:  # so much that the best glide is inside of some ranges
+        network = eqx.tree_at(
+            lambda net: net.layers[-1].weight, network, replace_fn=lambda w: 20 * w
+        )
     return Surrogate(network, scene, RECORD)
 
 
@@ -87,11 +107,14 @@ def crossing(family):
 
 
 def expression(name):
-    """What the page's model says of the cases, in its language."""
+    """What the page's model says of the cases and their mirror images, in its language."""
     bodies, reynolds = (json.dumps(values.tolist()) for values in cases(name))
+    mirror = surrogate_of(name).network.inputs.mirror[:-1].tolist()
     return (
-        f"{bodies}.map((body, k) => ({{...model.drag(body, {reynolds}[k]), opening: "
-        "model.opening(body), valid: model.valid(body), contour: model.contour(body, 64)}))"
+        f"{bodies}.map((body, k) => ({{loads: model.loads(body, {reynolds}[k]), mirrored: "
+        f"model.loads(body.map((x, j) => {mirror}[j] * x), {reynolds}[k]), "
+        "opening: model.opening(body), valid: model.valid(body), "
+        "outline: model.outline(body, 64), contour: model.contour(body, 64)}))"
     )
 
 
@@ -107,6 +130,7 @@ def visited(name):
         "faster": [("set", "reynolds", float(np.log(REYNOLDS)))],
         "least": [("click", "least")],
         "saved": [("click", "download")],
+        **(LIFT_SCENES if name == "with lift" else {}),
         "crossed": [("set", *pair) for pair in bent],
         "round": [("click", "round")],
         "stepped": [("press", "reynolds", "PageDown"), ("press", "aspect", "ArrowRight")],

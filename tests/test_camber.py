@@ -15,11 +15,21 @@ from hypothesis import strategies as st
 from shapeopt.commands.predict_drag import main as predict_drag
 from shapeopt.commands.solve_drag import main as solve_drag
 from shapeopt.render.page.page import page
-from surrogate import Family, Flow, InvalidInput, Scene, contour_shape, family_shape, load, train
+from surrogate import (
+    Family,
+    Flow,
+    InvalidInput,
+    Scene,
+    Surrogate,
+    contour_shape,
+    family_shape,
+    train,
+)
 from surrogate.body.contour import crosses_itself
 from surrogate.body.measures import AREA, moments
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.model.network import blank_network
 
 FAMILY = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 SCENE = Scene(family=FAMILY, fidelity=TINY)
@@ -32,6 +42,7 @@ WIDEST = Family(
     **{f"gamma{k}": (-1.0 / k, 1.0 / k) for k in range(2, 7)},
     incidence=(-90, 90),
 )
+RECORD = {"method": "none", "drag_error_mean": 0.01, "drag_error_max": 0.04, "held_out": 7}
 RANGES = st.tuples(st.floats(-30, 30), st.floats(1, 60))
 
 
@@ -296,10 +307,12 @@ def test_predict_drag_knows_the_familys_parameters_only():
     assert plain["results"][0]["cd"] == level["results"][0]["cd"]
 
 
-def test_the_page_is_for_symmetric_bodies():
-    net = load("pretrained")
-    with pytest.raises(InvalidInput, match="page: is for symmetric bodies"):
-        page(dataclasses.replace(net, scene=SCENE))
+def test_a_page_of_lifting_bodies_has_their_sliders():
+    net = Surrogate(blank_network(SCENE, (4,), jax.random.key(0)), SCENE, RECORD)
+    text = page(net)
+    for name in FAMILY.names:
+        assert f'type="range" id="{name}"' in text
+    assert json.dumps([1.0, 1.0, -1.0, -1.0, 1.0]) in text  # the mirror image, of parameters and Re
 
 
 @pytest.mark.slow

@@ -11,18 +11,28 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import render_shapes
+from pages import surrogate_of
 from pictures import LENS, pixels, record_of
 
 from shapeopt import Problem, optimise, save_run
+from shapeopt.commands import design_sheet
 from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.export.solid import solid
+from shapeopt.render.bucket import plot_bucket
 from shapeopt.render.figures import draw_body, plt
 from shapeopt.render.mesh import flow_mesh
-from shapeopt.render.pictures import Panel, render_evolution, render_flows
+from shapeopt.render.pictures import (
+    VIEW,
+    Panel,
+    _stream_levels,
+    _streamlines,
+    render_evolution,
+    render_flows,
+)
 from shapeopt.render.plots import plot_family, plot_surfaces
-from shapeopt.render.sheets import before_and_after
-from surrogate import Family, Fidelity, Flow, Scene, family_shape
+from shapeopt.render.sheets import before_and_after, solve_run
+from surrogate import Family, Fidelity, Flow, Scene, family_shape, save
 from surrogate.flow.grid.wall_2d import outward
 from surrogate.flow.output.meshes import pv
 
@@ -243,3 +253,109 @@ def test_captions_say_what_is_known(tiny_scene):
     assert after.note == "found by the flow's adjoint, verified by the flow"
     unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
     assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
+
+
+def lifting(parameters, reynolds=20.0):
+    """The record of a run of bodies with lift that found ``parameters``, on the small grid."""
+    family = Family(aspect=(1, 4), gamma2=(-0.3, 0.3), incidence=(-4, 20))
+    scene = Scene(family=family, fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0))
+    return record_of(scene, reynolds, np.array(parameters))
+
+
+def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
+    """The drag over the cylinder's is said only where neither objective nor bounds are on lift."""
+    drag = {"objective": {"kind": "AtReynolds"}, "settings": {"lift": None, "max_length": 2.0}}
+    glide = {"objective": {"kind": "Glide"}, "settings": {}}
+    bound = drag | {"settings": {"lift": 0.2}}
+    flows, titles = solve_run(lifting([2.0, 0.1, 10.0])), {}
+    monkeypatch.setattr("shapeopt.render.sheets.solve_run", lambda record: flows)
+    for name, more in {"drag": drag, "glide": glide, "bound": bound, "unknown": {}}.items():
+        before, after = before_and_after(lifting([2.0, 0.1, 10.0]) | more)
+        flow, titles[name] = flows[1], after.title
+        assert "Cl 0.0000    Cl/Cd 0.000" in before.title
+        assert f"Cl {flow.lift:.4f}    Cl/Cd {flow.lift / flow.drag:.3f}" in after.title
+    assert titles.pop("drag").endswith(" %")
+    assert not any("%" in title for title in titles.values())
+
+
+def test_families_of_lifting_bodies_are_drawn_with_their_glide_ratios(tmp_path):
+    """Not with their drag over the cylinder's."""
+    records = [lifting([2.0, 0.1, 10.0], re) | {"cl_verified": 0.4} for re in (10.0, 20.0)]
+    _, first = pixels(plot_family(records, tmp_path / "first.png"))
+    other = [record | {"cd_start": 9.0} for record in records]
+    assert np.array_equal(first, pixels(plot_family(other, tmp_path / "same.png"))[1])
+
+
+def test_streamlines_at_incidence_follow_the_flow():
+    """None is cut off beside the body's plane: each ends at the picture's edge, or is closed."""
+    _, after = before_and_after(lifting([2.0, 0.1, 20.0], 40.0))
+    flow = after.solution
+    mesh = flow_mesh(flow.domain.lattice.unfolded, flow.velocity, refined=3)
+    outer, *eddies = _streamlines(mesh, flow.markers)
+    of_body, _ = _stream_levels(mesh, flow.markers)
+    levels = (outer["stream function"] - of_body) / 0.09 - 0.5
+    np.testing.assert_allclose(levels, np.round(levels), atol=0.05)
+    field = mesh.clip_box((*VIEW, -1, 1), invert=False).bounds
+    for line in outer.split_bodies():
+        left, right, low, high = np.abs(np.subtract(line.bounds, field))[:4] < 0.05
+        assert left or low or high
+        assert right or low or high
+    assert eddies
+    for eddy in eddies:
+        assert eddy.bounds[0] > float(flow.markers[:, 0].min()) - 0.05
+
+
+def test_bucket_draws_its_bodies(tmp_path):
+    """Drawn as given: other bodies, another picture."""
+    family = Family(aspect=(1, 4), gamma2=(-0.3, 0.3), incidence=(-4, 20))
+    bodies = np.array([[2, 0, 0], [3, 0.3, 0], [2, 0.1, 9], [4, 0.2, 12]])
+    rows = [
+        {"reynolds": 20.0, "cd": 0.8, "cl": cl, "glide": cl / 0.8, "parameters": family.named(body)}
+        for cl, body in zip((0.0, 0.001, 0.2, 0.4), bodies, strict=True)
+    ]
+    turned = [*rows[:2], rows[2] | {"parameters": rows[1]["parameters"]}]
+    (size, first), (other_size, second) = (
+        pixels(plot_bucket(family, drawn, rows[3], tmp_path / "bucket.png"))
+        for drawn in (rows[:3], turned)
+    )
+    assert size == other_size
+    assert 0.0005 < np.any(first != second, axis=1).mean() < 0.1
+
+
+@pytest.mark.slow
+def test_bodies_over_lift_by_the_command(tmp_path, capsys):
+    """Each is within its bound and has no less drag than one with less lift."""
+    net = surrogate_of("with lift")
+    save(tmp_path / "net", net)
+    arguments = ["--surrogate", str(tmp_path / "net"), "--reynolds", "20", "--lifts", "0:0.1:3"]
+    out = tmp_path / "bucket.png"
+    assert run(design_sheet.main, [*arguments, "--out", str(out), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    rows, best = result["designs"], result["best_glide"]
+    assert [row["lift"] for row in rows] == [0.0, 0.05, 0.1]
+    assert all(row["cl"] >= row["lift"] - 1e-6 for row in rows)
+    drags = [row["cd"] for row in rows]
+    assert drags == sorted(drags)
+    for row in (*rows, best):
+        loads = net.loads(row["parameters"], 20.0)
+        np.testing.assert_allclose([row["cd"], row["cl"], row["cm"]], loads, rtol=1e-9)
+        assert best["glide"] >= row["glide"] - 1e-9
+    pixels(out)
+
+
+@pytest.mark.parametrize(
+    ("mistake", "words"),
+    [
+        ("--reynolds 20 --lifts 0:0.6:7", "lift: the bodies of this scene have no lift"),
+        ("--reynolds 20,30 --lifts 0,0.1", "--lifts: goes with one Reynolds number"),
+        ("--reynolds 20 --lifts 0,x", "--lifts '0,x': one number, or several with commas"),
+        ("--reynolds 20", "--max-length: give it, as 1.2,1.5,2; or --lifts"),
+    ],
+)
+def test_mistakes_with_bodies_over_lift_get_one_clear_line(mistake, words, tmp_path, capsys):
+    assert run(design_sheet.main, [*mistake.split(), "--out", str(tmp_path / "x.png")]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.strip().splitlines()
+    assert words in line
+    assert not list(tmp_path.iterdir())

@@ -1,16 +1,27 @@
-"""Draw the optimal bodies of a surrogate over Reynolds number and maximum length.
+"""Draw the optimal bodies of a surrogate over Reynolds number and maximum length, or over lift.
 
 python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out sheet.png
+python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts 0:0.6:7 \
+    --out bucket.png
+
+With --lifts: the bodies of least Cd whose Cl is at least each of these, and the one of the best
+glide ratio Cl / Cd, for surrogates of sections with camber or incidence.
 """
 
+import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import numbers
+from shapeopt.drag_bucket import designs_over_lift
+from shapeopt.render.bucket import plot_bucket
 from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
+from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
 from surrogate.model.store import load
+from surrogate.model.surrogate import Surrogate
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -18,11 +29,46 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
     reynolds = sorted(numbers(arguments.reynolds))
-    lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5"))
+    lengths = []
+    if arguments.max_length is not None:
+        lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5"))
+    if arguments.lifts is not None:
+        return _over_lift(arguments, surrogate, reynolds, lengths, out)
+    if not lengths:
+        raise InvalidInput("--max-length: give it, as 1.2,1.5,2; or --lifts")
     rows, seconds = designs_over(surrogate, reynolds, lengths, arguments.min_thickness)
     plot_designs(surrogate.scene.family, rows, out)
     result = {"designs": rows, "seconds": seconds, "out": str(out)}
     return emit(result, arguments.json, "\n".join([*map(_line, rows), f"-> {out}"]))
+
+
+def _over_lift(
+    arguments: argparse.Namespace,
+    surrogate: Surrogate,
+    reynolds: list[float],
+    lengths: list[float],
+    out: Path,
+) -> JsonObject:
+    """Draw the bodies of least drag over bounds on the lift, and that of best glide."""
+    if len(reynolds) > 1 or len(lengths) > 1:
+        raise InvalidInput("--lifts: goes with one Reynolds number and at most one --max-length")
+    lifts = sorted(numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False))
+    bounds = {
+        "max_length": lengths[0] if lengths else None,
+        "min_thickness": arguments.min_thickness,
+    }
+    rows, best, seconds = designs_over_lift(surrogate, reynolds[0], lifts, **bounds)
+    plot_bucket(surrogate.scene.family, rows, best, out)
+    result = {"designs": rows, "best_glide": best, "seconds": seconds, "out": str(out)}
+    lines = [*map(_lift_line, [*rows, best]), f"-> {out}"]
+    return emit(result, arguments.json, "\n".join(lines))
+
+
+def _lift_line(row: JsonObject) -> str:
+    bound = "best glide" if row["lift"] is None else f"Cl >= {row['lift']:g}"
+    lift, glide = (round(row[name], 4) + 0.0 for name in ("cl", "glide"))  # no minus zero
+    coefficients = f"Cd {row['cd']:.4f}  Cl {lift:.4f}  Cl/Cd {glide:.4f}"
+    return f"Re {row['reynolds']:<6g} {bound:16} {coefficients}"
 
 
 def _line(row: JsonObject) -> str:
@@ -35,7 +81,8 @@ def _parser() -> Parser:
     add = parser.add_argument
     add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
     add("--reynolds", required=True, help="one, several as 1,3,10,40, or 1:40:log5")
-    add("--max-length", required=True, help="bounds on the chord in D, as 1.2,1.5,2")
+    add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
+    add("--lifts", help="lower bounds on Cl, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
     add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
     add("--out", required=True, help="picture, .png")
     return parser

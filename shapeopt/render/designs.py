@@ -19,7 +19,9 @@ def plot_designs(family: Family, rows: list[JsonObject], path: str | Path) -> Pa
     """
     columns = sorted({row["reynolds"] for row in rows})
     lengths = list(dict.fromkeys(row["max_length"] for row in rows))
-    bodies = [np.asarray(family.outline(family.parameters(r["parameters"]), 300)) for r in rows]
+    bodies = [
+        np.asarray(family.body_class.contour(family.parameters(r["parameters"]), 300)) for r in rows
+    ]
     wide = [row["parameters"].get("flatness", 1.0) for row in rows]
     sides = [np.ptp(body, axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
     size = np.max(sides, axis=0) + np.array([GAP, 2 * GAP])

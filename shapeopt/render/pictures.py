@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from jaxtyping import Float
 
 from shapeopt.export.solid import polygon
@@ -22,6 +23,8 @@ GAP = 0.06  # white margin around a field, in D
 BAR = 0.5  # height of the strip with the colour bar, in D
 INK, QUIET, BODY, GHOST = "#1a1a1a", "#5f6368", "#f2efe6", "#9aa0a6"
 COLOURS = "RdBu_r"
+NEAR = 0.05  # D around a body where eddies are not looked for
+SHALLOW = 2e-3  # U D of the stream function, of an eddy that is not drawn
 
 
 class Panel(NamedTuple):
@@ -74,7 +77,7 @@ def render_evolution(
     path: str | Path,
 ) -> Path:
     """Draw a GIF of the body along the optimiser's path, and the cylinder; returns its path."""
-    bodies = [np.asarray(family.outline(parameters, 240)) for parameters in path_of_bodies]
+    bodies = [np.asarray(family.body_class.contour(body, 240)) for body in path_of_bodies]
     cylinder = np.asarray(family.outline(family.ellipse(1.0), 240))
     x, y = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
     view = (-x, x, -y, y + 0.18)
@@ -123,7 +126,7 @@ def render_march(
 def _draw_flow(plotter: pv.Plotter, panel: Panel, mesh: pv.ImageData, limit: float) -> None:
     field = mesh.clip_box((*VIEW, -1, 1), invert=False)
     _colour(plotter, field, _squashed(field["vorticity"]), _squashed(limit))
-    for lines in _streamlines(field, panel.solution.markers):
+    for lines in _streamlines(mesh, panel.solution.markers):
         plotter.add_mesh(lines, color=INK, line_width=1.2, opacity=0.5, lighting=False)
     plotter.add_mesh(polygon(panel.solution.markers, 0.02), color=BODY, lighting=False)
     plotter.add_mesh(outline(panel.solution.markers, 0.03), color=INK, line_width=3, lighting=False)
@@ -154,18 +157,44 @@ def _solved_mesh(panel: Panel) -> pv.ImageData:
     return flow_mesh(solution.domain.lattice.unfolded, solution.velocity, refined=3)
 
 
-def _streamlines(field: pv.UnstructuredGrid, markers: AnyArray) -> list[pv.PolyData]:
-    """Streamlines every 0.09 U D, and four in the recirculating eddies of the wake."""
-    outer = 0.09 * (np.arange(-60, 60) + 0.5)
-    x, y, _ = field.points.T
-    field["turned"] = -field["stream function"] * np.sign(y)
-    depth = field["turned"][x > markers[:, 0].max() + 0.1].max()
-    found = [field.contour(outer, scalars="stream function")]
-    if depth > 2e-3:
-        found.append(field.contour(depth * np.array([0.1, 0.4, 0.7, 0.95]), scalars="turned"))
+def _streamlines(mesh: pv.ImageData, markers: AnyArray) -> list[pv.DataSet]:
+    """Streamlines every 0.09 U D from the body's own, and four in each eddy of the wake."""
+    field = mesh.clip_box((*VIEW, -1, 1), invert=False)
+    of_body, centres = _stream_levels(mesh, markers)
+    found = [field.contour(of_body + 0.09 * (np.arange(-60, 60) + 0.5), scalars="stream function")]
+    for depth in centres:
+        levels = np.sort(of_body + depth * np.array([0.1, 0.4, 0.7, 0.95]))
+        for line in field.contour(levels, scalars="stream function").split_bodies():
+            if (
+                line.bounds[0] > field.bounds[0] + NEAR
+            ):  # others of the same level come from upstream
+                found.append(line)
     for lines in found:
         lines.points[:, 2] = 0.01
     return [lines for lines in found if lines.n_points]
+
+
+def _stream_levels(mesh: pv.ImageData, markers: AnyArray) -> tuple[float, list[float]]:
+    """The stream function on the body, and over that its values in the centres of the eddies.
+
+    At an eddy's centre it has its least or greatest value where the flow is reversed.
+    """
+    nx, ny, _ = mesh.dimensions
+    x, y = (
+        origin + step * np.arange(count)
+        for origin, step, count in zip(mesh.origin, mesh.spacing, (nx, ny), strict=False)
+    )
+    stream = np.asarray(mesh["stream function"]).reshape(ny, nx)
+    reversed_flow = np.gradient(stream, y, axis=0) < 0
+    seen = np.ix_((y > VIEW[2]) & (y < VIEW[3]), (x > VIEW[0]) & (x < VIEW[1]))
+    stream, reversed_flow = stream[seen], reversed_flow[seen]
+    x, y = (axis[seen] for axis in np.meshgrid(x, y))
+    body = shapely.Polygon(markers)
+    of_body = float(stream[shapely.contains_xy(body, x, y)].mean())
+    wake = reversed_flow & (x > 0) & ~shapely.contains_xy(body.buffer(NEAR), x, y)
+    depths = stream[wake] - of_body
+    ends = (depths.min(initial=0.0), depths.max(initial=0.0))
+    return of_body, [float(depth) for depth in ends if abs(depth) > SHALLOW]
 
 
 def _squashed(vorticity: np.ndarray | float) -> np.ndarray | float:

@@ -15,7 +15,7 @@ from shapeopt.render.figures import (
     plt,
     save_figure,
 )
-from shapeopt.render.sheets import standing
+from shapeopt.render.sheets import is_about_lift, standing
 from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
 from surrogate.flow.surface.surface import Surface
@@ -53,10 +53,11 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
 def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     """Draw the optima of several runs to one scale, in order of Re, and their drag reduction.
 
-    Bodies wider than high are also drawn from above, as a line. Returns the path of the PNG.
+    Where a run was for lift, the glide ratios stand for the drag reductions. Bodies wider than
+    high are also drawn from above, as a line. Returns the path of the PNG.
     """
     records = sorted(records, key=lambda record: record["reynolds"])
-    bodies = [np.asarray(run_scene(r).family.outline(run_body(r), 400)) for r in records]
+    bodies = [np.asarray(run_scene(r).family.body_class.contour(run_body(r), 400)) for r in records]
     wide = [record["parameters"].get("flatness", 1.0) for record in records]
     sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
     x, y = np.max(sides, axis=0) * 1.06
@@ -76,26 +77,50 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
             above = FROM_ABOVE * (flatness > 1)
             axis.set_title(f"Re {record['reynolds']:g}{above}", loc="center")
             axis.set_axis_off()
-        _draw_reduction(figure.add_subplot(grid[1, :]), records, colours)
+        draw = _draw_glide if any(map(is_about_lift, records)) else _draw_reduction
+        draw(figure.add_subplot(grid[1, :]), records, colours)
         return save_figure(figure, path)
 
 
 def _draw_reduction(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) -> None:
     """Plot the change of drag against the cylinder's in per cent."""
-    reynolds = [record["reynolds"] for record in records]
     change = [100 * (r["cd_verified"] / r["cd_start"] - 1) for r in records]
-    axis.plot(reynolds, change, color=START, lw=1.2, zorder=1)
-    axis.scatter(reynolds, change, color=colours, s=70, zorder=2)
-    for record, x, y in zip(records, reynolds, change, strict=True):
-        text = f"Cd {record['cd_verified']:.3f}\n{y:+.1f} %".replace("-", "\N{MINUS SIGN}")
+    _draw_over_reynolds(axis, records, change, [f"{y:+.1f} %" for y in change], colours)
+    axis.set(
+        ylim=(min(change) - 0.3 * max(5.0, -min(change)), 0),
+        ylabel=f"drag against the {run_scene(records[0]).family.round_body}, %",
+    )
+
+
+def _draw_glide(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) -> None:
+    """Plot the glide ratio."""
+    ratios = [r.get("cl_verified", 0.0) / r["cd_verified"] for r in records]
+    words = [f"Cl/Cd {ratio:.3f}" for ratio in ratios]
+    _draw_over_reynolds(axis, records, ratios, words, colours)
+    room = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points
+    ends = min(0.0, min(ratios) - room), max(0.0, 1.1 * max(ratios))
+    axis.set(ylim=ends, ylabel="glide ratio $C_l / C_d$")
+
+
+def _draw_over_reynolds(
+    axis: plt.Axes,
+    records: list[JsonObject],
+    values: list[float],
+    words: list[str],
+    colours: np.ndarray,
+) -> None:
+    """Plot a value of every run over Re, with Cd and words below each."""
+    reynolds = [record["reynolds"] for record in records]
+    axis.plot(reynolds, values, color=START, lw=1.2, zorder=1)
+    axis.scatter(reynolds, values, color=colours, s=70, zorder=2)
+    for record, x, y, said in zip(records, reynolds, values, words, strict=True):
+        text = f"Cd {record['cd_verified']:.3f}\n{said}".replace("-", "\N{MINUS SIGN}")
         axis.annotate(text, (x, y), (0, -14), textcoords="offset points", ha="center", va="top")
     span = max(reynolds) / min(reynolds)
     axis.set(
         xscale="log",
         xlim=(min(reynolds) / max(span, 2) ** 0.12, max(reynolds) * max(span, 2) ** 0.12),
-        ylim=(min(change) - 0.3 * max(5.0, -min(change)), 0),
         xlabel="Reynolds number",
-        ylabel=f"drag against the {run_scene(records[0]).family.round_body}, %",
     )
     axis.set_xticks(reynolds, [f"{value:g}" for value in reynolds])
     axis.minorticks_off()

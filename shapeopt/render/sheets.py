@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies
 from shapeopt.render.pictures import Panel, render_flows
 from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
+
+GAP = "    "  # between the parts of a title
 
 
 def solve_run(record: JsonObject) -> tuple[Solution, Solution]:
@@ -32,13 +35,43 @@ def before_and_after(record: JsonObject) -> list[Panel]:
       NotConverged: a flow did not converge.
     """
     start, optimum = solve_run(record)
-    reynolds, gain = f"Re {record['reynolds']:g}", 100 * (optimum.drag / start.drag - 1)
-    before = f"{reynolds}    {run_scene(record).family.round_body}    Cd {start.drag:.4f}"
-    after = f"{reynolds}    optimum    Cd {optimum.drag:.4f}    {gain:+.1f} %"
+    reynolds, lifting = f"Re {record['reynolds']:g}", not has_no_lift(record)
+    before = [reynolds, run_scene(record).family.round_body, *_coefficients(start, lifting)]
+    after = [reynolds, "optimum", *_coefficients(optimum, lifting)]
+    if not is_about_lift(record):
+        after.append(f"{100 * (optimum.drag / start.drag - 1):+.1f} %")
+    before, after = (GAP.join(words) for words in (before, after))
     return [
-        Panel(start, before, "drag by the flow solver"),
+        Panel(start, before, f"{'loads' if lifting else 'drag'} by the flow solver"),
         Panel(optimum, after, f"{origin(record)}, {standing(record)}"),
     ]
+
+
+def has_no_lift(record: JsonObject) -> bool:
+    """Whether the bodies of a run's scene are all symmetric."""
+    return run_scene(record).family.body_class.symmetric
+
+
+def is_about_lift(record: JsonObject) -> bool:
+    """Whether a run was for the glide ratio, or under bounds on lift or moment.
+
+    Its drag over the reference body's then says little. Where the bodies have lift and the run's
+    settings are unknown it is taken for one.
+    """
+    if has_no_lift(record):
+        return False
+    settings = record.get("settings")
+    if settings is None or record.get("objective", {}).get("kind") == "Glide":
+        return True
+    return any(settings.get(name) is not None for name in LOAD_BOUNDS)
+
+
+def _coefficients(solution: Solution, lifting: bool) -> list[str]:
+    """Cd, and of bodies with lift Cl and the glide ratio, for a title."""
+    if not lifting:
+        return [f"Cd {solution.drag:.4f}"]
+    cl = round(solution.lift, 4) + 0.0  # no minus zero
+    return [f"Cd {solution.drag:.4f}", f"Cl {cl:.4f}", f"Cl/Cd {cl / solution.drag:.3f}"]
 
 
 def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:

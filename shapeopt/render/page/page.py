@@ -1,4 +1,4 @@
-"""A surrogate as one web page: sliders for the body and the Reynolds number, drag at once.
+"""A surrogate as one web page: sliders for the body and the Reynolds number, loads at once.
 
 The page works offline and without libraries: it contains the network's weights, and JavaScript that
 evaluates the network and draws the body.
@@ -19,14 +19,19 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.body.family import Family
 from surrogate.body.parameters import PARAMETERS, Kind
-from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, whole_file
 from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
 MINUS = "\N{MINUS SIGN}"
+SCRIPTS = {
+    "model": ("network.js", "family.js", "model.js"),
+    "view": ("drawing.js", "curves.js", "view.js"),
+}
 START = 1.6  # aspect of the body shown first, over the reference body's
+START_INCIDENCE = 4.0  # degrees, of the body shown first
+ROOM_FOR_LIFT = 1.7  # least height in D of the frame of bodies with lift
 TALLEST = 1.4  # greatest height that the frame fits, over the ellipse's of the least aspect
 
 
@@ -38,30 +43,29 @@ def write_page(surrogate: Surrogate, path: str | Path) -> Path:
 
 
 def page(surrogate: Surrogate) -> str:
-    """The page as HTML text.
-
-    Raises:
-      InvalidInput: the surrogate's bodies have camber or incidence, which the page does not draw.
-    """
-    if not surrogate.scene.family.body_class.symmetric:
-        raise InvalidInput("page: is for symmetric bodies; this family has camber or incidence")
-    files = resources.files(__package__)
-    parts = {
-        part: (files / name).read_text(encoding="utf-8")
-        for part, name in (("style", "style.css"), ("model", "model.js"), ("view", "view.js"))
-    }
-    name = reference_name(surrogate.scene.family)
-    return Template((files / "page.html").read_text(encoding="utf-8")).substitute(
-        parts,
-        **_frame(surrogate.scene.family),
+    """The page as HTML text."""
+    scene, name = surrogate.scene, reference_name(surrogate.scene.family)
+    lifting = not scene.family.body_class.symmetric
+    return Template(_text("page.html")).substitute(
+        {part: "\n".join(map(_text, files)) for part, files in SCRIPTS.items()},
+        style=_text("style.css"),
+        **_frame(scene.family),
+        title="Drag and lift" if lifting else "Drag",
+        kind="has-lift" if lifting else "no-lift",
+        force=" and the force on it" if lifting else "",
         reference=name,
-        measure="area" if surrogate.scene.dimension == 2 else "volume",
+        measure="area" if scene.dimension == 2 else "volume",
         reference_button=name[0].upper() + name[1:],
         sliders="\n".join(_sliders(surrogate)),
         lead=html.escape(_lead(surrogate)),
         provenance=html.escape(_provenance(surrogate)),
         data=json.dumps(page_data(surrogate), allow_nan=False).replace("</", "<\\/"),
     )
+
+
+def _text(name: str) -> str:
+    """One of the files that the page is made of."""
+    return (resources.files(__package__) / name).read_text(encoding="utf-8")
 
 
 def page_data(surrogate: Surrogate) -> JsonObject:
@@ -73,11 +77,14 @@ def page_data(surrogate: Surrogate) -> JsonObject:
             for layer in network.layers
         ],
         "trends": [np.asarray(trend).tolist() for trend in network.trends],
+        "heads": list(network.load_heads),
+        "mirror": network.inputs.mirror.tolist(),
         "reach": CORRECTION_SCALE,
         "low": np.asarray(network.inputs.low).tolist(),
         "high": np.asarray(network.inputs.high).tolist(),
         "names": list(family.names),
         "modes": list(family.body_class.modes),
+        "camberModes": list(family.body_class.camber_modes),
         "ratios": len(family.body_class.indices(Kind.RATIO)),
         "dimension": family.dimension,
         "bounds": family.bounds.tolist(),
@@ -106,7 +113,10 @@ def _frame(family: Family) -> dict[str, str]:
     """SVG attributes: the view box, and the path of three arrows of the stream at its left."""
     length, height = family.extent[0], max(family.extent[1:])
     least = float(family.body_class.aspect(family.bounds.T)[0])
-    height = min(height, TALLEST / math.sqrt(least))  # taller ones mostly cross
+    if family.body_class.symmetric:
+        height = min(height, TALLEST / math.sqrt(least))  # taller ones mostly cross
+    else:
+        height = max(height, ROOM_FOR_LIFT)
     left, top = -length / 2 - 0.55, -height / 2 - 0.12
     dart = "h.3m-.08 -.05l.08 .05l-.08 .05"
     return {
@@ -124,6 +134,10 @@ def _lead(surrogate: Surrogate) -> str:
         f"{100 * recorded('drag_error_max'):.2f} % at worst, on {recorded('held_out')} unseen "
         "bodies."
     )
+    errors = [surrogate.record.get(f"{load}_error_mean") for load in ("lift", "moment")]
+    if None not in errors and not surrogate.scene.family.body_class.symmetric:
+        lift, moment = (f"{100 * error:.2f} %" for error in errors)
+        text += f" Lift is off by {lift} and the moment by {moment} of the drag on average."
     if name != (usual := surrogate.scene.family.round_body):
         text += f" Its family has no {usual}: bodies are compared with the {name}."
     return text
@@ -136,10 +150,13 @@ def _provenance(surrogate: Surrogate) -> str:
         f"{name} {_number(low)} to {_number(high)}"
         for name, (low, high) in (("Re", scene.reynolds), *scene.family.ranges)
     )
-    rho = "\N{GREEK SMALL LETTER RHO}U\N{SUPERSCRIPT TWO}"
+    square = "\N{SUPERSCRIPT TWO}"
+    rho = f"\N{GREEK SMALL LETTER RHO}U{square}"
     over = f"drag per unit span over {rho}D / 2, D the diameter of the cylinder of the same area"
+    if not scene.family.body_class.symmetric:
+        over += f"; lift likewise; moment about the centroid, nose up, over {rho}D{square} / 2"
     if scene.dimension == 3:
-        area = "\N{GREEK SMALL LETTER PI}D\N{SUPERSCRIPT TWO} / 8"
+        area = f"\N{GREEK SMALL LETTER PI}D{square} / 8"
         over = f"drag over {rho}{area}, D the diameter of the sphere of the same volume"
     return (
         f"Steady laminar flow in {describe_stream(scene.stream)}; {over}, "
@@ -150,12 +167,13 @@ def _provenance(surrogate: Surrogate) -> str:
 
 
 def _sliders(surrogate: Surrogate) -> Iterator[str]:
-    """Sliders for log Re and for every shape parameter, set to an ellipse."""
+    """Sliders for log Re and for every shape parameter, set to an ellipse, nose up."""
     family = surrogate.scene.family
     low, high = (math.log(value) for value in surrogate.scene.reynolds)
     yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, log=True)
     aspect = START * float(family.body_class.aspect(reference_body(family)))
-    start = np.clip(family.ellipse(aspect), *family.bounds.T)
+    turned = [START_INCIDENCE * (p.kind is Kind.INCIDENCE) for p in family.body_class.parameters]
+    start = np.clip(family.ellipse(aspect) + turned, *family.bounds.T)
     for (name, (low, high)), value in zip(family.ranges, start, strict=True):
         yield _slider(name, PARAMETERS[name].label, low, high, value)
 
