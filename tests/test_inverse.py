@@ -17,6 +17,17 @@ def test_exact_half_inverse_is_the_svd_formula(generator):
     assert np.allclose(partial_inverse(jnp.asarray(jacobian), jnp.asarray(y), 0.01), expected)
 
 
+@pytest.mark.parametrize("shape", [(6, 20), (20, 6)])
+def test_exact_limited_inverse_steps_no_further_than_gauss_newton(generator, shape):
+    jacobian = generator.normal(size=shape) * np.logspace(1, -2, shape[1])
+    y = generator.normal(size=shape[0])
+    U, S, Vt = np.linalg.svd(jacobian, full_matrices=False)
+    assert S[0] > 4
+    assert S[-1] < 1
+    found = partial_inverse(jnp.asarray(jacobian), jnp.asarray(y), 0.0, limited=True)
+    assert np.allclose(found, Vt.T @ (np.minimum(S**-0.5, 1 / S) * (U.T @ y)))
+
+
 @pytest.mark.parametrize("tau", [0.0, 1e-2, 0.3])
 def test_exact_lanczos_inverts_as_the_dense_svd_does(generator, tau):
     """Singular values over four decades, a few vanishing, in random directions."""

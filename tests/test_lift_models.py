@@ -15,7 +15,8 @@ from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.commands.predict_drag import main as predict_drag
 from shapeopt.payoff.direct import design_directly
 from shapeopt.search.propose import propose
-from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load, train
+from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
+from surrogate.flow.solver import steady
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Observation, kriging
 from surrogate.model.network import blank_network
@@ -99,6 +100,26 @@ def test_flows_of_mirror_images_have_mirrored_modes():
     scale = float(jnp.abs(one.state.amplitude).max())
     np.testing.assert_allclose(
         image.state.amplitude, mirror * one.state.amplitude, atol=1e-5 * scale
+    )
+
+
+def test_responses_of_many_modes_are_exact_near_the_body_and_good_far_from_it():
+    """Eight combinations of 38 modes, on a lattice of which the box near the body is a part."""
+    flow = Flow(Scene(family=FAMILY, fidelity=Fidelity("wide", 8, 4, 8, 8, 5, wake=0.0)))
+    domain, markers = flow.domain, flow.bodies.markers(BODY)
+    operators = jax.jit(steady.assemble, static_argnames="domain")(domain, markers, RE)
+    modes = jnp.eye(domain.modes.count)
+    full = jax.vmap(lambda a: operators.green(operators.body.spread(a)))(modes)
+    found = jax.vmap(operators.response)(modes.astype(jnp.float32))
+    size = float(jnp.linalg.norm(full))
+    corner, near = domain.near
+    box = tuple(slice(start, start + side) for start, side in zip(corner, near.shape, strict=True))
+    assert near.shape < domain.lattice.shape
+    np.testing.assert_allclose(found[..., *box], full[..., *box], atol=2e-5 * jnp.abs(full).max())
+    assert float(jnp.linalg.norm(found - full)) < 0.05 * size
+    slips = jax.vmap(operators.body.slip)(full).T
+    np.testing.assert_allclose(
+        operators.response.slips(operators.body), slips, atol=1e-5 * jnp.abs(slips).max()
     )
 
 

@@ -57,9 +57,9 @@ def explain_scene(
             f"Steady laminar flow in {describe_stream(stream)}, "
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
             f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
-            f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a window {window} D "
-            f"({cells} cells{f' in its {words.part}' if symmetric else ''}), where the flow "
-            "is non-linear; outside it the Oseen Green's function G and the far field's "
+            f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a window "
+            f"{window} D ({cells} cells{f' in its {words.part}' if symmetric else ''}), where "
+            "the flow is non-linear; outside it the Oseen Green's function G and the far field's "
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
             f"{words.tested}; every solved flow says whether it meets this, with its expected "
             "error and a bound that 95 % of the errors are within.",

@@ -49,8 +49,9 @@ class HalfInverseGradients(Method):
 
     The optimiser's state is the number of steps so far.
     ``kappa`` 1 is Gauss-Newton, -1 gradient descent. With ``vectors``, that many Lanczos vectors
-    replace the dense inverse, and the Jacobian is never formed. ``batch`` exceeds the presets'
-    samples, so that all are one batch.
+    replace the dense inverse, and the Jacobian is never formed. ``limited`` keeps every step from
+    exceeding Gauss-Newton's (``partial_inverse``), without which networks of three loads oscillate.
+    ``batch`` exceeds the presets' samples, so that all are one batch.
     """
 
     batch: int = 1024
@@ -59,6 +60,7 @@ class HalfInverseGradients(Method):
     tau: float = 1e-5
     kappa: float = 0.5
     vectors: int | None = None
+    limited: bool = True
     newton: NewtonSettings = LABEL_FLOW
     trains_traction = False
 
@@ -76,7 +78,8 @@ class HalfInverseGradients(Method):
 
         weights = network.load_weights
         y = jax.vmap(residuals, (None, 0))(weights, batch)
-        step = weight_step(residuals, weights, batch, y, self.tau, self.kappa, self.vectors)
+        how = self.tau, self.kappa, self.vectors, self.limited
+        step = weight_step(residuals, weights, batch, y, *how)
         rate = self.eta / (1 + optimiser / self.decay)
         network = network.with_load_weights(weights - rate * step)
         return network, optimiser + 1, jnp.mean(jnp.sum(y**2, axis=1)) / 2
@@ -195,6 +198,7 @@ def weight_step(
     tau: float,
     kappa: float,
     vectors: int | None = None,
+    limited: bool = False,
 ) -> Weights:
     """V S^-kappa U^T y / sqrt(B) of a batch, dense or by Lanczos vectors.
 
@@ -205,7 +209,7 @@ def weight_step(
     if vectors is None:
         rows = jax.vmap(jax.jacrev(residuals), (None, 0))(weights, batch) / root
         rows = rows.reshape(y.size, -1)
-        return partial_inverse(rows, y.ravel(), tau, kappa)
+        return partial_inverse(rows, y.ravel(), tau, kappa, limited)
 
     forward = jax.linearize(lambda w: jax.vmap(residuals, (None, 0))(w, batch) / root, weights)[1]
     adjoint = jax.linear_transpose(forward, weights)
@@ -216,6 +220,7 @@ def weight_step(
         tau,
         kappa,
         vectors,
+        limited,
     )
 
 

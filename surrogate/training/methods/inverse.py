@@ -22,18 +22,21 @@ def partial_inverse(
     y: Float[Array, " rows"],
     tau: float,
     kappa: float = 0.5,
+    limited: bool = False,
 ) -> Float[Array, " weights"]:
     """Dense, by the eigendecomposition of the smaller of J J^T and J^T J.
 
-    Singular values up to ``tau`` times the largest are dropped.
+    Singular values up to ``tau`` times the largest are dropped. With ``limited`` those above 1 are
+    inverted fully: there S^-kappa would step further than Gauss-Newton's 1 / S, which reaches the
+    minimum of the linearised problem, and beyond S = 4 so far (kappa = 1/2) that residuals grow.
     """
     rows, weights = jacobian.shape
     if rows <= weights:
         squares, U = jnp.linalg.eigh(jacobian @ jacobian.T)
-        return jacobian.T @ (U @ (_powers(squares, tau, kappa) * (U.T @ y)))
+        return jacobian.T @ (U @ (_powers(squares, tau, kappa, limited) * (U.T @ y)))
     columns = jax.lax.optimization_barrier(jacobian.T)  # transposed once: half the time
     squares, V = jnp.linalg.eigh(columns @ columns.T)
-    return V @ (_powers(squares, tau, kappa) * (V.T @ (columns @ y)))
+    return V @ (_powers(squares, tau, kappa, limited) * (V.T @ (columns @ y)))
 
 
 def partial_inverse_lanczos(
@@ -43,6 +46,7 @@ def partial_inverse_lanczos(
     tau: float,
     kappa: float = 0.5,
     vectors: int = 64,
+    limited: bool = False,
 ) -> Float[Array, " weights"]:
     """Matrix-free, by Lanczos on J J^T from y (Golub and Van Loan, section 10.1).
 
@@ -56,6 +60,7 @@ def partial_inverse_lanczos(
       tau: singular values up to ``tau`` times the largest are dropped.
       kappa: exponent of the inverse.
       vectors: number of Lanczos vectors; each takes one product with J and one with J^T.
+      limited: invert singular values above 1 fully, as ``partial_inverse``.
     """
     size = jnp.linalg.norm(y)
 
@@ -77,11 +82,13 @@ def partial_inverse_lanczos(
     basis = jnp.zeros((vectors, y.size)).at[0].set(unit(y)[0])
     basis, matrix = jax.lax.fori_loop(0, vectors, step, (basis, jnp.zeros((vectors, vectors))))
     squares, W = jnp.linalg.eigh(jnp.triu(matrix) + jnp.triu(matrix, 1).T)
-    return transpose((W @ (_powers(squares, tau, kappa) * W[0]) * size) @ basis)
+    return transpose((W @ (_powers(squares, tau, kappa, limited) * W[0]) * size) @ basis)
 
 
-def _powers(squares, tau, kappa):
-    """S^-(1 + kappa) of ascending squares S^2; zero where S is truncated."""
+def _powers(squares, tau, kappa, limited):
+    """S^-(1 + kappa) of ascending squares S^2, if limited at most S^-2; zero where truncated."""
     S = jnp.sqrt(jnp.maximum(squares, 0.0))
     kept = tau * S[-1] < S
-    return jnp.where(kept, jnp.where(kept, S, 1.0) ** -(1 + kappa), 0.0)
+    S = jnp.where(kept, S, 1.0)
+    powers = S ** -(1 + kappa)
+    return jnp.where(kept, jnp.minimum(powers, S**-2) if limited else powers, 0.0)
