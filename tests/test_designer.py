@@ -89,7 +89,7 @@ def test_a_base_model_is_corrected(observations, pretrained):
     [
         pytest.param(20.0, {"max_length": 1.5}, marks=pytest.mark.slow),
         pytest.param(5.0, {"min_thickness": 0.75}, marks=pytest.mark.slow),
-        (Weighted((5.0, 20.0), (1.0, 2.0)), {}),
+        pytest.param(Weighted((5.0, 20.0), (1.0, 2.0)), {}, marks=pytest.mark.slow),
         pytest.param(
             Robust(15.0, LogNormal(0.2), cases=3, level=0.5),
             {"max_length": 1.6},

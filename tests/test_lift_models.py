@@ -93,6 +93,7 @@ def test_a_network_of_any_weights_has_the_mirror_symmetry():
     assert network.with_load_weights(network.load_weights).weights == pytest.approx(weights)
 
 
+@pytest.mark.slow
 def test_flows_of_mirror_images_have_mirrored_modes():
     flow = Flow(SCENE)
     one, image = (flow.solve(body, 10.0, estimate=False) for body in (BODY, MIRROR * BODY))
@@ -207,6 +208,7 @@ def test_a_surrogate_of_sections_answers_all_loads(trained):
     assert np.all(np.isnan(jax.jit(outside)(BODY.at[3].set(40.0), 10.0)))
 
 
+@pytest.mark.slow
 def test_a_polar_of_designs_in_one_call(trained, tmp_path):
     _, net = trained
     designs = optimise_all([Problem(SCENE, 10.0, lift=lift) for lift in (0.1, 0.2, 0.3)], net)
