@@ -135,7 +135,7 @@ def test_weights_of_other_shapes_or_ranges_are_refused(folder):
 
 RECORDS = {
     "other sizes": ({"sizes": [32, 16, 15]}, "of other shapes"),
-    "fewer modes": ({"sizes": [32, 32, 13]}, "do not end in the 15 modes of its scene"),
+    "fewer modes": ({"sizes": [32, 32, 13]}, "do not end in the 15 outputs of its scene"),
     "huge": ({"sizes": [10**9, 10**9, 15]}, "a whole number from 1 to 4096"),
     "gigabytes": ({"sizes": [4096] * 7 + [15]}, "of other shapes"),
     "astronomic": ({"sizes": [10**400, 32, 15]}, "must be one number"),
@@ -146,7 +146,7 @@ RECORDS = {
     "format": ({"format": 99}, "format 99, this version reads 3"),
     "scene": ({"scene": {"reynolds": [40, 1]}}, "low must not be above high"),
     "scene text": ({"scene": "tunnel"}, "must be a table"),
-    "dimension": ({"scene": {"dimension": 3}}, "do not end in the 27 modes"),
+    "dimension": ({"scene": {"dimension": 3}}, "do not end in the 27 outputs"),
     "digest": ({"weights_sha256": None}, "is not what was saved"),
     "error": ({"drag_error_mean": "small"}, "drag_error_mean is no number"),
     "negative error": ({"drag_error_mean": -0.1}, "drag_error_mean is no number"),

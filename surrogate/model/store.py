@@ -108,7 +108,9 @@ def read_surrogate(name: str | Path) -> Surrogate:
         raise InvalidInput(f"{what}: {problem}") from None
     heads = head_count(traction_modes(scene.family, scene.fidelity))
     if not 1 <= len(sizes) <= MAX_DEPTH or sizes[-1] != heads:
-        raise InvalidInput(f"{what}: its layers {sizes} do not end in its scene's {heads} heads")
+        raise InvalidInput(
+            f"{what}: its layers {sizes} do not end in the {heads} outputs of its scene"
+        )
     blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
     if file_digest(folder / WEIGHTS) != record.get("weights_sha256"):
