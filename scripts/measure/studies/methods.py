@@ -162,7 +162,7 @@ def half_inverse(run: Run, size: float) -> list[Row]:
     )
     oseen, key = np.asarray(physics.tractions), jax.random.key(1)
     width = round(np.sqrt(size + 121) - 11)
-    network = make_network(flow.scene, key, *physics.samples, oseen, width)
+    network = make_network(flow.scene, key, *physics.samples, oseen, physics.outputs, width)
     batch, matrix = jnp.arange(physics.count), physics.influence
     slip = jnp.einsum("bym,bm->by", matrix, predict(network, physics.samples, batch) - oseen)
     y, physical = with_goal_row(slip, matrix, GOAL, drag_coefficient(oseen))
