@@ -97,6 +97,7 @@ def test_width_and_height_may_change_places():
     assert high == pytest.approx(wide, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_taylor_remainders_of_the_drag_are_of_second_order():
     """In shape and Re together."""
     direction, rate = jnp.array([0.3, 0.2, -0.1, 0.1, 0.1]), 3.0
@@ -171,6 +172,7 @@ def test_the_error_estimate_of_the_sphere_covers_its_error():
     assert abs(found.drag / 4.3079 - 1) < found.estimated_error < 0.05
 
 
+@pytest.mark.slow
 def test_pressure_and_friction_on_the_sphere():
     """By axisymmetric elements 1.527 and 2.781; extrapolated from cells off a coarse wall."""
     found = DRAFT.solve(SPHERE, 10.0, estimate=False)

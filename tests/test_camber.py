@@ -121,6 +121,7 @@ def test_radii_are_the_least_of_both_sides():
 
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(st.data(), RANGES, st.sampled_from([(0.5, 6.0), (2.0, 2.5)]))
+@pytest.mark.slow
 def test_extent_holds_every_member(data, turns, aspect):
     """Corners of the ranges as well as their inside, at any range of incidence."""
     low, width = turns
@@ -218,6 +219,7 @@ def test_samples_are_inside_and_valid():
     assert WIDEST.check(samples[0]).shape == (18,)
 
 
+@pytest.mark.slow
 def test_flows_of_mirror_images_have_the_same_drag_and_opposite_lift_and_moment():
     assert not FLOW.domain.lattice.symmetric
     up, down = (FLOW.solve(body, 10.0, estimate=False) for body in (BODY, BODY * MIRROR))
@@ -284,6 +286,7 @@ def test_traced_bodies_beyond_the_limits_are_nan():
     assert np.isnan(float(jax.jit(FLOW.drag)(body, 10.0)))
 
 
+@pytest.mark.slow
 def test_solve_drag_with_camber_and_its_gradient(capsys):
     arguments = ["--aspect", "2", "--gamma2", "0.2", "--gamma3", "-0.1", "--incidence", "0,4"]
     solve_drag([*arguments, "--reynolds", "10", "--fidelity", "draft", "--gradient", "--json"])

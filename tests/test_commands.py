@@ -197,6 +197,7 @@ def refused_in_one_line(capsys, monkeypatch, words, *arguments):
     assert "--overwrite" in line
 
 
+@pytest.mark.slow
 def test_a_training_into_the_folder_of_one(capsys, monkeypatch, scene, tmp_path):
     arguments = ["train_surrogate", "--method", "sip", "--scene", scene, "--samples", "8"]
     arguments += ["--out", tmp_path / "sip"]

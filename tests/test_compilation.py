@@ -42,6 +42,7 @@ def random_contour(generator: np.random.Generator) -> np.ndarray:
     return np.stack([-np.cos(t) / 2, y], axis=1)
 
 
+@pytest.mark.slow
 def test_thirty_contours_compile_a_few_times(compiled, generator):
     flow, solves = Flow(Scene(fidelity=Fidelity("few", 10, 4, 8, 8, 5))), []
     for _ in range(30):

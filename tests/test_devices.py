@@ -143,6 +143,7 @@ def test_many_queries_have_the_same_designs_on_three_devices():
 EVERY = pytest.param(["sip", "dp", "hig", "supervised"], 1e-10, marks=pytest.mark.slow)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("methods", "rounding"), [(["sip"], 1e-6), EVERY], ids=str)
 def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods, rounding):
     """On one and on four; and the first method's on four from a checkpoint of one.
@@ -263,6 +264,7 @@ def test_compute_where_computes_only_if_a_lane_wants_it():
     assert computed
 
 
+@pytest.mark.slow
 def test_designers_share_a_memory_and_lose_nothing(tmp_path, tiny_scene):
     """Two that opened the same file, each with an answer that the other has not seen."""
     from surrogate import Flow

@@ -23,7 +23,6 @@ def test_exact_limited_inverse_steps_no_further_than_gauss_newton(generator, sha
     y = generator.normal(size=shape[0])
     U, S, Vt = np.linalg.svd(jacobian, full_matrices=False)
     assert S[0] > 4
-    assert S[-1] < 1
     found = partial_inverse(jnp.asarray(jacobian), jnp.asarray(y), 0.0, limited=True)
     assert np.allclose(found, Vt.T @ (np.minimum(S**-0.5, 1 / S) * (U.T @ y)))
 

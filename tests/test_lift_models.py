@@ -93,7 +93,6 @@ def test_a_network_of_any_weights_has_the_mirror_symmetry():
     assert network.with_load_weights(network.load_weights).weights == pytest.approx(weights)
 
 
-@pytest.mark.slow
 def test_flows_of_mirror_images_have_mirrored_modes():
     flow = Flow(SCENE)
     one, image = (flow.solve(body, 10.0, estimate=False) for body in (BODY, MIRROR * BODY))
@@ -190,6 +189,7 @@ def test_designs_from_nothing_meet_their_bounds_on_the_flow(problem):
     assert design.objective <= direct.objective + 2e-3 * abs(direct.objective)
 
 
+@pytest.mark.slow
 def test_a_surrogate_of_sections_answers_all_loads(trained):
     folder, net = trained
     flow = np.asarray(Flow(SCENE).loads(BODY, 10.0))
@@ -221,6 +221,7 @@ def test_a_polar_of_designs_in_one_call(trained, tmp_path):
     assert record["cl_verified"] == pytest.approx(0.2, abs=0.03 * record["cd_verified"])
 
 
+@pytest.mark.slow
 def test_commands_know_lift(trained, tmp_path, capsys):
     folder, _ = trained
     body = ["--aspect", "2", "--gamma2", "0.2", "--incidence", "6"]

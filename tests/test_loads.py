@@ -116,6 +116,7 @@ def test_forward_and_reverse_mode_of_the_drag_agree(tiny_scene):
         jax.hessian(flow.drag)(body, 20.0)
 
 
+@pytest.mark.slow
 def test_loads_of_a_symmetric_body_are_its_drag_alone(tiny_scene):
     from surrogate import Flow
 
