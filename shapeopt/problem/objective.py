@@ -62,14 +62,8 @@ class AtReynolds(Objective):
 
 
 @dataclasses.dataclass(frozen=True)
-class Glide(Objective):
+class Glide(AtReynolds):
     """The glide ratio Cl / Cd at one Reynolds number, which is maximised: -Cl / Cd is minimised."""
-
-    reynolds: float
-
-    @property
-    def nominal(self) -> float:
-        return self.reynolds
 
     def scenarios(self, scene: Scene) -> Scenarios:
         if scene.family.body_class.symmetric:

@@ -26,7 +26,7 @@ from scipy.optimize import minimize
 from surrogate.arrays import AnyArray
 from surrogate.model.inputs import Inputs
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import load_gradients, loads_of, outputs_of
+from surrogate.model.outputs import OutputModel, load_gradients, outputs_of
 
 # Priors and bounds in logs. They were set on the default scene, where a likelihood alone fits few
 # flows too closely; no study of them is kept.
@@ -88,7 +88,7 @@ class Hyper(NamedTuple):
     lengths: Float[AnyArray, "*loads inputs"]
 
 
-class Kriging(eqx.Module):
+class Kriging(OutputModel):
     """Fitted processes, plus the base network whose residuals they model, if any."""
 
     base: LoadNetwork | None
@@ -97,18 +97,6 @@ class Kriging(eqx.Module):
     hyper: Hyper
     mean: Float[AnyArray, " loads"]
     coefficients: Float[AnyArray, "loads flows rows"]
-
-    def drag(
-        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Float[Array, ""]:
-        """Cd of a body."""
-        return jnp.exp(self.outputs(self.inputs(parameters, reynolds))[0])
-
-    def loads(
-        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Float[Array, " loads"]:
-        """Cd of a body, and where there is lift Cl and Cm."""
-        return loads_of(self.outputs(self.inputs(parameters, reynolds)))
 
     def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
         """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""

@@ -13,7 +13,7 @@ from surrogate.arrays import AnyArray
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.flow.loads import AnyModes, drag_amplitude
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
-from surrogate.model.outputs import loads_of
+from surrogate.model.outputs import OutputModel
 from surrogate.scene.scene import Scene
 
 CORRECTION_SCALE = 0.3  # of the outputs about their trend, per unit of the MLP's output
@@ -22,7 +22,7 @@ LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: star
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
 
 
-class LoadNetwork(eqx.Module):
+class LoadNetwork(OutputModel):
     """A quadratic trend of every output plus a small MLP with tanh, with the mirror symmetry.
 
     With z the scaled inputs, z' those of the body's mirror image, and q(z) all monomials of z up
@@ -46,18 +46,6 @@ class LoadNetwork(eqx.Module):
     mode_mean: Float[AnyArray, " modes"]
     mode_scale: Float[AnyArray, " modes"]
     modes: AnyModes = eqx.field(static=True)
-
-    def drag(
-        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Float[AnyArray, ""]:
-        """Cd of a body."""
-        return jnp.exp(self.outputs(self.inputs(parameters, reynolds))[0])
-
-    def loads(
-        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
-    ) -> Float[AnyArray, " loads"]:
-        """Cd of a body, and where there is lift Cl and Cm."""
-        return loads_of(self.outputs(self.inputs(parameters, reynolds)))
 
     def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
         """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""

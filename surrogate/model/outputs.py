@@ -4,11 +4,37 @@ Drag spans decades over Re while its logarithm is smooth; lift and moment change
 over the drag they are of order one at every Re.
 """
 
+import abc
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.model.inputs import Inputs
+
+
+class OutputModel(eqx.Module):
+    """A model of the outputs at scaled inputs: a network, or kriging."""
+
+    inputs: eqx.AbstractVar[Inputs]
+
+    @abc.abstractmethod
+    def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
+        """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
+
+    def drag(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, ""]:
+        """Cd of a body."""
+        return jnp.exp(self.outputs(self.inputs(parameters, reynolds))[0])
+
+    def loads(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[AnyArray, " loads"]:
+        """Cd of a body, and where there is lift Cl and Cm."""
+        return loads_of(self.outputs(self.inputs(parameters, reynolds)))
 
 
 def outputs_of(loads: Float[AnyArray, " loads"]) -> Float[Array, " loads"]:

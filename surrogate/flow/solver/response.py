@@ -57,7 +57,7 @@ class CompressedResponse(eqx.Module):
 
     def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:
         """Return S G B, the slip that each mode causes, by columns."""
-        return jax.vmap(_within(body, self).slip)(self.near).T
+        return jax.vmap(_within(body, self.corner, self.near.shape[2:]).slip)(self.near).T
 
 
 Response = FullResponse | CompressedResponse
@@ -73,7 +73,7 @@ def mode_response(
         return FullResponse(domain.each_mode(lambda a: green(body.spread(a)), eye))
     corner, lattice = domain.near
     here = single(jax.lax.stop_gradient(domain.green_function(lattice, reynolds)))
-    near = dataclasses.replace(body, corner=_moved(body, corner), shape=lattice.shape)
+    near = _within(body, corner, lattice.shape)
     velocities = domain.each_mode(lambda a: here(near.spread(a)), eye)
     # The velocity on the edge of the box determines that outside: its principal components.
     edges = _edges(velocities, lattice.symmetric)
@@ -82,13 +82,10 @@ def mode_response(
     return CompressedResponse(velocities, combinations, far, corner)
 
 
-def _within(body, response):
-    shape = response.near.shape[2:]
-    return dataclasses.replace(body, corner=_moved(body, response.corner), shape=shape)
-
-
-def _moved(body, corner):
-    return tuple(own - start for own, start in zip(body.corner, corner, strict=True))
+def _within(body, corner, shape):
+    """Return the same spreading on a box of the lattice, given by its first cell and its shape."""
+    moved = tuple(own - start for own, start in zip(body.corner, corner, strict=True))
+    return dataclasses.replace(body, corner=moved, shape=shape)
 
 
 def _edges(velocities: Float[Array, "modes axes ..."], symmetric: bool) -> Float[Array, "modes _"]:
