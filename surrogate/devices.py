@@ -189,13 +189,16 @@ class Partition(eqx.Module):
 
         return self.devices.shard_map(local, (sharded,), Sharded(()))(sharded)
 
-    def chunks(self, batch: Int[np.ndarray, " batch"]) -> Iterator[Int[np.ndarray, " chunk"]]:
-        """Split a batch into chunks of one size; the last is padded with an invalid index.
+    def chunks(
+        self, batch: Int[np.ndarray, " batch"], done: Bool[AnyArray, " bodies"]
+    ) -> Iterator[Int[np.ndarray, " chunk"]]:
+        """Split what is not done of a batch into chunks; the last is padded with an invalid index.
 
-        Bodies are ordered by their row, so that every device has as many bodies of each chunk, of
-        similar cost.
+        All have the size of the whole batch's chunks. Bodies are ordered by their row, so that
+        every device has as many bodies of each chunk, of similar cost.
         """
         size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
+        batch = batch[~np.asarray(done)[batch]]
         batch = batch[np.argsort(np.asarray(self.places)[batch] % self.shard_size, kind="stable")]
         padding = np.full(-batch.size % size, self.places.size)
         yield from np.append(batch, padding).reshape(-1, size)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import Family, Flow, InvalidInput, NotConverged, load, train
+from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, train
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.training import train as training
 from surrogate.training.loop import load_errors, make_setup, run_training
@@ -76,18 +76,25 @@ def test_every_method_learns_as_it_was_published(plan, setup, method, steps):
     assert history[-1].green_applications > history[0].green_applications
 
 
+def one_step(step, state, batch):
+    """The state after a step, its evaluations' costs, and its loss."""
+    parts = list(step.evaluations(state, batch, np.zeros(24, bool)))
+    if parts:
+        state = parts[-1][0]
+    return *step.updated(state, batch, 0.0), [cost for *_, cost in parts]
+
+
 def test_converged_labels_are_not_evaluated_again(plan, setup):
     batch, physics = np.arange(24), setup.physics
     method = HalfInverseGradients(24)
     start = first_state(method, setup.network, physics, setup.oseen)
     step = compile_step(method, start, physics, batch)
     assert start.labels.needs_evaluation(batch)
-    state, cost, first = step(start, batch, 0.0)
-    assert cost.products > 0
+    state, first, costs = one_step(step, start, batch)
+    assert sum(cost.products for cost in costs) > 0
     assert not state.labels.needs_evaluation(batch)
-    update_alone = step._replace(fetch=None, evaluate=None, put_back=None)
-    state, cost, second = update_alone(state, batch, 0.0)
-    assert cost.products == 0
+    state, second, costs = one_step(step, state, batch)
+    assert not costs
     assert second < 0.5 * first
 
 
@@ -97,12 +104,13 @@ def test_a_flow_that_is_not_found_is_not_solved_again(plan, setup):
     method = HalfInverseGradients(24, newton=hopeless)
     start = first_state(method, setup.network, setup.physics, setup.oseen)
     step = compile_step(method, start, setup.physics, batch)
-    state, cost, _ = step(start, batch, 0.0)
-    assert cost.failed == 24
+    state, _, costs = one_step(step, start, batch)
+    assert sum(cost.failed for cost in costs) == 24
     assert not np.any(state.labels.valid)
     assert not state.labels.needs_evaluation(batch)
-    again, cost, loss = step(state, batch, 0.0)
-    assert cost.products == loss == 0
+    again, loss, costs = one_step(step, state, batch)
+    assert not costs
+    assert loss == 0
     assert np.array_equal(again.network.weights, setup.network.weights)
 
 
@@ -204,11 +212,35 @@ def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, 
     assert resumed.history[-1].green_applications == whole.history[-1].green_applications
 
 
+def test_interrupted_between_the_flows_of_a_step(plan, setup, tmp_path, monkeypatch):
+    """Flows that a checkpoint has are not solved again."""
+    monkeypatch.setattr(devices, "CHUNK", 8)
+    plan = dataclasses.replace(plan, method="hig")
+    counts = []
+
+    def interrupt_at_24(done, count, of):
+        counts.append((count, of))
+        if counts == [(8, 24), (16, 24), (24, 24)]:
+            raise Killed
+
+    def run(path):
+        return run_training(plan, setup, path, checkpoint_every_s=0.0, evaluating=interrupt_at_24)
+
+    with pytest.raises(Killed):
+        run(tmp_path / "checkpoint")
+    resumed = run(tmp_path / "checkpoint")
+    assert counts[3:] == [(24, 24)]
+    counts.append("whole")
+    whole = run(None)
+    assert np.array_equal(whole.network.weights, resumed.network.weights)
+    assert whole.history[-1].green_applications == resumed.history[-1].green_applications
+
+
 def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, monkeypatch):
     """The checkpoint lies beside the folder until the surrogate is saved in it."""
     out = tmp_path / "out" / "surrogate"
 
-    def killed(plan, setup, checkpoint, report, method):
+    def killed(plan, setup, checkpoint, report, **how):
         return run_training(plan, setup, checkpoint, interrupt, checkpoint_every_s=0.0)
 
     with monkeypatch.context() as patch:
@@ -222,7 +254,7 @@ def test_an_interrupted_training_to_a_folder_goes_on(plan, trained, tmp_path, mo
     monkeypatch.setattr(
         training,
         "run_training",
-        lambda plan, setup, checkpoint, report, method: run_training(
+        lambda plan, setup, checkpoint, report, **how: run_training(
             plan, setup, checkpoint, lambda point, done: steps.append(point.iteration)
         ),
     )

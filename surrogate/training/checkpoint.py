@@ -1,6 +1,7 @@
 """Checkpoints: an interrupted training resumes with the same result as one that ran through."""
 
 import dataclasses
+import time
 from pathlib import Path
 
 import jax
@@ -13,6 +14,36 @@ from surrogate.leaves import read_header, read_leaves, write_leaves
 from surrogate.processes import broadcast_from_first, first, gather_to_host
 from surrogate.repeats import differences
 from surrogate.training.plan import Plan
+
+SHARE = 0.1  # of the time of a training, about, that may go into writing checkpoints
+
+
+class Checkpoints:
+    """Writes the checkpoints of one training, at most one every few seconds.
+
+    Args:
+      path: of the file; None for no checkpoints.
+      plan: of the training.
+      partition: of its samples over devices.
+      every_s: least seconds between two checkpoints. Large ones are written less often, so that
+        they take a tenth of the time.
+    """
+
+    def __init__(self, path: Path | None, plan: Plan, partition: Partition, every_s: float):
+        self.path, self.plan, self.partition, self.every_s = path, plan, partition, every_s
+        self.next = time.perf_counter() + every_s
+
+    def load(self, like: PyTree) -> PyTree | None:
+        """The saved state, in the structure of ``like``; None if there is none."""
+        return self.path and load_checkpoint(self.path, self.plan, like, self.partition)
+
+    def save_if_due(self, state: PyTree) -> None:
+        """Write the state if the last checkpoint is old enough."""
+        start = time.perf_counter()
+        if self.path and broadcast_from_first(start >= self.next):
+            save_checkpoint(self.path, self.plan, state, self.partition)
+            end = time.perf_counter()
+            self.next = end + max(self.every_s, (end - start) / SHARE if self.every_s else 0.0)
 
 
 def save_checkpoint(path: Path, plan: Plan, state: PyTree, partition: Partition) -> None:

@@ -2,13 +2,13 @@
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Sharded, choose_devices
@@ -17,7 +17,7 @@ from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
-from surrogate.training.checkpoint import load_checkpoint, save_checkpoint
+from surrogate.training.checkpoint import Checkpoints
 from surrogate.training.history import (
     HistoryPoint,
     blank_history,
@@ -25,11 +25,11 @@ from surrogate.training.history import (
     points_of,
     with_point,
 )
-from surrogate.training.methods.method import Method
+from surrogate.training.methods.method import Batch, Method
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
 from surrogate.training.samples import Samples, held_out_samples, network_key, training_samples
-from surrogate.training.step import LearnerState, compile_step, first_state
+from surrogate.training.step import LearnerState, Step, compile_step, first_state
 
 # Mean relative drag error at which a training ends. A choice, not measured: untrained networks
 # have about 0.3 (study ``stability``).
@@ -53,9 +53,13 @@ class TrainingResult:
 
 
 class TrainingState(NamedTuple):
-    """The state of a training: what a checkpoint holds."""
+    """The state of a training: what a checkpoint holds.
+
+    ``evaluated`` are the samples that the current step has evaluated so far.
+    """
 
     learner: LearnerState
+    evaluated: Bool[AnyArray, " samples"]
     iteration: Int[AnyArray, ""]
     seconds: Float[AnyArray, ""]
     products: Int[AnyArray, ""]
@@ -136,6 +140,7 @@ def run_training(
     report: Callable[[HistoryPoint, float], None] = lambda point, done: None,
     checkpoint_every_s: float = 20.0,
     method: Method | None = None,
+    evaluating: Callable[[float, int, int], None] = lambda done, count, of: None,
 ) -> TrainingResult:
     """Train the initial network of a setup by the plan's method.
 
@@ -148,6 +153,8 @@ def run_training(
       report: called with every point of the history and the fraction of the training done.
       checkpoint_every_s: least seconds between checkpoints.
       method: replaces the plan's own, for studies of its settings.
+      evaluating: called during a step with the fraction of the training done, the number of
+        samples evaluated and that of the batch.
 
     Raises:
       InvalidInput: the checkpoint is damaged, or belongs to another plan.
@@ -156,15 +163,21 @@ def run_training(
     method = method or plan.make_method()
     physics, partition = setup.physics, setup.physics.partition
     batches = _batches(plan, method.batch)
+    checkpoints = Checkpoints(checkpoint, plan, partition, checkpoint_every_s)
     state = _first_state(plan, setup, method)
-    state = (checkpoint and load_checkpoint(checkpoint, plan, state, partition)) or state
+    state = checkpoints.load(state) or state
     state = state._replace(learner=state.learner.placed(partition.devices))
     start = time.perf_counter()
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
-    saved, stopped, last_good, done = time.perf_counter(), None, state, _done(plan, state)
+    stopped, last_good, done = None, state, _done(plan, state)
     while int(state.iteration) < plan.iterations and done < 1:
-        state, loss = _advance(state, step, batches(int(state.iteration)), done)
+        batch = batches(int(state.iteration))
+        for part in _evaluations(state, step, batch):
+            state = part
+            evaluating(done, int(np.sum(state.evaluated)), batch.size)
+            checkpoints.save_if_due(state)
+        state, loss = _updated(state, step, batch, done)
         done, iteration = _done(plan, state), int(state.iteration)
         if not np.all(np.isfinite(state.learner.network.weights)):
             stopped, state = f"blew up in iteration {iteration}", last_good
@@ -177,10 +190,7 @@ def run_training(
             break
         state = last_good = state._replace(history=with_point(state.history, point))
         report(point, min(1.0, max(done, iteration / plan.iterations)))
-        elapsed = time.perf_counter() - saved
-        if checkpoint and broadcast_from_first(elapsed > checkpoint_every_s):
-            save_checkpoint(checkpoint, plan, state, partition)
-            saved = time.perf_counter()
+        checkpoints.save_if_due(state)
     history = points_of(state.history)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
@@ -194,23 +204,41 @@ def _first_state(plan, setup, method):
     assembled = physics.count * physics.domain.assembly_cost
     return TrainingState(
         first_state(method, setup.network, physics, setup.oseen),
+        np.zeros(physics.count, bool),
         *map(np.asarray, (0, 0.0, assembled, 0, 0)),
         blank_history(plan.iterations // plan.report_every + 1),
     )
 
 
-def _advance(state, step, batch, done):
-    """The state after one more step, and the loss before it."""
+def _evaluations(state: TrainingState, step: Step, batch: Batch) -> Iterator[TrainingState]:
+    """The states after each chunk of a step's evaluations."""
     start = time.perf_counter()
-    learner, cost, loss = step(state.learner, batch, done)
-    loss = float(loss)  # waits for the step
+    for learner, chunk, cost in step.evaluations(state.learner, batch, state.evaluated):
+        evaluated = np.array(state.evaluated)
+        evaluated[chunk] = True
+        costs = jax.block_until_ready(cost)
+        state = state._replace(
+            learner=learner,
+            evaluated=evaluated,
+            seconds=state.seconds + time.perf_counter() - start,
+            products=state.products + np.asarray(costs.products),
+            failed=state.failed + np.asarray(costs.failed),
+            idle_work=state.idle_work + np.asarray(costs.idle_work),
+        )
+        yield state
+        start = time.perf_counter()
+
+
+def _updated(state, step, batch, done):
+    """The state after the update that ends a step, and the loss before it."""
+    start = time.perf_counter()
+    learner, loss = step.updated(state.learner, batch, done)
+    loss = float(loss)  # waits for the update
     return state._replace(
         learner=learner,
+        evaluated=np.zeros_like(state.evaluated),
         iteration=state.iteration + 1,
         seconds=state.seconds + time.perf_counter() - start,
-        products=state.products + np.asarray(cost.products),
-        failed=state.failed + np.asarray(cost.failed),
-        idle_work=state.idle_work + np.asarray(cost.idle_work),
     ), loss
 
 

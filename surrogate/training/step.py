@@ -6,13 +6,15 @@ converged, a step is the update alone.
 """
 
 import dataclasses
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Bool, PyTree
 
+from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Partition, Sharded
 from surrogate.model.network import LoadNetwork
 from surrogate.training.methods.method import Batch, EvaluationCost, LabelStore, Method
@@ -44,21 +46,32 @@ class Step(NamedTuple):
     put_back: jax.stages.Compiled | None
     update: jax.stages.Compiled
 
-    def __call__(
-        self, state: LearnerState, batch: Batch, done: float
-    ) -> tuple[LearnerState, EvaluationCost, Array]:
-        """The next state, the cost of the evaluations, and the loss before the update."""
-        partition, cost = self.physics.partition, NO_COST
-        if state.labels.needs_evaluation(batch):
-            network = partition.devices.place(jax.tree.map(np.asarray, state.network))
-            for chunk in partition.chunks(batch):
-                state, more = self._evaluated(state, partition.devices.place(chunk), network)
-                cost = jax.tree.map(lambda a, b: a + int(b), cost, more)
-        labels, samples = partition.devices.local((state.labels, self.physics.samples))
+    def evaluations(
+        self, state: LearnerState, batch: Batch, evaluated: Bool[AnyArray, " samples"]
+    ) -> Iterator[tuple[LearnerState, Batch, EvaluationCost]]:
+        """Evaluate a batch chunk by chunk: the state, the samples and the cost after each.
+
+        Args:
+          state: before the step.
+          batch: indices of samples.
+          evaluated: samples that this step has evaluated already, before an interruption.
+        """
+        if not state.labels.needs_evaluation(batch):
+            return
+        partition = self.physics.partition
+        network = partition.devices.place(jax.tree.map(np.asarray, state.network))
+        for chunk in partition.chunks(batch, evaluated):
+            state, cost = self._evaluated(state, partition.devices.place(chunk), network)
+            yield state, chunk[chunk < self.physics.count], cost
+
+    def updated(self, state: LearnerState, batch: Batch, done: float) -> tuple[LearnerState, Array]:
+        """The state with an updated network, and the loss before the update."""
+        devices = self.physics.partition.devices
+        labels, samples = devices.local((state.labels, self.physics.samples))
         network, optimiser, loss = self.update(
             state.network, state.optimiser, labels, samples, batch, np.asarray(done)
         )
-        return state._replace(network=network, optimiser=optimiser), cost, loss
+        return state._replace(network=network, optimiser=optimiser), loss
 
     def _evaluated(self, state, batch, network):
         partition, stored = self.physics.partition, (self.physics.operators, state.velocities)
@@ -83,7 +96,8 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
     """Compile the programs of a method's steps, for batches of this size."""
     partition, devices = physics.partition, physics.partition.devices
     network = devices.place(jax.tree.map(np.asarray, start.network))
-    chunk, stored = devices.place(next(partition.chunks(batch))), start.velocities
+    chunk = devices.place(next(partition.chunks(batch, np.zeros(physics.count, bool))))
+    stored = start.velocities
 
     def lowered(function, arguments, results, donated=()):
         mapped = devices.shard_map(function, arguments, results)

@@ -172,7 +172,13 @@ def train_with_bar(
                 f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
             )
 
-        trained = run_training(plan, setup, checkpoint, report, method=method)
+        def evaluating(done: float, count: int, of: int) -> None:
+            if count < of:
+                update(done, f"flows {count} of {of}")
+
+        trained = run_training(
+            plan, setup, checkpoint, report, method=method, evaluating=evaluating
+        )
         if trained.stopped:
             update(1.0, f"{trained.stopped}; the last good weights are kept")
     return trained
