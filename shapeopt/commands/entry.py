@@ -13,6 +13,7 @@ COMMANDS = {  # word: module, what the command does
     "optimise": ("optimize_shape", "shape of least drag"),
     "sheet": ("design_sheet", "optimal bodies over Reynolds number and length"),
     "render": ("render_shapes", "pictures of optimised shapes"),
+    "export": ("export_surrogate", "a surrogate as C, Fortran, NumPy or ONNX"),
     "explore": ("explore", "a web page that evaluates a surrogate"),
     "march": ("march_flow", "time-accurate flow by jax-cfd, an independent check"),
     "payoff": ("payoff_command", "train all methods; after how many designs training pays"),

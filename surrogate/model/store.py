@@ -30,7 +30,7 @@ from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 
 FORMAT = 3
-RECORD, WEIGHTS = "surrogate.json", "weights.eqx"
+RECORD, WEIGHTS, CARD = "surrogate.json", "weights.eqx", "card.txt"
 # One surrogate per method, from one setup: of three seeds the one whose designs take fewest flows.
 PRETRAINED = Path(__file__).parent / "pretrained"
 BEST = "hig"  # the method of least mean error on held-out bodies
@@ -58,6 +58,7 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
             "versions": versions(),
         }
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
+        (part / CARD).write_text(surrogate.card, encoding="utf-8")
 
 
 def check_surrogate_folder(folder: str | Path) -> None:

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.checks import check_batch, finite_number, real_numbers, traced
 from surrogate.errors import InvalidInput
+from surrogate.model.card import model_card
 from surrogate.model.network import LoadNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
@@ -59,6 +60,11 @@ class Surrogate:
                     of = "" if name == "drag" else " of Cd"
                     rows[f"{text} error of {symbol}"] = f"{error:.3%}{of} on held-out bodies"
         return aligned(rows)
+
+    @property
+    def card(self) -> str:
+        """The model card: ranges, errors, method, flow, and what it must not be used for."""
+        return model_card(self.scene, self.record)
 
     def drag(
         self, parameters: Bodies, reynolds: Numbers, extrapolate: bool = False

@@ -56,13 +56,17 @@ def surrogate_of(
 
 
 def _errors(trained, setup):
-    """Mean and largest error on held-out bodies, over Cd, of the drag and where there is lift."""
+    """Errors on held-out bodies, over Cd, of the drag and where there is lift of all loads."""
     errors = np.asarray(load_errors(trained.network, setup.held_out, setup.labels.loads))
     return {
         f"{name}_error_{kind}": float(measure(column))
         for name, column in zip(LOAD_NAMES, errors.T, strict=False)
-        for kind, measure in (("mean", np.mean), ("max", np.max))
+        for kind, measure in (("mean", np.mean), ("p95", _p95), ("max", np.max))
     }
+
+
+def _p95(errors):
+    return np.percentile(errors, 95)
 
 
 def plan_differences(plan: Plan, record: JsonObject) -> str:

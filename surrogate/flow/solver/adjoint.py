@@ -119,8 +119,7 @@ def adjoint_solver(
     def solve(by_amplitude):
         goal = FlowState(jnp.zeros_like(state.velocity), -by_amplitude)
         first = gmres(matvec, precondition(single(goal)), *effort)
-        if effort.tolerance >= SINGLE_SUFFICES:
-            return first.x, Work(first.steps, first.converged)
+        enough = first.converged & (effort.tolerance >= SINGLE_SUFFICES)
         target = renewed(goal)
         size = optax.tree.norm(target)
 
@@ -140,7 +139,10 @@ def adjoint_solver(
             return x, remainder(x), steps + change.steps + 1, renewals + 1
 
         x = jax.tree.map(lambda leaf: leaf.astype(float), first.x)
-        start = (x, remainder(x), first.steps + 1, jnp.array(0))
+        left = jax.lax.cond(
+            enough, lambda: jax.tree.map(jnp.zeros_like, target), lambda: remainder(x)
+        )
+        start = (x, left, first.steps + jnp.where(enough, 0, 1), jnp.array(0))
         x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
         return x, Work(steps, optax.tree.norm(left) <= effort.tolerance * size)
 

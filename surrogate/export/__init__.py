@@ -1,0 +1,1 @@
+"""Surrogates as files that need no JAX: C, Fortran, NumPy, ONNX."""

@@ -1,0 +1,107 @@
+"""A surrogate as one C99 file; the algorithm is in ``templates/network.c`` and ``core.c``."""
+
+import math
+
+import numpy as np
+
+from surrogate.export.literals import Precision, template, wrapped
+from surrogate.export.plain import PlainNetwork
+
+LANES = 32  # cases that the batch function evaluates at once; of 8, 16 and 32 the fastest
+TERMS = {"double": 13, "single": 7}  # degree of exp's polynomial, whose error is below rounding
+TYPES = {
+    "double": {
+        "real": "double",
+        "suffix": "",
+        "bits": "uint64_t",
+        "magic": 2.0**52 + 2.0**51,
+        "mantissa": 52,
+        "offset": 1023,
+        "saturated": 20.0,
+        "ln2_high": 0.693145751953125,  # of few bits, so that products with powers are exact
+    },
+    "single": {
+        "real": "float",
+        "suffix": "##f",
+        "bits": "uint32_t",
+        "magic": 2.0**23 + 2.0**22,
+        "mantissa": 23,
+        "offset": 127,
+        "saturated": 10.0,
+        "ln2_high": 0.693145751953125,
+    },
+}
+
+
+def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) -> str:
+    """Return a C99 file with the functions PREFIX_loads and PREFIX_loads_batch."""
+    literal = _literal(precision)
+    kind = TYPES[precision.name]
+    numbers = ("magic", "saturated", "ln2_high")
+    terms = [1 / math.factorial(k) for k in range(TERMS[precision.name] + 1)]
+
+    def core(lanes):
+        text = template("core.c").replace("_L(", f"_{lanes}(").replace("[L]", f"[{lanes}]")
+        return (
+            text.replace("< L;", f"< {lanes};")
+            .replace("P_", f"{prefix}_")
+            .replace("Loads of L cases", f"Loads of {lanes} cases")
+        )
+
+    return template(
+        "network.c",
+        **{name: value for name, value in kind.items() if name not in numbers},
+        **{name: literal(kind[name]) for name in numbers},
+        ln2_low=literal(math.log(2) - kind["ln2_high"]),
+        log2e=literal(1 / math.log(2)),
+        last=literal(terms[-1]),
+        horner="\n".join(f"    e = e * rest + {literal(term)};" for term in terms[-2::-1]),
+        card="\n".join(f" * {line}".rstrip() for line in card.splitlines()),
+        prefix=prefix,
+        PREFIX=prefix.upper(),
+        inputs=", ".join(plain.inputs),
+        loads=", ".join(plain.loads),
+        count=len(plain.inputs),
+        outputs=len(plain.loads),
+        layers=len(plain.weights),
+        widest=max(plain.sizes),
+        nodes=sum(plain.sizes[:-1]),
+        lanes=LANES,
+        data=_data(plain, precision),
+        single=core(1),
+        batch=core(LANES),
+    )
+
+
+def _literal(precision):
+    suffix = "f" if precision.name == "single" else ""
+    return lambda value: precision.literal(value) + suffix
+
+
+def _data(plain, precision):
+    """The numbers as constant arrays."""
+    literal, (low, high) = _literal(precision), precision.ends(plain)
+
+    def array(name, values, kind="real"):
+        values = np.asarray(values)
+        sizes = "".join(f"[{size}]" for size in values.shape)
+        return f"static const {kind} {name}{sizes} = {{\n{_nested(values, literal)}\n}};"
+
+    def flat(arrays):
+        return np.concatenate([array.ravel() for array in arrays])
+
+    numbers = {
+        **{"SCALE": plain.scale, "SHIFT": plain.shift, "MIRROR": plain.mirror},
+        **{"LOW": low, "HIGH": high, "LEAST": plain.least, "MOST": plain.most},
+        **{"CONSTANT": plain.constant, "LINEAR": plain.linear, "QUADRATIC": plain.quadratic},
+        **{"WEIGHTS": flat(plain.weights), "BIASES": flat(plain.biases)},
+    }
+    whole = array("SIZES", np.array(plain.sizes), "int"), array("LOGS", plain.logs * 1, "int")
+    return "\n".join([*whole, *(array(name, values) for name, values in numbers.items())])
+
+
+def _nested(values, literal):
+    if values.ndim == 1:
+        write = str if values.dtype.kind == "i" else literal
+        return wrapped([write(value) for value in values])
+    return ",\n".join(f"    {{\n{_nested(row, literal)}\n    }}" for row in values)

@@ -1,0 +1,75 @@
+"""A surrogate as one Fortran 2003 module; the algorithm is in ``templates/network.f90``."""
+
+import numpy as np
+
+from surrogate.export.literals import Precision, template, wrapped
+from surrogate.export.plain import PARITY, PlainNetwork
+
+NUMBERS = 100  # in one DATA statement: the standard allows 255 continuation lines
+
+
+def fortran_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) -> str:
+    """Return a module PREFIX with the subroutines PREFIX_loads and PREFIX_loads_batch."""
+    return template(
+        "network.f90",
+        card="\n".join(f"! {line}".rstrip() for line in card.splitlines()),
+        prefix=prefix,
+        one=_literal(precision)(1.0),
+        inputs=", ".join(plain.inputs),
+        loads=", ".join(plain.loads),
+        count=len(plain.inputs),
+        outputs=len(plain.loads),
+        layers=len(plain.weights),
+        widest=max(plain.sizes),
+        nodes=sum(plain.sizes[:-1]),
+        data=_data(plain, precision),
+    )
+
+
+def _literal(precision):
+    def text(value):
+        plain = precision.literal(value)
+        if precision.name == "single":
+            return plain
+        return plain.replace("e", "d") if "e" in plain else f"{plain}d0"
+
+    return text
+
+
+def _data(plain, precision):
+    """The numbers as module variables that DATA statements set; arrays by columns."""
+    literal, (low, high) = _literal(precision), precision.ends(plain)
+
+    def flat(arrays):
+        return np.concatenate([array.ravel() for array in arrays])
+
+    numbers = {
+        **{"scale_": plain.scale, "shift_": plain.shift, "mirror": plain.mirror},
+        **{"parity": np.array(PARITY[: len(plain.loads)]), "low": low, "high": high},
+        **{"least": plain.least, "most": plain.most},
+        **{"constant": plain.constant, "linear": plain.linear.T},
+        **{"quadratic": plain.quadratic.T},
+        **{"weights": flat(plain.weights), "biases": flat(plain.biases)},
+    }
+    logs = ", ".join(".true." if log else ".false." for log in plain.logs)
+    lines = [
+        f"    integer, parameter :: sizes(layers + 1) = [{', '.join(map(str, plain.sizes))}]",
+        f"    logical, parameter :: logs(inputs_) = [{logs}]",
+    ]
+    for name, values in numbers.items():
+        flat_name = name if values.ndim == 1 else f"{name}_values"
+        lines.append(f"    real(rk), save :: {flat_name}({values.size})")
+        lines.extend(_statements(flat_name, values.ravel(order="F"), literal))
+        if values.ndim > 1:
+            shape = ", ".join(map(str, values.shape))
+            lines.append(f"    real(rk), save :: {name}({shape})")
+            lines.append(f"    equivalence ({name}, {flat_name})")
+    return "\n".join(lines)
+
+
+def _statements(name, values, literal):
+    for start in range(0, values.size, NUMBERS):
+        part = values[start : start + NUMBERS]
+        body = wrapped([literal(value) for value in part], indent="        ")
+        ends = ",".join(map(str, (start + 1, start + part.size)))
+        yield f"    data ({name}(i_), i_ = {ends}) / &\n" + " &\n".join(body.splitlines()) + " /"

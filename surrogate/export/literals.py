@@ -1,0 +1,52 @@
+"""Numbers as source text: exact in the precision of the export, in lines of bounded length."""
+
+import dataclasses
+import textwrap
+from importlib import resources
+from string import Template
+
+import numpy as np
+from jaxtyping import Float
+
+from surrogate.export.plain import PlainNetwork
+
+
+@dataclasses.dataclass(frozen=True)
+class Precision:
+    """A floating-point type: its numpy name, and how many digits write it exactly."""
+
+    name: str
+    dtype: str
+    digits: int
+
+    def literal(self, value: float) -> str:
+        """Return the shortest text, with a point or exponent, that is read back as this value."""
+        limits = np.finfo(self.dtype)
+        value = 0.0 if abs(value) < limits.tiny else np.clip(value, limits.min, limits.max)
+        value = np.dtype(self.dtype).type(value)
+        text = np.format_float_scientific(value, unique=True, trim="0")
+        return text.replace("e+00", "").replace("e-00", "")
+
+    def ends(self, plain: PlainNetwork) -> tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]:
+        """Return the ends of the trained ranges, wider by what rounding may add."""
+        size = 1 + np.abs(plain.low) + np.abs(plain.high)
+        slack = np.maximum(plain.slack, 4 * float(np.finfo(self.dtype).eps) * size)
+        return plain.low - slack, plain.high + slack
+
+
+PRECISIONS = {
+    "double": Precision("double", "float64", 17),
+    "single": Precision("single", "float32", 9),
+}
+
+
+def template(name: str, **values: object) -> str:
+    """Return a template of this package with its $names replaced."""
+    text = (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
+    return Template(text).substitute(values)
+
+
+def wrapped(texts: list[str], indent: str = "    ", width: int = 100) -> str:
+    """Return texts with commas between them, in indented lines."""
+    lines = textwrap.wrap(", ".join(texts), width - len(indent), break_on_hyphens=False)
+    return "\n".join(indent + line for line in lines)

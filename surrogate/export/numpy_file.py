@@ -1,0 +1,37 @@
+"""A surrogate as one Python file that needs NumPy alone; see ``templates/network.py.txt``."""
+
+import numpy as np
+
+from surrogate.export.literals import Precision, template
+from surrogate.export.plain import PARITY, PlainNetwork
+
+
+def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
+    """Return the source of a module with ``loads``, ``jacobian`` and ``status``."""
+
+    def nested(values):
+        if np.ndim(values) == 0:
+            return precision.literal(values)
+        return f"[{', '.join(map(nested, values))}]"
+
+    def arrays(values):
+        return "\n".join(f"    _array({nested(value)})," for value in values)
+
+    low, high = precision.ends(plain)
+    numbers = {"scale": plain.scale, "shift": plain.shift, "mirror": plain.mirror}
+    numbers |= {"parity": PARITY[: len(plain.loads)], "low": low, "high": high}
+    numbers |= {"least": plain.least, "most": plain.most, "constant": plain.constant}
+    numbers |= {"linear": plain.linear, "quadratic": plain.quadratic}
+    return template(
+        "network.py.txt",
+        card=card,
+        inputs=", ".join(plain.inputs),
+        loads=", ".join(plain.loads),
+        input_names=plain.inputs,
+        load_names=plain.loads,
+        dtype=precision.dtype,
+        logs=plain.logs.tolist(),
+        weights=arrays(plain.weights),
+        biases=arrays(plain.biases),
+        **{name: nested(values) for name, values in numbers.items()},
+    )

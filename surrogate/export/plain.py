@@ -1,0 +1,120 @@
+"""A surrogate's network as plain numbers: the one description that every export is written from.
+
+With u_k = log x_k for ratios of lengths and Re, else u_k = x_k, and z = scale * u + shift,
+
+    f(z) = constant + linear . z + z^T quadratic z + (W_3 tanh(W_2 tanh(W_1 z + b_1) + b_2) + b_3)
+
+for any number of hidden layers. The outputs y = (log Cd, Cl / Cd, Cm / Cd) are f itself, or with
+the mirror image z' = mirror * z of a body with lift (f(z) + parity * f(z')) / 2.
+"""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from surrogate.body.parameters import PARAMETERS, Kind
+from surrogate.files import JsonObject
+from surrogate.flow.loads import LOADS
+from surrogate.model.network import CORRECTION_SCALE
+from surrogate.model.ranges import ROUNDING
+from surrogate.model.surrogate import Surrogate
+from surrogate.scene.limits import REYNOLDS
+
+PARITY = (1.0, -1.0, -1.0)  # of Cd, Cl, Cm under the mirror image
+
+
+@dataclasses.dataclass(frozen=True)
+class PlainNetwork:
+    """The numbers of a network, and the ranges that its inputs are checked against.
+
+    Args:
+      inputs: names, the Reynolds number last.
+      loads: names, "cd" or "cd", "cl", "cm".
+      logs: which inputs enter by their logarithm.
+      scale: of the inputs.
+      shift: of the inputs.
+      mirror: factors from the scaled inputs of a body to those of its mirror image.
+      constant: of the trends.
+      linear: of the trends.
+      quadratic: of the trends, symmetric.
+      weights: of the layers; the last gives one correction a load.
+      biases: of the layers.
+      low: ends of the trained ranges, by the logarithm for Re alone.
+      high: likewise.
+      least: limits of valid inputs.
+      most: likewise.
+    """
+
+    inputs: tuple[str, ...]
+    loads: tuple[str, ...]
+    logs: Bool[np.ndarray, " inputs"]
+    scale: Float[np.ndarray, " inputs"]
+    shift: Float[np.ndarray, " inputs"]
+    mirror: Float[np.ndarray, " inputs"]
+    constant: Float[np.ndarray, " loads"]
+    linear: Float[np.ndarray, "loads inputs"]
+    quadratic: Float[np.ndarray, "loads inputs inputs"]
+    weights: tuple[Float[np.ndarray, "_ _"], ...]
+    biases: tuple[Float[np.ndarray, " _"], ...]
+    low: Float[np.ndarray, " inputs"]
+    high: Float[np.ndarray, " inputs"]
+    least: Float[np.ndarray, " inputs"]
+    most: Float[np.ndarray, " inputs"]
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Numbers of values from the inputs through the hidden layers to the loads."""
+        return (len(self.inputs), *(len(bias) for bias in self.biases))
+
+    @property
+    def slack(self) -> Float[np.ndarray, " inputs"]:
+        """By how much an input may exceed its trained range by rounding."""
+        return ROUNDING * (self.high - self.low + 1)
+
+    def record(self) -> JsonObject:
+        """Return all numbers as a JSON object, under their names."""
+        return {
+            name: [part.tolist() for part in value]
+            if name in ("weights", "biases")
+            else np.asarray(value).tolist()
+            for name, value in vars(self).items()
+        }
+
+
+def plain_network(surrogate: Surrogate) -> PlainNetwork:
+    """Return the numbers of a surrogate's network that the loads depend on."""
+    network, family = surrogate.network, surrogate.scene.family
+    inputs, heads = network.inputs, np.array(network.load_heads)
+    low, high = np.asarray(inputs.low, float), np.asarray(inputs.high, float)
+    width = np.where(high > low, high - low, 1.0)
+    count = low.size
+    rows, columns = np.triu_indices(count)
+    trends = np.array([np.asarray(trend, float) for trend in network.trends])
+    quadratic = np.zeros((len(heads), count, count))
+    quadratic[:, rows, columns] = trends[:, count + 1 :]
+    weights = [np.asarray(layer.weight, float) for layer in network.layers]
+    biases = [np.asarray(layer.bias, float) for layer in network.layers]
+    weights[-1] = CORRECTION_SCALE * weights[-1][heads]
+    biases[-1] = CORRECTION_SCALE * biases[-1][heads]
+    parameters = [PARAMETERS[name] for name in family.names]
+    bounds, reynolds = surrogate.ranges.bounds, REYNOLDS[surrogate.scene.dimension]
+    limits = [(p.low, p.high) if p.bounded else (-np.inf, np.inf) for p in parameters]
+    least, most = np.array([*limits, reynolds]).T
+    return PlainNetwork(
+        inputs=(*family.names, "reynolds"),
+        loads=tuple(LOADS)[: len(heads)],
+        logs=np.array([*(p.kind is Kind.RATIO for p in parameters), True]),
+        scale=2 / width,
+        shift=-2 * low / width - 1,
+        mirror=np.asarray(inputs.mirror, float),
+        constant=trends[:, 0],
+        linear=trends[:, 1 : count + 1],
+        quadratic=(quadratic + quadratic.swapaxes(1, 2)) / 2,
+        weights=tuple(weights),
+        biases=tuple(biases),
+        low=bounds[:, 0],
+        high=bounds[:, 1],
+        least=least,
+        most=most,
+    )

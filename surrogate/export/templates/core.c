@@ -1,0 +1,108 @@
+
+/* Outputs before they are made even or odd, and by[load][input] their derivatives in z. */
+static void P_outputs_L(real z[INPUTS][L], real f[LOADS][L], real by[LOADS][INPUTS][L],
+                        int with_derivatives)
+{
+    real trace[NODES][L];
+    for (int k = 0; k < INPUTS; k++)
+        for (int v = 0; v < L; v++) trace[k][v] = z[k][v];
+    int from = 0, to = INPUTS, weight = 0, bias = 0;
+    for (int layer = 0; layer < LAYERS; layer++) {
+        const int rows = SIZES[layer + 1], columns = SIZES[layer];
+        for (int i = 0; i < rows; i++) {
+            real sum[L];
+            for (int v = 0; v < L; v++) sum[v] = BIASES[bias + i];
+            for (int j = 0; j < columns; j++) {
+                const real w = WEIGHTS[weight + i * columns + j];
+                for (int v = 0; v < L; v++) sum[v] += w * trace[from + j][v];
+            }
+            if (layer < LAYERS - 1)
+                for (int v = 0; v < L; v++) trace[to + i][v] = P_tanh(sum[v]);
+            else
+                for (int v = 0; v < L; v++) f[i][v] = sum[v];
+        }
+        from = to;
+        to += rows;
+        weight += rows * columns;
+        bias += rows;
+    }
+    for (int l = 0; l < LOADS; l++) {
+        for (int v = 0; v < L; v++) f[l][v] += CONSTANT[l];
+        for (int i = 0; i < INPUTS; i++) {
+            real sum[L];
+            for (int v = 0; v < L; v++) sum[v] = 0;
+            for (int j = 0; j < INPUTS; j++) {
+                const real w = QUADRATIC[l][i][j];
+                for (int v = 0; v < L; v++) sum[v] += w * z[j][v];
+            }
+            for (int v = 0; v < L; v++) f[l][v] += (LINEAR[l][i] + sum[v]) * z[i][v];
+            if (with_derivatives)
+                for (int v = 0; v < L; v++) by[l][i][v] = LINEAR[l][i] + 2 * sum[v];
+        }
+    }
+    if (!with_derivatives) return;
+    for (int l = 0; l < LOADS; l++) { /* backpropagation */
+        real back[WIDEST][L], next[WIDEST][L];
+        int end = from, last = weight - LOADS * SIZES[LAYERS - 1];
+        for (int j = 0; j < SIZES[LAYERS - 1]; j++)
+            for (int v = 0; v < L; v++) back[j][v] = WEIGHTS[last + l * SIZES[LAYERS - 1] + j];
+        for (int layer = LAYERS - 2; layer >= 0; layer--) {
+            const int rows = SIZES[layer + 1], columns = SIZES[layer];
+            end -= rows;
+            last -= rows * columns;
+            for (int i = 0; i < rows; i++)
+                for (int v = 0; v < L; v++)
+                    back[i][v] *= 1 - trace[end + i][v] * trace[end + i][v];
+            for (int j = 0; j < columns; j++) {
+                real sum[L];
+                for (int v = 0; v < L; v++) sum[v] = 0;
+                for (int i = 0; i < rows; i++) {
+                    const real w = WEIGHTS[last + i * columns + j];
+                    for (int v = 0; v < L; v++) sum[v] += w * back[i][v];
+                }
+                for (int v = 0; v < L; v++) next[j][v] = sum[v];
+            }
+            for (int j = 0; j < columns; j++)
+                for (int v = 0; v < L; v++) back[j][v] = next[j][v];
+        }
+        for (int k = 0; k < INPUTS; k++)
+            for (int v = 0; v < L; v++) by[l][k][v] += back[k][v];
+    }
+}
+
+/* Loads of L cases at inputs[case][input]; jacobian[case][load][input] may be NULL. */
+static void P_cases_L(const real *inputs, real *loads, real *jacobian)
+{
+    real z[INPUTS][L], f[LOADS][L], by[LOADS][INPUTS][L] = {{{0}}};
+    for (int k = 0; k < INPUTS; k++)
+        for (int v = 0; v < L; v++) {
+            const real x = inputs[v * INPUTS + k];
+            z[k][v] = SCALE[k] * (LOGS[k] ? R(log)(x) : x) + SHIFT[k];
+        }
+    P_outputs_L(z, f, by, jacobian != NULL);
+    if (LOADS > 1) { /* the part that is even (Cd) or odd (Cl, Cm) under the mirror image */
+        real image[LOADS][L], by_image[LOADS][INPUTS][L] = {{{0}}};
+        for (int k = 0; k < INPUTS; k++)
+            for (int v = 0; v < L; v++) z[k][v] *= MIRROR[k];
+        P_outputs_L(z, image, by_image, jacobian != NULL);
+        for (int l = 0; l < LOADS; l++) {
+            const real parity = l ? -1 : 1;
+            for (int v = 0; v < L; v++) f[l][v] = (f[l][v] + parity * image[l][v]) / 2;
+            if (jacobian != NULL)
+                for (int k = 0; k < INPUTS; k++)
+                    for (int v = 0; v < L; v++)
+                        by[l][k][v] = (by[l][k][v] + parity * MIRROR[k] * by_image[l][k][v]) / 2;
+        }
+    }
+    for (int v = 0; v < L; v++) {
+        const real cd = R(exp)(f[0][v]);
+        for (int l = 0; l < LOADS; l++) loads[v * LOADS + l] = l ? cd * f[l][v] : cd;
+        if (jacobian == NULL) continue;
+        for (int k = 0; k < INPUTS; k++) {
+            const real step = SCALE[k] / (LOGS[k] ? inputs[v * INPUTS + k] : 1);
+            for (int l = 0; l < LOADS; l++)
+                jacobian[(v * LOADS + l) * INPUTS + k] =
+                    cd * step * (l ? by[l][k][v] + f[l][v] * by[0][k][v] : by[0][k][v]);
+        }
+    }
+}

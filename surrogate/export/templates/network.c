@@ -1,0 +1,109 @@
+/*
+$card
+ *
+ * C99, no library but libm, no allocation, no state: thread-safe. Compile with
+ *     cc -std=c99 -O3 -march=native -c FILE.c
+ * but without -ffast-math, which breaks the range reduction of tanh. For the declarations alone,
+ * #define ${PREFIX}_DECLARATIONS before #include "FILE.c".
+ *
+ * Inputs: $inputs.
+ * Loads: $loads.
+ */
+#ifndef ${PREFIX}_INCLUDED
+#define ${PREFIX}_INCLUDED
+#include <stddef.h>
+
+typedef $real ${prefix}_real;
+#define ${PREFIX}_INPUTS $count
+#define ${PREFIX}_LOADS $outputs
+
+/* Loads of one case. jacobian[load][input] = d loads / d inputs may be NULL.
+ * Returns 0 inside the trained ranges, 1 outside of them (extrapolated), 2 if an input is not finite
+ * or beyond what the flow solver accepts; loads and jacobian are untouched then. */
+int ${prefix}_loads(const ${prefix}_real *inputs, ${prefix}_real *loads, ${prefix}_real *jacobian);
+
+/* Loads of count cases: inputs[case][input], loads[case][load], jacobian[case][load][input] or NULL,
+ * status[case] as above or NULL. Returns the largest status. */
+int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_real *loads,
+                          ${prefix}_real *jacobian, unsigned char *status);
+#endif
+
+#ifndef ${PREFIX}_DECLARATIONS
+#include <float.h>
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+typedef ${prefix}_real real;
+enum { INPUTS = $count, LOADS = $outputs, LAYERS = $layers, WIDEST = $widest, NODES = $nodes,
+       LANES = $lanes };
+#define R(name) name$suffix
+
+$data
+
+/* Absolute error below 4 units of rounding of 1. Without branches or calls, so that compilers
+ * vectorise loops of it. */
+static inline real ${prefix}_tanh(real x)
+{
+    const real size = R(fabs)(x) < $saturated ? R(fabs)(x) : $saturated;
+    const real shifted = -2 * size * $log2e + $magic; /* its last bits hold the power of 2 */
+    const real power = shifted - $magic;
+    const real rest = (-2 * size - power * $ln2_high) - power * $ln2_low;
+    real e = $last;
+$horner
+    $bits scale;
+    memcpy(&scale, &shifted, sizeof scale);
+    scale = (scale + $offset) << $mantissa;
+    real two;
+    memcpy(&two, &scale, sizeof two);
+    e *= two; /* exp(-2 |x|) */
+    return R(copysign)((1 - e) / (1 + e), x);
+}
+$single
+$batch
+static int ${prefix}_status(const real *inputs)
+{
+    int status = 0;
+    for (int k = 0; k < INPUTS; k++) {
+        const real x = inputs[k];
+        if (!(x >= LEAST[k] && x <= MOST[k])) return 2;
+        const real u = k == INPUTS - 1 ? R(log)(x) : x;
+        if (u < LOW[k] || u > HIGH[k]) status = 1;
+    }
+    return status;
+}
+
+int ${prefix}_loads(const real *inputs, real *loads, real *jacobian)
+{
+    const int status = ${prefix}_status(inputs);
+    if (status < 2) ${prefix}_cases_1(inputs, loads, jacobian);
+    return status;
+}
+
+int ${prefix}_loads_batch(size_t count, const real *inputs, real *loads, real *jacobian,
+                          unsigned char *status)
+{
+    int worst = 0;
+    for (size_t start = 0; start < count; start += LANES) {
+        const real *x = inputs + start * INPUTS;
+        real *y = loads + start * LOADS, *by = NULL;
+        if (jacobian != NULL) by = jacobian + start * LOADS * INPUTS;
+        const int size = count - start < LANES ? (int)(count - start) : (int)LANES;
+        int each[LANES], most = 0;
+        for (int v = 0; v < size; v++) {
+            each[v] = ${prefix}_status(x + v * INPUTS);
+            if (each[v] > most) most = each[v];
+            if (status != NULL) status[start + (size_t)v] = (unsigned char)each[v];
+        }
+        if (most > worst) worst = most;
+        if (most < 2 && size == LANES)
+            ${prefix}_cases_$lanes(x, y, by);
+        else
+            for (int v = 0; v < size; v++)
+                if (each[v] < 2)
+                    ${prefix}_cases_1(x + v * INPUTS, y + v * LOADS,
+                                      by ? by + v * LOADS * INPUTS : NULL);
+    }
+    return worst;
+}
+#endif

@@ -1,0 +1,143 @@
+$card
+!
+! Fortran 2003, no library, no allocation, no state: thread-safe. Compile with
+!     gfortran -std=f2003 -O3 -march=native -c FILE.f90
+!
+! Inputs: $inputs.
+! Loads: $loads.
+module $prefix
+    implicit none
+    private
+    public :: ${prefix}_loads, ${prefix}_loads_batch
+    integer, parameter, public :: ${prefix}_kind = kind($one)
+    integer, parameter, public :: ${prefix}_inputs = $count, ${prefix}_outputs = $outputs
+    integer, parameter :: rk = ${prefix}_kind, inputs_ = $count, loads_ = $outputs
+    integer, parameter :: layers = $layers, widest = $widest, nodes = $nodes
+    integer :: i_
+$data
+
+contains
+
+    !> Loads of one case. status: 0 inside the trained ranges, 1 outside of them (extrapolated), 2 if
+    !> an input is not finite or beyond what the flow solver accepts; the loads are 0 then.
+    !> jacobian(load, input) = d loads / d inputs.
+    pure subroutine ${prefix}_loads(inputs, loads, status, jacobian)
+        real(rk), intent(in) :: inputs(inputs_)
+        real(rk), intent(out) :: loads(loads_)
+        integer, intent(out) :: status
+        real(rk), intent(out), optional :: jacobian(loads_, inputs_)
+        real(rk) :: z(inputs_), f(loads_), image(loads_), step(inputs_), cd
+        real(rk) :: by(loads_, inputs_), by_image(loads_, inputs_)
+        integer :: k, l
+
+        loads = 0
+        if (present(jacobian)) jacobian = 0
+        status = status_of(inputs)
+        if (status == 2) return
+        do k = 1, inputs_
+            step(k) = scale_(k)
+            z(k) = scale_(k) * inputs(k) + shift_(k)
+            if (logs(k)) then
+                z(k) = scale_(k) * log(inputs(k)) + shift_(k)
+                step(k) = scale_(k) / inputs(k)
+            end if
+        end do
+        call evaluate(z, f, by, present(jacobian))
+        if (loads_ > 1) then ! the part that is even (Cd) or odd (Cl, Cm) under the mirror image
+            call evaluate(mirror * z, image, by_image, present(jacobian))
+            do l = 1, loads_
+                f(l) = (f(l) + parity(l) * image(l)) / 2
+                if (present(jacobian)) by(l, :) = (by(l, :) + parity(l) * mirror * by_image(l, :)) / 2
+            end do
+        end if
+        cd = exp(f(1))
+        loads(1) = cd
+        loads(2:) = cd * f(2:)
+        if (present(jacobian)) then
+            f(1) = 0 ! Cd is no multiple of itself
+            do l = 1, loads_
+                jacobian(l, :) = cd * (by(l, :) + f(l) * by(1, :)) * step
+            end do
+        end if
+    end subroutine ${prefix}_loads
+
+    !> Loads of many cases: inputs(input, case), loads(load, case), jacobian(load, input, case).
+    pure subroutine ${prefix}_loads_batch(inputs, loads, status, jacobian)
+        real(rk), intent(in) :: inputs(:, :)
+        real(rk), intent(out) :: loads(:, :)
+        integer, intent(out) :: status(:)
+        real(rk), intent(out), optional :: jacobian(:, :, :)
+        integer :: case
+
+        do case = 1, size(inputs, 2)
+            if (present(jacobian)) then
+                call ${prefix}_loads(inputs(:, case), loads(:, case), status(case), jacobian(:, :, case))
+            else
+                call ${prefix}_loads(inputs(:, case), loads(:, case), status(case))
+            end if
+        end do
+    end subroutine ${prefix}_loads_batch
+
+    pure integer function status_of(inputs) result(status)
+        real(rk), intent(in) :: inputs(inputs_)
+        real(rk) :: values(inputs_)
+
+        status = 2
+        if (.not. all(inputs >= least .and. inputs <= most)) return ! so NaN is refused too
+        values = inputs
+        values(inputs_) = log(inputs(inputs_))
+        status = 0
+        if (any(values < low .or. values > high)) status = 1
+    end function status_of
+
+    !> Outputs before they are made even or odd, and their derivatives in the scaled inputs z.
+    pure subroutine evaluate(z, f, by, with_derivatives)
+        real(rk), intent(in) :: z(inputs_)
+        real(rk), intent(out) :: f(loads_), by(loads_, inputs_)
+        logical, intent(in) :: with_derivatives
+        real(rk) :: trace(nodes), values(widest), back(widest), next(widest), slope(inputs_)
+        integer :: layer, rows, columns, from, weight, bias, i, l
+
+        by = 0
+        trace(1:inputs_) = z
+        from = 0
+        weight = 0
+        bias = 0
+        do layer = 1, layers
+            rows = sizes(layer + 1)
+            columns = sizes(layer)
+            do i = 1, rows
+                values(i) = biases(bias + i) + dot_product( &
+                    weights(weight + (i - 1) * columns + 1:weight + i * columns), &
+                    trace(from + 1:from + columns))
+            end do
+            from = from + columns
+            if (layer < layers) trace(from + 1:from + rows) = tanh(values(1:rows))
+            weight = weight + rows * columns
+            bias = bias + rows
+        end do
+        do l = 1, loads_
+            slope = matmul(quadratic(:, :, l), z)
+            f(l) = constant(l) + dot_product(linear(:, l) + slope, z) + values(l)
+            if (.not. with_derivatives) cycle
+            columns = sizes(layers)
+            from = nodes
+            weight = size(weights) - loads_ * columns
+            back(1:columns) = weights(weight + (l - 1) * columns + 1:weight + l * columns)
+            do layer = layers - 1, 1, -1 ! backpropagation
+                rows = sizes(layer + 1)
+                columns = sizes(layer)
+                from = from - rows
+                weight = weight - rows * columns
+                back(1:rows) = back(1:rows) * (1 - trace(from + 1:from + rows)**2)
+                next(1:columns) = 0
+                do i = 1, rows
+                    next(1:columns) = next(1:columns) &
+                        + back(i) * weights(weight + (i - 1) * columns + 1:weight + i * columns)
+                end do
+                back(1:columns) = next(1:columns)
+            end do
+            by(l, :) = linear(:, l) + 2 * slope + back(1:inputs_)
+        end do
+    end subroutine evaluate
+end module $prefix

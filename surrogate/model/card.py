@@ -1,0 +1,62 @@
+"""The model card of a surrogate: what it predicts, how well, and what it must not be used for."""
+
+from surrogate.files import JsonObject
+from surrogate.scene.scene import Scene
+from surrogate.scene.stream import describe_stream
+from surrogate.versions import package_version
+
+KINDS = {"mean": "mean", "p95": "95 % below", "max": "largest"}  # of errors in a record
+METHODS = {
+    "dp": "differentiable physics",
+    "sip": "scale-invariant physics updates",
+    "hig": "half-inverse gradients",
+    "supervised": "supervised regression",
+}
+SYMBOLS = {"drag": "Cd", "lift": "Cl", "moment": "Cm"}
+
+
+def model_card(scene: Scene, record: JsonObject) -> str:
+    """Return the card of a surrogate as lines of text.
+
+    Args:
+      scene: on which it was trained.
+      record: of its training.
+    """
+    planar, lifting = scene.dimension == 2, not scene.family.body_class.symmetric
+    method, fidelity = str(record.get("method")), scene.fidelity
+    low, high = scene.reynolds
+    ranges = "; ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in scene.family.ranges)
+    force = "2 Fx per unit span" if planar else "8 Fx / pi"
+    size = "area pi D^2 / 4" if planar else "volume pi D^3 / 6"
+    loads = f"Cd = {force}"
+    if lifting:
+        loads += ", Cl likewise of Fy, Cm of the moment about the centroid, nose up"
+    held_out = record.get("held_out")
+    lines = [
+        f"Laminar aerodynamic surrogate, {scene.dimension}-D: {'Cd, Cl, Cm' if lifting else 'Cd'}",
+        f"Flow: steady, laminar, incompressible, in {describe_stream(scene.stream)}.",
+        f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
+        f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
+        f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
+        f"seed {record.get('seed')}.",
+        f"Errors over Cd on {held_out} unseen bodies, relative to the flow solver:",
+        *(f"  {line}" for line in _errors(record)),
+        f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "
+        f"drags within {100 * fidelity.promise:g} %, which comes on top.",
+        "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
+        "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",
+        f"Made by drag-surrogates {package_version()}, MIT licence.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _errors(record):
+    """One line for each load whose errors the record has."""
+    for load, symbol in SYMBOLS.items():
+        known = {
+            words: record[f"{load}_error_{kind}"]
+            for kind, words in KINDS.items()
+            if f"{load}_error_{kind}" in record
+        }
+        if known:
+            yield f"{symbol}: " + ", ".join(f"{k} {100 * e:.3f} %" for k, e in known.items())
