@@ -15,9 +15,22 @@ from surrogate.checks import traced
 QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
 
 
+# Devices wait for each other at the end of each chunk of bodies, and flows differ in cost; without
+# this XLA ends a process in which CPU cores wait for a minute.
+PATIENT = "--xla_cpu_collective_call_terminate_timeout_seconds=86400"
+
+
+def let_devices_wait() -> None:
+    """Add ``PATIENT`` to ``XLA_FLAGS``; before the first computation by JAX."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    if "terminate_timeout" not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {PATIENT}".strip()
+
+
 def quick_options() -> dict[str, bool | int]:
     """Return options by which XLA compiles quickly on a CPU; none where ``XLA_FLAGS`` is set."""
-    quick = jax.default_backend() == "cpu" and not os.environ.get("XLA_FLAGS")
+    own = os.environ.get("XLA_FLAGS", "").replace(PATIENT, "").strip()
+    quick = jax.default_backend() == "cpu" and not own
     return QUICK if quick else {}
 
 

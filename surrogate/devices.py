@@ -29,7 +29,6 @@ AXIS = "bodies"  # of the mesh
 # has been measured, 32 is a guess that fills it with moderate memory.
 LANES = {"cpu": 1}
 ACCELERATOR_LANES = 32
-PATIENCE = 86400  # seconds that a device waits for the others
 CHUNK = 64  # bodies per device whose fields are copied at once, at least: bounds the memory
 
 
@@ -54,22 +53,16 @@ class Devices:
         return self.mesh.size
 
     @property
-    def options(self) -> dict[str, str | int]:
+    def options(self) -> dict[str, str]:
         """Compiler options that make the results independent of the number of devices.
 
         XLA runs its algebraic simplifier once more on partitioned programs, which changes the
         rounding. Without that pass flows are the same everywhere, and 5 % slower on a CPU. Without
         it XLA's library of small products (YNNPACK, jaxlib 0.10) crashes now and then, so it is
-        left out too. Devices may wait for each other for hours, since flows differ in cost; by
-        default XLA ends the process after a minute.
+        left out too.
         """
-        if self.mesh.devices.flat[0].platform != "cpu":
-            return {}
-        return {
-            "xla_disable_hlo_passes": "algsimp,dot-library-rewriter",
-            "xla_cpu_collective_call_warn_stuck_timeout_seconds": PATIENCE,
-            "xla_cpu_collective_call_terminate_timeout_seconds": PATIENCE,
-        }
+        on_cpu = self.mesh.devices.flat[0].platform == "cpu"
+        return {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"} if on_cpu else {}
 
     def place(self, tree: PyTree) -> PyTree:
         """Put a pytree on the mesh: ``Sharded`` arrays split by body, all else replicated."""

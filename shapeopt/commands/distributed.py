@@ -19,6 +19,7 @@ import jax
 
 from shapeopt.commands.cli import LOST, Parser, ProcessLost
 from surrogate.checks import whole_number
+from surrogate.compilation import let_devices_wait
 from surrogate.errors import InvalidInput
 from surrogate.processes import join, scheduled
 
@@ -38,6 +39,7 @@ def use_devices(count: int | None) -> int | None:
         count = whole_number("--devices", count, 1, 4096)
         with contextlib.suppress(RuntimeError):  # JAX is running; choose_devices checks the number
             jax.config.update("jax_num_cpu_devices", count)
+        let_devices_wait()
     return count
 
 
