@@ -15,18 +15,17 @@ from shapeopt.commands import explore
 from shapeopt.commands.cli import run
 from shapeopt.render.page.page import page, reference_body, reference_name, write_page
 from surrogate import Family
+from surrogate.export.plain import plain_network
 
 
 @every
 def test_page_holds_the_weights_and_scales(name):
-    network, data = surrogate_of(name).network, json.loads(read(name).scripts["data"])
-    assert len(data["layers"]) == len(network.layers)
-    for saved, layer in zip(data["layers"], network.layers, strict=True):
-        np.testing.assert_array_equal(saved["weight"], layer.weight)
-        np.testing.assert_array_equal(saved["bias"], layer.bias)
-    for scale in ("low", "high"):
-        np.testing.assert_array_equal(data[scale], getattr(network.inputs, scale))
-    np.testing.assert_array_equal(data["trends"], network.trends)
+    plain, data = plain_network(surrogate_of(name)), json.loads(read(name).scripts["data"])
+    for part in ("weights", "biases"):
+        for saved, own in zip(data[part], getattr(plain, part), strict=True):
+            np.testing.assert_array_equal(saved, own)
+    for part in ("logs", "scale", "shift", "mirror", "constant", "linear", "quadratic"):
+        np.testing.assert_array_equal(data[part], getattr(plain, part))
 
 
 @every

@@ -2,60 +2,53 @@
 const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 function makeNetwork(data) {
-  const { layers, trends, heads, reach, low, high, ratios, mirror } = data;
-  const span = high.map((b, k) => b - low[k] || 1); // 1 where the scene has one Reynolds number
+  const { logs, scale, shift, mirror, constant, linear, quadratic, weights, biases } = data;
   const PARITY = [1, -1, -1]; // of the mirror image: equal drag, opposite lift and moment
 
-  const affine = ({ weight, bias }, x) => weight.map((row, i) => dot(row, x) + bias[i]);
-
-  // A quadratic trend of the scaled inputs z and its gradient; coefficients of 1, z, z_i z_j (j >= i).
-  function quadratic(trend, z) {
-    const count = z.length;
-    let [value, place] = [trend[0], count + 1];
-    const slopes = trend.slice(1, count + 1);
-    z.forEach((x, i) => (value += trend[1 + i] * x));
-    for (let i = 0; i < count; i++) {
-      for (let j = i; j < count; j++, place++) {
-        value += trend[place] * z[i] * z[j];
-        slopes[i] += trend[place] * z[j];
-        slopes[j] += trend[place] * z[i];
-      }
-    }
-    return { value, slopes };
+  // The quadratic trend of a load at scaled inputs z, and its gradient.
+  function trend(load, z) {
+    const product = quadratic[load].map((row) => dot(row, z));
+    return {
+      value: constant[load] + dot(linear[load], z) + dot(product, z),
+      slopes: linear[load].map((slope, i) => slope + 2 * product[i]),
+    };
   }
 
   // Every layer's inputs, and the gradient of a weighted sum of the last ones, by backpropagation.
   function forward(z) {
     const trace = [z];
-    for (const layer of layers.slice(0, -1)) trace.push(affine(layer, trace.at(-1)).map(Math.tanh));
+    for (let k = 0; k < weights.length - 1; k++) {
+      const last = trace.at(-1);
+      trace.push(weights[k].map((row, i) => Math.tanh(dot(row, last) + biases[k][i])));
+    }
     return trace;
   }
 
-  function backward(trace, weights) {
-    let back = weights;
-    for (let k = layers.length - 2; k >= 0; k--) {
+  function backward(trace, row) {
+    let back = row;
+    for (let k = weights.length - 2; k >= 0; k--) {
       const slope = trace[k + 1].map((y, i) => (1 - y * y) * back[i]);
-      back = trace[k].map((_, j) => slope.reduce((sum, s, i) => sum + s * layers[k].weight[i][j], 0));
+      back = trace[k].map((_, j) => slope.reduce((sum, s, i) => sum + s * weights[k][i][j], 0));
     }
     return back;
   }
 
   // The outputs at scaled inputs before they are made even or odd, and if asked for their gradients.
   function unsymmetric(z, sloped) {
-    const [trace, last] = [forward(z), layers.at(-1)];
-    return heads.map((head, k) => {
-      const trend = quadratic(trends[k], z);
-      const value = trend.value + reach * (dot(last.weight[head], trace.at(-1)) + last.bias[head]);
+    const trace = forward(z);
+    return weights.at(-1).map((row, load) => {
+      const own = trend(load, z);
+      const value = own.value + dot(row, trace.at(-1)) + biases.at(-1)[load];
       if (!sloped) return { value, slopes: [] };
-      const back = backward(trace, last.weight[head]);
-      return { value, slopes: trend.slopes.map((slope, i) => slope + reach * back[i]) };
+      const back = backward(trace, row);
+      return { value, slopes: own.slopes.map((slope, i) => slope + back[i]) };
     });
   }
 
   // Log Cd is even and the others odd where a body changes to its mirror image.
   function symmetric(z, sloped) {
     const own = unsymmetric(z, sloped);
-    if (heads.length === 1) return own;
+    if (own.length === 1) return own;
     const image = unsymmetric(z.map((x, i) => mirror[i] * x), sloped);
     return own.map(({ value, slopes }, k) => ({
       value: (value + PARITY[k] * image[k].value) / 2,
@@ -65,9 +58,9 @@ function makeNetwork(data) {
 
   // Log Cd (, Cl / Cd, Cm / Cd), each with its gradient in the shape parameters if asked for.
   function outputs(parameters, re, sloped = true) {
-    const inputs = [...parameters.map((x, k) => (k < ratios ? Math.log(x) : x)), Math.log(re)];
-    const chain = parameters.map((x, k) => (k < ratios ? 2 / x : 2) / span[k]);
-    const z = inputs.map((x, k) => (2 * (x - low[k])) / span[k] - 1);
+    const inputs = [...parameters, re];
+    const chain = parameters.map((x, k) => scale[k] / (logs[k] ? x : 1));
+    const z = inputs.map((x, k) => scale[k] * (logs[k] ? Math.log(x) : x) + shift[k]);
     return symmetric(z, sloped).map(({ value, slopes }) => ({
       value,
       gradient: slopes.slice(0, chain.length).map((slope, k) => slope * chain[k]),
@@ -87,5 +80,5 @@ function makeNetwork(data) {
     ];
   }
 
-  return { outputs, loads, lifting: heads.length > 1 };
+  return { outputs, loads, lifting: constant.length > 1 };
 }

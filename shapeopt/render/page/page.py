@@ -19,8 +19,8 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.body.family import Family
 from surrogate.body.parameters import PARAMETERS, Kind
+from surrogate.export.plain import plain_network
 from surrogate.files import JsonObject, whole_file
-from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.stream import describe_stream
 
@@ -29,6 +29,10 @@ SCRIPTS = {
     "model": ("network.js", "family.js", "model.js"),
     "view": ("drawing.js", "curves.js", "view.js"),
 }
+NUMBERS = (  # of the plain network that network.js evaluates
+    *("logs", "scale", "shift", "mirror"),
+    *("constant", "linear", "quadratic", "weights", "biases"),
+)
 START = 1.6  # aspect of the body shown first, over the reference body's
 START_INCIDENCE = 4.0  # degrees, of the body shown first
 ROOM_FOR_LIFT = 1.7  # least height in D of the frame of bodies with lift
@@ -70,18 +74,9 @@ def _text(name: str) -> str:
 
 def page_data(surrogate: Surrogate) -> JsonObject:
     """The weights, scales and bounds that the page's script needs, as a JSON object."""
-    network, family = surrogate.network, surrogate.scene.family
+    family, numbers = surrogate.scene.family, plain_network(surrogate).record()
     return {
-        "layers": [
-            {"weight": np.asarray(layer.weight).tolist(), "bias": np.asarray(layer.bias).tolist()}
-            for layer in network.layers
-        ],
-        "trends": [np.asarray(trend).tolist() for trend in network.trends],
-        "heads": list(network.load_heads),
-        "mirror": network.inputs.mirror.tolist(),
-        "reach": CORRECTION_SCALE,
-        "low": np.asarray(network.inputs.low).tolist(),
-        "high": np.asarray(network.inputs.high).tolist(),
+        **{name: numbers[name] for name in NUMBERS},
         "names": list(family.names),
         "modes": list(family.body_class.modes),
         "camberModes": list(family.body_class.camber_modes),

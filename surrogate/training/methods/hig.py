@@ -49,8 +49,9 @@ class HalfInverseGradients(Method):
 
     The optimiser's state is the number of steps so far.
     ``kappa`` 1 is Gauss-Newton, -1 gradient descent. With ``vectors``, that many Lanczos vectors
-    replace the dense inverse, and the Jacobian is never formed. ``limited`` keeps every step from
-    exceeding Gauss-Newton's (``partial_inverse``), without which networks of three loads oscillate.
+    replace the dense inverse, and the Jacobian is never formed. ``limited`` keeps steps
+    within 1.5 times Gauss-Newton's (``partial_inverse``), without which networks of three loads
+    oscillate; those of drag alone have no singular value so large that it matters.
     ``batch`` exceeds the presets' samples, so that all are one batch.
     """
 

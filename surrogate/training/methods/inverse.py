@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 LinearMap = Callable[[Array], Array]
+OVERSHOOT = 1.5  # times Gauss-Newton's step, at most, where steps are limited
 EXHAUSTED = 1e-13  # a Lanczos vector of this relative length is rounding error
 
 
@@ -26,9 +27,9 @@ def partial_inverse(
 ) -> Float[Array, " weights"]:
     """Dense, by the eigendecomposition of the smaller of J J^T and J^T J.
 
-    Singular values up to ``tau`` times the largest are dropped. With ``limited`` those above 1 are
-    inverted fully: there S^-kappa would step further than Gauss-Newton's 1 / S, which reaches the
-    minimum of the linearised problem, and beyond S = 4 so far (kappa = 1/2) that residuals grow.
+    Singular values up to ``tau`` times the largest are dropped. With ``limited`` no component of
+    the step exceeds 1.5 times Gauss-Newton's 1 / S, which reaches the minimum of the linearised
+    problem: S^-kappa does for kappa = 1/2 where S > 2.25, and beyond S = 4 residuals grow.
     """
     rows, weights = jacobian.shape
     if rows <= weights:
@@ -60,7 +61,7 @@ def partial_inverse_lanczos(
       tau: singular values up to ``tau`` times the largest are dropped.
       kappa: exponent of the inverse.
       vectors: number of Lanczos vectors; each takes one product with J and one with J^T.
-      limited: invert singular values above 1 fully, as ``partial_inverse``.
+      limited: no component exceeds 1.5 times Gauss-Newton's step, as in ``partial_inverse``.
     """
     size = jnp.linalg.norm(y)
 
@@ -86,9 +87,9 @@ def partial_inverse_lanczos(
 
 
 def _powers(squares, tau, kappa, limited):
-    """S^-(1 + kappa) of ascending squares S^2, if limited at most S^-2; zero where truncated."""
+    """S^-(1 + kappa) of ascending squares S^2, if limited at most 1.5 S^-2; 0 where truncated."""
     S = jnp.sqrt(jnp.maximum(squares, 0.0))
     kept = tau * S[-1] < S
     S = jnp.where(kept, S, 1.0)
     powers = S ** -(1 + kappa)
-    return jnp.where(kept, jnp.minimum(powers, S**-2) if limited else powers, 0.0)
+    return jnp.where(kept, jnp.minimum(powers, OVERSHOOT * S**-2) if limited else powers, 0.0)
