@@ -348,6 +348,15 @@ def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
     assert again["drags"] == result["drags"]
 
 
+def test_export(tmp_path, capsys):
+    out = tmp_path / "drag.c"
+    arguments = ("--to", "c", "--prefix", "drag", "--precision", "single", "--out", str(out))
+    assert answer(capsys, "export_surrogate", *arguments)["bytes"] == out.stat().st_size
+    assert "int drag_loads(const drag_real *inputs" in out.read_text()
+    assert call("export_surrogate", "--to", "c", "--out", str(tmp_path / "drag.f90")) == 2
+    assert "must name a file that ends in .c" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("script", sorted(path.name for path in (ROOT / "scripts").glob("*.py")))
 def test_help_tells_examples_and_statuses(script, capsys):
     with pytest.raises(SystemExit) as ended:

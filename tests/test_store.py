@@ -14,7 +14,7 @@ import pytest
 from surrogate import Family, Flow, InvalidInput, Scene, Surrogate, load, save
 from surrogate.leaves import write_leaves
 from surrogate.model.network import blank_network
-from surrogate.model.store import BEST
+from surrogate.model.store import BEST, CARD, PRETRAINED
 from surrogate.training.loop import load_errors
 from surrogate.training.plan import METHODS, make_plan
 from surrogate.training.record import plan_differences
@@ -253,6 +253,17 @@ def test_what_would_help_an_inaccurate_surrogate():
 def test_what_ships_is_accurate():
     for method in (*METHODS, "space"):
         assert load(f"pretrained:{method}").inaccuracy is None
+
+
+@pytest.mark.parametrize("folder", sorted(PRETRAINED.iterdir()), ids=lambda path: path.name)
+def test_the_model_card_of_what_ships(folder):
+    """It is in the folder, and has the errors of the record and the ranges of the scene."""
+    surrogate = load(f"pretrained:{folder.name}")
+    card = (folder / CARD).read_text(encoding="utf-8")
+    assert card == surrogate.card
+    assert f"mean {100 * surrogate.record['drag_error_mean']:.3f} %" in card
+    for name, (low, high) in surrogate.scene.family.ranges:
+        assert f"{name} {low:g} to {high:g}" in card
 
 
 def test_golden_pretrained_surrogate_on_unseen_bodies():

@@ -7,10 +7,10 @@ python scripts/optimize_shape.py --reynolds 1,10,40 --weights 1,2,1 --until flow
 python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --reynolds 40 \
     --max-thickness 0.5 --out out/flat
 python scripts/optimize_shape.py --reynolds 20 --spread 0.3 --cvar 0.9 --out out/robust
-python scripts/optimize_shape.py --surrogate none --scene scripts/lift.toml --reynolds 40 \
-    --objective glide --out out/glider
-python scripts/optimize_shape.py --surrogate none --scene scripts/lift.toml --reynolds 40 \
-    --lift 0.3 --max-moment 0.1 --out out/vane
+python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --objective glide \
+    --out out/glider
+python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.3 \
+    --max-moment 0.1 --out out/vane
 
 The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at
 that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar

@@ -32,6 +32,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
     if lifting:
         loads += ", Cl likewise of Fy, Cm of the moment about the centroid, nose up"
     held_out = record.get("held_out")
+    version = record.get("versions", {}).get("drag-surrogates") or package_version()
     lines = [
         f"Laminar aerodynamic surrogate, {scene.dimension}-D: {'Cd, Cl, Cm' if lifting else 'Cd'}",
         f"Flow: steady, laminar, incompressible, in {describe_stream(scene.stream)}.",
@@ -45,7 +46,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"drags within {100 * fidelity.promise:g} %, which comes on top.",
         "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
         "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",
-        f"Made by drag-surrogates {package_version()}, MIT licence.",
+        f"Made by drag-surrogates {version}, MIT licence.",
     ]
     return "\n".join(lines) + "\n"
 

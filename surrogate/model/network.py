@@ -17,7 +17,7 @@ from surrogate.model.outputs import OutputModel
 from surrogate.scene.scene import Scene
 
 CORRECTION_SCALE = 0.3  # of the outputs about their trend, per unit of the MLP's output
-WIDTH = 20  # of both hidden layers
+WIDTH, LIFTING_WIDTH = 20, 32  # of both hidden layers, for drag alone and for three loads
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
 
@@ -137,7 +137,7 @@ def make_network(
     reynolds: Float[AnyArray, " samples"],
     oseen: Float[AnyArray, "samples modes"],
     outputs: Float[AnyArray, "samples loads"],
-    width: int = WIDTH,
+    width: int | None = None,
 ) -> LoadNetwork:
     """Initial network of a scene: its trends are fitted to the Oseen loads of the samples.
 
@@ -148,8 +148,9 @@ def make_network(
       reynolds: of the training samples.
       oseen: traction modes of their Oseen flows.
       outputs: log Cd (, Cl / Cd, Cm / Cd) of their Oseen flows.
-      width: of both hidden layers.
+      width: of both hidden layers; by default 20, and 32 where there is lift.
     """
+    width = width or (WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
     z = jax.vmap(inputs)(parameters, reynolds)
     features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, inputs.mirror * z))

@@ -23,6 +23,7 @@ from surrogate.files import (
 )
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
+from surrogate.model.card import model_card
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import LoadNetwork, blank_network, head_count
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
@@ -58,7 +59,7 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
             "versions": versions(),
         }
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
-        (part / CARD).write_text(surrogate.card, encoding="utf-8")
+        (part / CARD).write_text(model_card(surrogate.scene, record), encoding="utf-8")
 
 
 def check_surrogate_folder(folder: str | Path) -> None:
@@ -71,7 +72,8 @@ def load(name: str | Path) -> Surrogate:
 
     Args:
       name: a folder; ``"pretrained"`` for the most accurate one in 2-D, ``"pretrained:METHOD"`` for
-        that of a method, ``"pretrained:space"`` for the one in 3-D.
+        that of a method, ``"pretrained:lift"`` for the one of sections with camber and incidence in
+        2-D, ``"pretrained:space"`` for the one in 3-D.
 
     A surrogate of large error (``Surrogate.inaccuracy``) is loaded with a warning.
 

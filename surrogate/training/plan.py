@@ -28,6 +28,7 @@ PUBLISHED: dict[MethodName, Callable[..., Method]] = {
     "supervised": functools.partial(Supervised, modes=1.0, slopes=0.0),
 }
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
+LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
 REPORTS = 15  # points in a training's history, about
 FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
 
@@ -119,10 +120,13 @@ def make_plan(
         budget_seconds = finite_number("budget in seconds", budget_seconds)
         if not 1 <= budget_seconds < 1e6:
             raise InvalidInput(f"budget {budget_seconds:g} s: from 1 to below 1e6")
+    scene = Scene() if scene is None else scene
     iterations = ((published and chosen.published) or chosen.iterations)[method]
+    if not scene.family.body_class.symmetric:
+        iterations *= LIFTING_STEPS
     return Plan(
         method=method,
-        scene=Scene() if scene is None else scene,
+        scene=scene,
         samples=whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6),
         held_out=chosen.held_out,
         iterations=10**6 if budget_seconds else iterations,
