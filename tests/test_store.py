@@ -71,6 +71,7 @@ def test_files_of_the_users_own_stay(folder):
     save(folder, load("pretrained"))
     assert (folder / "notes.txt").read_text() == "keep me"
     assert sorted(path.name for path in folder.iterdir()) == [
+        "card.txt",
         "notes.txt",
         "surrogate.json",
         "weights.eqx",

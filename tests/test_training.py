@@ -439,7 +439,8 @@ def test_train_saves_what_it_returns(tiny_scene, tmp_path, capfd):
     for key, value in {"method": "hig", "samples": 24, "seed": 3, "held_out": 48}.items():
         assert loaded.recorded(key) == value
     assert 0 < loaded.recorded("drag_error_mean") < loaded.recorded("drag_error_max")
-    assert sorted(path.name for path in out.iterdir()) == ["surrogate.json", "weights.eqx"]
+    names = ["card.txt", "surrogate.json", "weights.eqx"]
+    assert sorted(path.name for path in out.iterdir()) == names
 
 
 @pytest.mark.slow
