@@ -9,6 +9,7 @@ DRAFT = Flow(Scene(dimension=3, reynolds=(0.01, 100), fidelity="draft"))
 SPHERE = family_shape({"aspect": 1.0}, dimension=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 2e-5, 3e-5])
 def test_golden_small_particles_settle_by_stokes(size):
     """w = (s - 1) g D^2 / 18 nu, less Oseen's 3/16 Re; the smallest has Re 9e-7."""

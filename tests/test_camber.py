@@ -244,6 +244,7 @@ def test_taylor_remainders_of_every_load_in_camber_and_incidence():
     assert np.all(rates[-1] > 1.9), f"remainders {remainders}, rates {rates}"
 
 
+@pytest.mark.slow
 def test_every_gradient_of_the_drag_has_camber_and_incidence():
     gradient = jax.grad(FLOW.drag)(BODY, 10.0)
     quick = FLOW.slope(BODY, 10.0)
@@ -253,6 +254,7 @@ def test_every_gradient_of_the_drag_has_camber_and_incidence():
     assert np.allclose([solved[name] for name in FAMILY.names], gradient, rtol=1e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_level_body_is_solved_whole_where_the_gradient_in_its_incidence_is_wanted():
     body = family_shape({"aspect": 2.0, "incidence": 0.0})
     assert FLOW.solve(body, 10.0, estimate=False).domain.lattice.symmetric

@@ -295,6 +295,7 @@ def test_several_reynolds_numbers_to_the_flows_optimum(capsys, trained, tmp_path
     assert result["reynolds"] == 40
 
 
+@pytest.mark.slow
 def test_a_memory_makes_the_same_design_nearly_free(capsys, trained, tmp_path):
     memory = tmp_path / "flows.json"
     arguments = ["--surrogate", trained, "--reynolds", "20", "--until", "flow", "--memory", memory]
@@ -313,6 +314,7 @@ def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path):
     assert result["flows"] > 1
 
 
+@pytest.mark.slow
 def test_march(capsys, tmp_path):
     arguments = ["--aspect", "1", "--chord-reynolds", "20", "--time", "5", "--height", "6"]
     result = answer(capsys, "march_flow", *arguments, "--out", tmp_path / "march")

@@ -110,6 +110,7 @@ def test_designs_from_nothing_are_the_flows_own(tiny_scene, objective, constrain
     assert design.green_applications > 0
 
 
+@pytest.mark.slow
 def test_every_design_is_cheaper_than_the_last_and_files_remember(tiny_scene, tmp_path):
     file = tmp_path / "flows.json"
     designer = Designer(Flow(tiny_scene), file)
@@ -252,6 +253,7 @@ def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path, unch
         optimise(Problem(slender, Weighted((5.0, 20.0), (1.0, 1.0))), Flow(slender))
 
 
+@pytest.mark.slow
 def test_a_search_that_does_not_settle_gives_its_best_body_where_that_will_do(monkeypatch):
     """One step of SQP settles nowhere; a design on the flow takes what it came to."""
     net = load("pretrained")

@@ -38,7 +38,10 @@ def lifting():
     return Surrogate(network, scene, {"method": "hig", "samples": 40, "held_out": 8})
 
 
-@pytest.fixture(scope="module", params=["pretrained", "pretrained:space", "lifting"])
+SURROGATES = ["pretrained", pytest.param("pretrained:space", marks=pytest.mark.slow), "lifting"]
+
+
+@pytest.fixture(scope="module", params=SURROGATES)
 def surrogate(request):
     if request.param == "lifting":
         return request.getfixturevalue("lifting")

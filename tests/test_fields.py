@@ -95,6 +95,7 @@ def test_a_foreign_folder_is_refused_and_kept(cylinder, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
 
 
+@pytest.mark.slow
 def test_a_3d_flow_is_written_and_read_back(ellipsoid, tmp_path):
     s = ellipsoid
     assert s.w.shape == (len(s.x), len(s.y), len(s.z))

@@ -146,6 +146,7 @@ def test_cases_outside_the_trained_range_are_cut_off(pretrained, spread):
         candidates(Problem(Scene(reynolds=(1.0, 40.0)), Robust(1.0, LogNormal(2.0))))
 
 
+@pytest.mark.slow
 def test_robust_costs_more_than_its_middle_and_cvar_more_than_the_mean(pretrained):
     at, mean, worst = (
         optimise(Problem(pretrained.scene, objective), pretrained).objective

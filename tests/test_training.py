@@ -48,7 +48,12 @@ def initial_error(setup):
 
 @pytest.mark.parametrize(
     ("method", "iterations", "factor"),
-    [("sip", 9, 0.4), ("supervised", 9, 0.4), ("hig", 4, 0.4), ("dp", 60, 0.4)],
+    [
+        ("sip", 9, 0.4),
+        ("hig", 4, 0.4),
+        pytest.param("supervised", 9, 0.4, marks=pytest.mark.slow),
+        pytest.param("dp", 60, 0.4, marks=pytest.mark.slow),
+    ],
 )
 def test_every_method_learns(plan, setup, method, iterations, factor):
     plan = dataclasses.replace(plan, method=method, iterations=iterations, report_every=1)
@@ -197,7 +202,7 @@ def interrupt(point, done):
 
 @pytest.mark.parametrize(
     "method",
-    [m if m in ("sip", "hig") else pytest.param(m, marks=pytest.mark.slow) for m in METHODS],
+    [m if m == "sip" else pytest.param(m, marks=pytest.mark.slow) for m in METHODS],
 )
 def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, tmp_path):
     plan = dataclasses.replace(plan, method=method)

@@ -31,6 +31,7 @@ def test_a_symmetric_body_has_one_drag_on_the_whole_and_on_half_the_tunnel(
     assert whole.moment == pytest.approx(0, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reynolds", [1.0, 20.0])
 def test_walls_raise_drag_lift_and_moment_of_an_ellipse_at_incidence(reynolds):
     """They fall monotonically to those of the unbounded stream as the walls move away."""
