@@ -27,7 +27,7 @@ FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far 
 # of slender sections at Re 100; retraction instead of the slip law costs up to 1 % of Cd.
 LIFTING_HARMONICS, SLIP_SHARE = 12 / 7, 1.0
 # Of the modes of lifting bodies: a choice. Beyond, singular values on the edge of the box of known
-# responses are below 2 % of the largest; study ``lift_cost`` compares Krylov vectors.
+# responses are below 2 % of the largest, and flows take as many Krylov vectors as with all modes.
 FAR_COMBINATIONS = 8
 LEAST_EXTENT = 4.0  # D, of the box around a fitted body; larger ones have twice that, and so on
 MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
