@@ -1,7 +1,7 @@
 """Draw the optimal bodies of a surrogate over Reynolds number and maximum length, or over lift.
 
 python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out sheet.png
-python scripts/design_sheet.py --surrogate out/sections --reynolds 40 --lifts 0:0.6:7 \
+python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts 0:0.6:7 \
     --out bucket.png
 
 With --lifts: the bodies of least Cd whose Cl is at least each of these, and the one of the best

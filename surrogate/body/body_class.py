@@ -203,8 +203,7 @@ class BodyClass(abc.ABC):
 
     def is_valid(self, parameters: Float[AnyArray, " parameters"]) -> Bool[Array, ""]:
         """Whether ``check`` accepts a body; its parameters may be traced."""
-        limits = [(p.low, p.high) if p.bounded else (-np.inf, np.inf) for p in self.parameters]
-        low, high = np.array(limits).T
+        low, high = np.array([p.limits for p in self.parameters]).T
         sound = jnp.isfinite(parameters).all() & ((parameters >= low) & (parameters <= high)).all()
         return sound & (self.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO)
 

@@ -4,6 +4,7 @@ A new parameter is one more row of ``PARAMETERS`` and its use in the body classe
 """
 
 import enum
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -46,6 +47,11 @@ class Parameter(NamedTuple):
     def bounded(self) -> bool:
         """Whether its limits hold for every body; those of sine modes follow from the thickness."""
         return self.kind is not Kind.SINE
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Least and greatest value of every body; infinite where they follow from the thickness."""
+        return (self.low, self.high) if self.bounded else (-math.inf, math.inf)
 
     @property
     def keeps_mirror_plane(self) -> bool:

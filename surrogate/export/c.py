@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
-from surrogate.export.literals import Precision, template, wrapped
+from surrogate.export.literals import Precision, flat, sizes_and_names, template, wrapped
 from surrogate.export.plain import PlainNetwork
 
-LANES = 32  # cases that the batch function evaluates at once; of 8, 16 and 32 the fastest
+BLOCK = 32  # cases that the batch function evaluates at once: faster than 16
 TERMS = {"double": 13, "single": 7}  # degree of exp's polynomial, whose error is below rounding
+LN2_HIGH = 0.693145751953125  # log 2 in few bits, so that products with powers are exact
 TYPES = {
     "double": {
         "real": "double",
@@ -18,7 +19,6 @@ TYPES = {
         "mantissa": 52,
         "offset": 1023,
         "saturated": 20.0,
-        "ln2_high": 0.693145751953125,  # of few bits, so that products with powers are exact
     },
     "single": {
         "real": "float",
@@ -28,7 +28,6 @@ TYPES = {
         "mantissa": 23,
         "offset": 127,
         "saturated": 10.0,
-        "ln2_high": 0.693145751953125,
     },
 }
 
@@ -37,39 +36,34 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
     """Return a C99 file with the functions PREFIX_loads and PREFIX_loads_batch."""
     literal = _literal(precision)
     kind = TYPES[precision.name]
-    numbers = ("magic", "saturated", "ln2_high")
+    numbers = ("magic", "saturated")
     terms = [1 / math.factorial(k) for k in range(TERMS[precision.name] + 1)]
 
-    def core(lanes):
-        text = template("core.c").replace("_L(", f"_{lanes}(").replace("[L]", f"[{lanes}]")
+    def core(cases):
+        text = template("core.c").replace("_L(", f"_{cases}(").replace("[L]", f"[{cases}]")
         return (
-            text.replace("< L;", f"< {lanes};")
+            text.replace("< L;", f"< {cases};")
             .replace("P_", f"{prefix}_")
-            .replace("Loads of L cases", f"Loads of {lanes} cases")
+            .replace("Loads of L cases", f"Loads of {cases} cases")
         )
 
     return template(
         "network.c",
         **{name: value for name, value in kind.items() if name not in numbers},
         **{name: literal(kind[name]) for name in numbers},
-        ln2_low=literal(math.log(2) - kind["ln2_high"]),
+        ln2_high=literal(LN2_HIGH),
+        ln2_low=literal(math.log(2) - LN2_HIGH),
         log2e=literal(1 / math.log(2)),
         last=literal(terms[-1]),
         horner="\n".join(f"    e = e * rest + {literal(term)};" for term in terms[-2::-1]),
         card="\n".join(f" * {line}".rstrip() for line in card.splitlines()),
         prefix=prefix,
         PREFIX=prefix.upper(),
-        inputs=", ".join(plain.inputs),
-        loads=", ".join(plain.loads),
-        count=len(plain.inputs),
-        outputs=len(plain.loads),
-        layers=len(plain.weights),
-        widest=max(plain.sizes),
-        nodes=sum(plain.sizes[:-1]),
-        lanes=LANES,
+        **sizes_and_names(plain),
+        block=BLOCK,
         data=_data(plain, precision),
         single=core(1),
-        batch=core(LANES),
+        batch=core(BLOCK),
     )
 
 
@@ -86,9 +80,6 @@ def _data(plain, precision):
         values = np.asarray(values)
         sizes = "".join(f"[{size}]" for size in values.shape)
         return f"static const {kind} {name}{sizes} = {{\n{_nested(values, literal)}\n}};"
-
-    def flat(arrays):
-        return np.concatenate([array.ravel() for array in arrays])
 
     numbers = {
         **{"SCALE": plain.scale, "SHIFT": plain.shift, "MIRROR": plain.mirror},

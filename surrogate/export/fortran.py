@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from surrogate.export.literals import Precision, template, wrapped
-from surrogate.export.plain import PARITY, PlainNetwork
+from surrogate.export.literals import Precision, flat, sizes_and_names, template, wrapped
+from surrogate.export.plain import PlainNetwork
 
 NUMBERS = 100  # in one DATA statement: the standard allows 255 continuation lines
 
@@ -15,13 +15,7 @@ def fortran_file(plain: PlainNetwork, card: str, precision: Precision, prefix: s
         card="\n".join(f"! {line}".rstrip() for line in card.splitlines()),
         prefix=prefix,
         one=_literal(precision)(1.0),
-        inputs=", ".join(plain.inputs),
-        loads=", ".join(plain.loads),
-        count=len(plain.inputs),
-        outputs=len(plain.loads),
-        layers=len(plain.weights),
-        widest=max(plain.sizes),
-        nodes=sum(plain.sizes[:-1]),
+        **sizes_and_names(plain),
         data=_data(plain, precision),
     )
 
@@ -40,12 +34,9 @@ def _data(plain, precision):
     """The numbers as module variables that DATA statements set; arrays by columns."""
     literal, (low, high) = _literal(precision), precision.ends(plain)
 
-    def flat(arrays):
-        return np.concatenate([array.ravel() for array in arrays])
-
     numbers = {
         **{"scale_": plain.scale, "shift_": plain.shift, "mirror": plain.mirror},
-        **{"parity": np.array(PARITY[: len(plain.loads)]), "low": low, "high": high},
+        **{"parity": np.array(plain.parity), "low": low, "high": high},
         **{"least": plain.least, "most": plain.most},
         **{"constant": plain.constant, "linear": plain.linear.T},
         **{"quadratic": plain.quadratic.T},

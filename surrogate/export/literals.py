@@ -2,6 +2,7 @@
 
 import dataclasses
 import textwrap
+from collections.abc import Iterable
 from importlib import resources
 from string import Template
 
@@ -13,11 +14,10 @@ from surrogate.export.plain import PlainNetwork
 
 @dataclasses.dataclass(frozen=True)
 class Precision:
-    """A floating-point type: its numpy name, and how many digits write it exactly."""
+    """A floating-point type and its name in numpy."""
 
     name: str
     dtype: str
-    digits: int
 
     def literal(self, value: float) -> str:
         """Return the shortest text, with a point or exponent, that is read back as this value."""
@@ -35,8 +35,8 @@ class Precision:
 
 
 PRECISIONS = {
-    "double": Precision("double", "float64", 17),
-    "single": Precision("single", "float32", 9),
+    "double": Precision("double", "float64"),
+    "single": Precision("single", "float32"),
 }
 
 
@@ -44,6 +44,24 @@ def template(name: str, **values: object) -> str:
     """Return a template of this package with its $names replaced."""
     text = (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
     return Template(text).substitute(values)
+
+
+def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:
+    """Return what the templates of compiled languages call the sizes and names of a network."""
+    return {
+        "inputs": ", ".join(plain.inputs),
+        "loads": ", ".join(plain.loads),
+        "count": len(plain.inputs),
+        "outputs": len(plain.loads),
+        "layers": len(plain.weights),
+        "widest": max(plain.sizes),
+        "nodes": sum(plain.sizes[:-1]),
+    }
+
+
+def flat(arrays: Iterable[Float[np.ndarray, "..."]]) -> Float[np.ndarray, " _"]:
+    """Return all numbers of several arrays, by rows, as one vector."""
+    return np.concatenate([array.ravel() for array in arrays])
 
 
 def wrapped(texts: list[str], indent: str = "    ", width: int = 100) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from surrogate.export.literals import Precision, template
-from surrogate.export.plain import PARITY, PlainNetwork
+from surrogate.export.plain import PlainNetwork
 
 
 def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
@@ -19,7 +19,7 @@ def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
 
     low, high = precision.ends(plain)
     numbers = {"scale": plain.scale, "shift": plain.shift, "mirror": plain.mirror}
-    numbers |= {"parity": PARITY[: len(plain.loads)], "low": low, "high": high}
+    numbers |= {"parity": plain.parity, "low": low, "high": high}
     numbers |= {"least": plain.least, "most": plain.most, "constant": plain.constant}
     numbers |= {"linear": plain.linear, "quadratic": plain.quadratic}
     return template(

@@ -6,7 +6,7 @@ import numpy as np
 
 from surrogate.errors import InvalidInput
 from surrogate.export.literals import Precision
-from surrogate.export.plain import PARITY, PlainNetwork
+from surrogate.export.plain import PlainNetwork
 
 if TYPE_CHECKING:
     import onnx
@@ -101,8 +101,10 @@ def _outputs(g, plain, precision):
         def half(own, other, factor):
             return g("Mul", g("Add", own, g("Mul", other, factor)), 0.5 * ones)
 
-        f = [half(a, b, p * ones) for a, b, p in zip(f, image, PARITY, strict=True)]
-        by = [half(a, b, p * plain.mirror) for a, b, p in zip(by, by_image, PARITY, strict=True)]
+        f = [half(a, b, p * ones) for a, b, p in zip(f, image, plain.parity, strict=True)]
+        by = [
+            half(a, b, p * plain.mirror) for a, b, p in zip(by, by_image, plain.parity, strict=True)
+        ]
     cd = g("Exp", f[0])
     loads = [cd, *(g("Mul", cd, one) for one in f[1:])]
     own = zip(by[1:], f[1:], strict=True)

@@ -17,7 +17,6 @@ from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.files import JsonObject
 from surrogate.flow.loads import LOADS
 from surrogate.model.network import CORRECTION_SCALE
-from surrogate.model.ranges import ROUNDING
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import REYNOLDS
 
@@ -42,6 +41,7 @@ class PlainNetwork:
       biases: of the layers.
       low: ends of the trained ranges, by the logarithm for Re alone.
       high: likewise.
+      slack: by how much an input may exceed them by rounding.
       least: limits of valid inputs.
       most: likewise.
     """
@@ -59,6 +59,7 @@ class PlainNetwork:
     biases: tuple[Float[np.ndarray, " _"], ...]
     low: Float[np.ndarray, " inputs"]
     high: Float[np.ndarray, " inputs"]
+    slack: Float[np.ndarray, " inputs"]
     least: Float[np.ndarray, " inputs"]
     most: Float[np.ndarray, " inputs"]
 
@@ -68,9 +69,9 @@ class PlainNetwork:
         return (len(self.inputs), *(len(bias) for bias in self.biases))
 
     @property
-    def slack(self) -> Float[np.ndarray, " inputs"]:
-        """By how much an input may exceed its trained range by rounding."""
-        return ROUNDING * (self.high - self.low + 1)
+    def parity(self) -> tuple[float, ...]:
+        """Factors from the outputs of a body to those of its mirror image."""
+        return PARITY[: len(self.loads)]
 
     def record(self) -> JsonObject:
         """Return all numbers as a JSON object, under their names."""
@@ -86,8 +87,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     """Return the numbers of a surrogate's network that the loads depend on."""
     network, family = surrogate.network, surrogate.scene.family
     inputs, heads = network.inputs, np.array(network.load_heads)
-    low, high = np.asarray(inputs.low, float), np.asarray(inputs.high, float)
-    width = np.where(high > low, high - low, 1.0)
+    low, width = np.asarray(inputs.low, float), np.asarray(inputs.width, float)
     count = low.size
     rows, columns = np.triu_indices(count)
     trends = np.array([np.asarray(trend, float) for trend in network.trends])
@@ -99,8 +99,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     biases[-1] = CORRECTION_SCALE * biases[-1][heads]
     parameters = [PARAMETERS[name] for name in family.names]
     bounds, reynolds = surrogate.ranges.bounds, REYNOLDS[surrogate.scene.dimension]
-    limits = [(p.low, p.high) if p.bounded else (-np.inf, np.inf) for p in parameters]
-    least, most = np.array([*limits, reynolds]).T
+    least, most = np.array([*(p.limits for p in parameters), reynolds]).T
     return PlainNetwork(
         inputs=(*family.names, "reynolds"),
         loads=tuple(LOADS)[: len(heads)],
@@ -115,6 +114,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
         biases=tuple(biases),
         low=bounds[:, 0],
         high=bounds[:, 1],
+        slack=surrogate.ranges.slack,
         least=least,
         most=most,
     )

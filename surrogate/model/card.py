@@ -43,7 +43,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Errors over Cd on {held_out} unseen bodies, relative to the flow solver:",
         *(f"  {line}" for line in _errors(record)),
         f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "
-        f"drags within {100 * fidelity.promise:g} %, which comes on top.",
+        f"drags within {100 * fidelity.promise:g} % of the exact flow.",
         "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
         "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",
         f"Made by drag-surrogates {version}, MIT licence.",

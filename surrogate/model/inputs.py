@@ -26,36 +26,41 @@ class Inputs(eqx.Module):
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, " inputs"]:
         """Scaled inputs z of a body and a Reynolds number."""
-        low, width = jax.lax.stop_gradient((self.low, self._width))
+        low, width = jax.lax.stop_gradient((self.low, self.width))
         values = jnp.append(self.body_class.smooth(parameters), jnp.log(reynolds))
         return 2 * (values - low) / width - 1
 
     @property
     def mirror(self) -> np.ndarray:
         """Factors, 1 or -1, from the scaled inputs of a body to those of its mirror image."""
-        kept = [parameter.keeps_mirror_plane for parameter in self.body_class.parameters]
-        return np.where([*kept, True], 1.0, -1.0)
+        return np.where([*_keep_mirror_plane(self.body_class), True], 1.0, -1.0)
 
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
         """d(parameters, log Re) / dz, which converts slopes to slopes in scaled inputs."""
         smooth = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
-        return jax.lax.stop_gradient(self._width) / 2 / jnp.append(smooth, 1.0)
+        return jax.lax.stop_gradient(self.width) / 2 / jnp.append(smooth, 1.0)
 
     @property
-    def _width(self):
+    def width(self) -> Float[Array, " inputs"]:
+        """The length of every range, 1 where it is a point."""
         return jnp.where(self.high > self.low, self.high - self.low, 1.0)  # of a single Re: 1
 
 
 def scene_inputs(scene: Scene) -> Inputs:
     """The scaled inputs of a scene's bodies and Reynolds numbers."""
     body_class = scene.family.body_class
-    kept = np.array([parameter.keeps_mirror_plane for parameter in body_class.parameters])
+    kept = _keep_mirror_plane(body_class)
     low, high = scene.family.bounds.T
     largest = np.maximum(np.abs(low), np.abs(high))
     ends = zip(
         (np.where(kept, low, -largest), np.where(kept, high, largest)), scene.reynolds, strict=True
     )
     return Inputs(*(jnp.append(body_class.smooth(p), np.log(re)) for p, re in ends), body_class)
+
+
+def _keep_mirror_plane(body_class):
+    """Which parameters leave bodies symmetric in y = 0."""
+    return np.array([parameter.keeps_mirror_plane for parameter in body_class.parameters])
 
 
 def quadratic(z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:

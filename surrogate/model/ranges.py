@@ -32,6 +32,12 @@ class TrainedRanges:
         """Least and greatest value of every shape parameter and of log Re."""
         return np.concatenate([self.scene.family.bounds, np.log([self.scene.reynolds])])
 
+    @property
+    def slack(self) -> Float[np.ndarray, " inputs"]:
+        """By how much a value may lie outside its range by rounding."""
+        low, high = self.bounds.T
+        return ROUNDING * (high - low + 1)
+
     def excess(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
     ) -> Float[Array, "*batch inputs"]:
@@ -40,7 +46,7 @@ class TrainedRanges:
         values = self._values(parameters, reynolds)
         distance = jnp.maximum(low - values, values - high)
         # NaN for NaN: a comparison with it is false
-        return jnp.where(distance <= ROUNDING * (high - low + 1), 0.0, distance)
+        return jnp.where(distance <= self.slack, 0.0, distance)
 
     def outside(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.checks import check_batch, finite_number, real_numbers, traced
 from surrogate.errors import InvalidInput
-from surrogate.model.card import model_card
+from surrogate.model.card import SYMBOLS, model_card
 from surrogate.model.network import LoadNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
@@ -22,7 +22,7 @@ from surrogate.summary import aligned
 # they are up to 15 times the mean (RESULTS.md, training).
 LARGEST_ERROR = 10  # over the flow's tolerance, of a held-out body, that is not large
 ONE_BODY = "(parameters),()->"  # begins signatures for ``jnp.vectorize``
-LOAD_NAMES = ("drag", "lift", "moment")  # as records call Cd, Cl and Cm
+LOAD_NAMES = tuple(SYMBOLS)  # as records call Cd, Cl and Cm
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Surrogate:
         }
         rows["Re"] = f"{low:g} to {high:g}"
         rows["method"] = str(self.record.get("method", "unknown"))
-        for name, symbol in zip(LOAD_NAMES, ("Cd", "Cl", "Cm"), strict=True):
+        for name, symbol in SYMBOLS.items():
             for key, text in (("mean", "mean"), ("max", "largest")):
                 if (error := self.record.get(f"{name}_error_{key}")) is not None:
                     of = "" if name == "drag" else " of Cd"

@@ -36,7 +36,7 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 
 typedef ${prefix}_real real;
 enum { INPUTS = $count, LOADS = $outputs, LAYERS = $layers, WIDEST = $widest, NODES = $nodes,
-       LANES = $lanes };
+       BLOCK = $block };
 #define R(name) name$suffix
 
 $data
@@ -84,20 +84,20 @@ int ${prefix}_loads_batch(size_t count, const real *inputs, real *loads, real *j
                           unsigned char *status)
 {
     int worst = 0;
-    for (size_t start = 0; start < count; start += LANES) {
+    for (size_t start = 0; start < count; start += BLOCK) {
         const real *x = inputs + start * INPUTS;
         real *y = loads + start * LOADS, *by = NULL;
         if (jacobian != NULL) by = jacobian + start * LOADS * INPUTS;
-        const int size = count - start < LANES ? (int)(count - start) : (int)LANES;
-        int each[LANES], most = 0;
+        const int size = count - start < BLOCK ? (int)(count - start) : (int)BLOCK;
+        int each[BLOCK], most = 0;
         for (int v = 0; v < size; v++) {
             each[v] = ${prefix}_status(x + v * INPUTS);
             if (each[v] > most) most = each[v];
             if (status != NULL) status[start + (size_t)v] = (unsigned char)each[v];
         }
         if (most > worst) worst = most;
-        if (most < 2 && size == LANES)
-            ${prefix}_cases_$lanes(x, y, by);
+        if (most < 2 && size == BLOCK)
+            ${prefix}_cases_$block(x, y, by);
         else
             for (int v = 0; v < size; v++)
                 if (each[v] < 2)
