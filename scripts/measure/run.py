@@ -43,6 +43,7 @@ MODULES = {  # the studies of every module
     "dimension": "dimension",
     "extremes": "extremes",
     "lift": "lift",
+    "lift_designs": "lift_designs",
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",
     "onset": "onset",

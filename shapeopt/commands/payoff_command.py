@@ -22,7 +22,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.payoff.break_even import Strategy
 from shapeopt.payoff.plot import plot_payoff
-from shapeopt.payoff.queries import query_stream
+from shapeopt.payoff.queries import plain_queries, query_stream
 from shapeopt.payoff.strategies import compile_all, rivals, trained, trained_with_memory
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
 from shapeopt.problem.objective import Robust
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     for k in (0, PLAIN[preset] - 1):
         check_run_folder(out / f"run-{k}")
     scene = Scene.read(arguments.scene) if arguments.scene else Scene()
-    queries = [Problem(scene, reynolds) for reynolds in _plain_reynolds(scene, PLAIN[preset])]
+    queries = plain_queries(scene, PLAIN[preset])
     count = QUERIES[preset] if arguments.queries is None else arguments.queries
     if count < len(queries):
         raise InvalidInput(f"--queries {count}: at least {len(queries)}")
@@ -158,12 +158,6 @@ def _own_names(arguments: argparse.Namespace) -> list[str]:
     return [*names, *PICTURES, *runs, *seeds]
 
 
-def _plain_reynolds(scene: Scene, count: int) -> list[float]:
-    """Reynolds numbers evenly in log Re over the scene's range, rounded to two digits."""
-    numbers = np.geomspace(*scene.reynolds, count)
-    return [float(np.clip(float(f"{value:.2g}"), *scene.reynolds)) for value in numbers]
-
-
 def _robust(surrogate: Surrogate) -> JsonObject:
     """Cost of a robust design by the surrogate, and by the flow, extrapolated from few flows."""
     scene, flow = surrogate.scene, Flow(surrogate.scene)
@@ -201,9 +195,11 @@ def _pictures(
     return {"shapes": str(shapes), "plot": str(plot)}
 
 
-def _query(problem: Problem) -> dict[str, float | None]:
-    bounds = ("max_length", "min_thickness", "max_thickness")
-    return {"reynolds": problem.objective.nominal} | {n: getattr(problem, n) for n in bounds}
+def _query(problem: Problem) -> dict[str, str | float | None]:
+    bounds = ("max_length", "min_thickness", "max_thickness", "lift")
+    objective = type(problem.objective).__name__
+    query = {"objective": objective, "reynolds": problem.objective.nominal}
+    return query | {name: getattr(problem, name) for name in bounds}
 
 
 def _parser() -> Parser:

@@ -124,7 +124,7 @@ def per_design(strategy: Strategy) -> dict[str, float]:
 
 def quality(strategy: Strategy, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
     """Return the largest KKT residual, and mean and largest excess over the best objective."""
-    gaps = [[d.objective for d in row] / best - 1 for row in strategy.designs]
+    gaps = [([d.objective for d in row] - best) / np.abs(best) for row in strategy.designs]
     return {
         "kkt_max": max(design.kkt_residual for row in strategy.designs for design in row),
         "gap_mean": float(np.mean(gaps)),

@@ -4,16 +4,33 @@ import jax
 import numpy as np
 
 from shapeopt.problem.conflicts import candidates
+from shapeopt.problem.objective import Glide
 from shapeopt.problem.problem import Problem
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
 LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that are active at most optima, in D
 HEIGHTS = (0.45, 0.65)  # upper bounds on the height, in 3-D instead of the lower on the thickness
+LIFTS = (0.1, 0.5)  # lower bounds on Cl, in scenes whose bodies have lift
+
+
+def plain_queries(scene: Scene, count: int) -> list[Problem]:
+    """Return problems without constraints, evenly in log Re over the scene's range.
+
+    They ask for the least drag, or for the best glide ratio where bodies have lift; Re is rounded
+    to two digits.
+    """
+    numbers = [float(f"{value:.2g}") for value in np.geomspace(*scene.reynolds, count)]
+    numbers = [float(np.clip(value, *scene.reynolds)) for value in numbers]
+    symmetric = scene.family.body_class.symmetric
+    return [Problem(scene, re if symmetric else Glide(re)) for re in numbers]
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
     """Return ``count`` solvable problems: log Re uniform, each bound set with probability 1/2.
+
+    Where bodies have lift, half of the problems ask for the best glide ratio instead of the least
+    drag, and the others have a lower bound on the lift.
 
     Raises:
       InvalidInput: the family's bodies are all longer or thinner than the bounds that are drawn.
@@ -31,7 +48,14 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
             bounds["max_thickness"] = _between(HEIGHTS, thickness)
         elif thick < 0.5:
             bounds["min_thickness"] = _between(THICKNESSES, thickness)
-        problem = Problem(scene, float(np.exp(low + place * (high - low))), **bounds)
+        reynolds = float(np.exp(low + place * (high - low)))
+        if not scene.family.body_class.symmetric:
+            glide, lift = np.asarray(jax.random.uniform(jax.random.fold_in(drawing, 1), (2,)))
+            if glide < 0.5:
+                reynolds = Glide(reynolds)
+            else:
+                bounds["lift"] = _between(LIFTS, lift)
+        problem = Problem(scene, reynolds, **bounds)
         try:
             candidates(problem)
         except InvalidInput:

@@ -1,0 +1,127 @@
+"""Designs with lift: flows and work of each strategy, and when the training pays."""
+
+import numpy as np
+from study import TINY, Result, Row, Run, Study, Table, columns
+
+from shapeopt import Designer, Glide, Problem
+from shapeopt.payoff.break_even import break_even
+from shapeopt.payoff.direct import design_directly
+from shapeopt.payoff.queries import query_stream
+from shapeopt.search.design import Design
+from surrogate import Family, Flow, NotConverged, Scene, load
+
+NAME = "pretrained:lift"
+LED, GROWING, DIRECT = "the network", "growing kriging", "direct"
+QUERIES, SEED = 20, 3
+
+
+def _queries(run: Run) -> list[Problem]:
+    return query_stream(_scene(run), SEED, run.pick(2, QUERIES))
+
+
+def _scene(run: Run) -> Scene:
+    if not run.tiny:
+        return load(NAME).scene
+    family = Family(aspect=(2.0, 2.2), incidence=(0.0, 10.0))
+    return Scene(reynolds=(5.0, 8.0), family=family, fidelity=TINY)
+
+
+def one_at_a_time(run: Run, query: int, way: str) -> Row:
+    """The design of a query by a strategy that forgets its flows afterwards."""
+    problem = _queries(run)[query]
+    if way == DIRECT:
+        return _answer(problem, lambda: design_directly(problem, Flow(problem.scene)))
+    model = Flow(problem.scene) if run.tiny else load(NAME)
+    return _answer(problem, lambda: Designer(model).design(problem))
+
+
+def in_a_row(run: Run, way: str) -> list[Row]:
+    """The designs of all queries by kriging that grows with every flow."""
+    queries, rows = _queries(run), []
+    designer = Designer(Flow(_scene(run)))
+    for k, problem in enumerate(queries):
+        run.progress(k / len(queries), f"query {k + 1} of {len(queries)}")
+        rows.append(_answer(problem, lambda one=problem: designer.design(one)) | {"query": k})
+    return rows
+
+
+def _answer(problem: Problem, solve) -> Row:
+    glide = isinstance(problem.objective, Glide)
+    asked = "glide ratio" if glide else f"Cl {problem.lift:.2f}"
+    row = {"asked": asked, "reynolds": problem.objective.nominal, "problem": None}
+    row |= {"max_length": problem.max_length, "min_thickness": problem.min_thickness}
+    try:
+        design: Design = solve()
+    except NotConverged as reason:
+        return row | {"problem": str(reason)}
+    return row | {
+        "objective": design.objective,
+        "cd": design.drag,
+        "cl": design.lift,
+        "flows": design.flows,
+        "green_applications": design.green_applications,
+        "kkt": design.kkt_residual,
+        "seconds": design.seconds,
+    }
+
+
+def training(run: Run, _: Result) -> Result:
+    """Work of the training that made the network."""
+    return {"training_g": load(NAME).record["green_applications"]}
+
+
+def text(result: Result) -> str:
+    """The strategies over all queries, and from which design the training pays."""
+    each = result["rows"] + result["growing"] + result["direct"]
+    found = [row for row in each if row["problem"] is None]
+    best = {q: min(r["objective"] for r in found if r["query"] == q) for q in _numbers(found)}
+    ways, lines = {row["way"] for row in each}, []
+    for way in [way for way in (LED, GROWING, DIRECT) if way in ways]:
+        mine = [row for row in found if row["way"] == way]
+        gaps = [(r["objective"] - best[r["query"]]) / abs(best[r["query"]]) for r in mine]
+        lines.append(
+            {
+                "way": way,
+                "asked": sum(row["way"] == way for row in each),
+                "found": len(mine),
+                "flows": np.mean([row["flows"] for row in mine]),
+                "most": max(row["flows"] for row in mine),
+                "work": np.mean([row["green_applications"] for row in mine]),
+                "kkt": max(row["kkt"] for row in mine),
+                "gap": max(gaps),
+            }
+        )
+    own = next(line["work"] for line in lines if line["way"] == LED)
+    pays = ", ".join(
+        f"against {line['way']} {_after(break_even(result['training_g'], own, line['work']))}"
+        for line in lines
+        if line["way"] != LED
+    )
+    work = f"The training of {NAME} took {result['training_g']:,} convolutions (G)."
+    by_network = LED_ROWS([row for row in found if row["way"] == LED])
+    return f"{WAYS(lines)}\n\n{work} By mean costs it pays: {pays}.\n\n{by_network}"
+
+
+def _after(designs: float) -> str:
+    return f"after {designs:.0f} designs" if np.isfinite(designs) else "never"
+
+
+def _numbers(rows: list[Row]) -> list[int]:
+    return sorted({row["query"] for row in rows})
+
+
+WAYS = columns(
+    "strategy {way} | queries {asked} | found {found} | flows a design {flows:.2f} | most {most}"
+    " | G a design {work:.0f} | largest KKT residual {kkt:.0e}"
+    " | objective above the best known, at most {gap:.3%}"
+)
+LED_ROWS = columns(
+    "query {query} | asked {asked} | Re {reynolds:.3g} | Cd {cd:.4f} | Cl {cl:.4f} | flows {flows}"
+    " | work {green_applications} G | KKT residual {kkt:.0e}"
+)
+TABLES = [
+    Table([{"query": k, "way": LED} for k in range(QUERIES)], one_at_a_time),
+    Table([{"way": GROWING}], in_a_row, key="growing"),
+    Table([{"query": k, "way": DIRECT} for k in range(QUERIES)], one_at_a_time, key="direct"),
+]
+STUDIES = {"lift_designs": Study(TABLES, text, training)}
