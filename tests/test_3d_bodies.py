@@ -8,6 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
+from surrogate.body.skin import SkinNodes
 
 FAMILY = Family(dimension=3)
 FLOW = Flow(Scene(dimension=3, fidelity=ROUGH_3D))
@@ -22,7 +23,7 @@ def test_every_surface_is_closed_has_volume_pi_over_6_and_its_centroid_at_the_or
 ):
     body = jnp.array([aspect, flatness, *betas])
     assume(float(FAMILY.body_class.min_thickness_ratio(body)) > 0.05)
-    skin = FAMILY.markers(body, (64, 16))
+    skin = FAMILY.markers(body, SkinNodes(64, 16))
     weights = FLOW.domain.modes.weights(skin.nodes)
     points, areas = np.asarray(skin.points), np.asarray(skin.areas)
     volume = 4 * weights @ np.sum(points * areas, axis=1) / 3
@@ -46,7 +47,7 @@ def test_families_bodies_and_scenes_that_are_not_3d_are_refused():
         Scene(dimension=3, reynolds=(0.0001, 1))
     with pytest.raises(InvalidInput, match="flatness"):
         Family(aspect=(1, 2), flatness=(1, 2))
-    with pytest.raises(InvalidInput, match="incidence"):
-        family_shape({"aspect": 1.0}, incidence=5.0, dimension=3)
+    with pytest.raises(InvalidInput, match="incidence 181"):
+        family_shape({"aspect": 1.0}, incidence=181.0, dimension=3)
     with pytest.raises(InvalidInput, match="flatness 9"):
         family_shape({"aspect": 1.0, "flatness": 9.0}, dimension=3)

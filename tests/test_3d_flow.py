@@ -25,7 +25,7 @@ SPHERE = family_shape({"aspect": 1.0}, dimension=3)
 @pytest.mark.parametrize("reynolds", [0.1, 40.0])
 def test_exact_kernel_solves_the_discrete_oseen_equations(reynolds):
     """Momentum without its gradient part, and mass, on every face inside the window."""
-    lattice = Lattice((36, 10, 10), (0.2,) * 3, 12, symmetric=True)
+    lattice = Lattice((36, 10, 10), (0.2,) * 3, 12, folded=(1, 2))
     force = np.zeros((3, *lattice.shape))
     force[:, 8:20, :6, :6] = np.random.default_rng(0).normal(size=(3, 12, 6, 6))
     velocity = space_kernel(lattice, jnp.asarray(reynolds))(jnp.asarray(force))

@@ -171,9 +171,9 @@ def test_bodies_are_symmetric_without_camber_and_incidence(named, symmetric):
     assert shape.body_class.symmetric == all(name.startswith("beta") for name in named)
 
 
-@pytest.mark.parametrize("name", [n for n, p in PARAMETERS.items() if not p.keeps_mirror_plane])
-def test_bodies_in_space_have_none(name):
-    words = f"{name}: 3-D bodies have none; their mirror planes lie along x"
+@pytest.mark.parametrize("name", [n for n, p in PARAMETERS.items() if p.kind is Kind.CAMBER])
+def test_bodies_in_space_have_no_camber(name):
+    words = f"{name}: 3-D bodies have no camber; incidence turns them nose up"
     with pytest.raises(InvalidInput, match=words):
         family_shape({"aspect": 2.0, name: 0.1}, dimension=3)
     with pytest.raises(InvalidInput, match=words):
@@ -221,7 +221,7 @@ def test_samples_are_inside_and_valid():
 
 @pytest.mark.slow
 def test_flows_of_mirror_images_have_the_same_drag_and_opposite_lift_and_moment():
-    assert not FLOW.domain.lattice.symmetric
+    assert not FLOW.domain.lattice.folded
     up, down = (FLOW.solve(body, 10.0, estimate=False) for body in (BODY, BODY * MIRROR))
     assert up.drag == pytest.approx(down.drag, rel=1e-7)
     assert up.lift == pytest.approx(-down.lift, rel=1e-6)
@@ -257,9 +257,9 @@ def test_every_gradient_of_the_drag_has_camber_and_incidence():
 @pytest.mark.slow
 def test_a_level_body_is_solved_whole_where_the_gradient_in_its_incidence_is_wanted():
     body = family_shape({"aspect": 2.0, "incidence": 0.0})
-    assert FLOW.solve(body, 10.0, estimate=False).domain.lattice.symmetric
+    assert FLOW.solve(body, 10.0, estimate=False).domain.lattice.folded
     found = FLOW.solve(body, 10.0, estimate=False, gradient=True)
-    assert not found.domain.lattice.symmetric
+    assert not found.domain.lattice.folded
     assert found.gradient["incidence"] == pytest.approx(0, abs=1e-6)
     with pytest.raises(InvalidInput, match="gradient: is for bodies of the family"):
         FLOW.solve("0012", 10.0, gradient=True)

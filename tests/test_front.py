@@ -147,7 +147,7 @@ REYNOLDS_THAT_ARE_NONE = {
     "none": (None, "must be one number"),
     "complex": (20 + 0j, "must be one number"),
     "tiny": (1e-6, "tested from 0.001"),
-    "huge": (1e4, "tested up to 300"),
+    "huge": (1e4, "tested up to 350"),
     "astronomic": (10**400, "must be one number"),
 }
 BODIES_THAT_ARE_NONE = {

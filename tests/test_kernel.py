@@ -134,7 +134,7 @@ def test_exact_convection_adds_no_force(generator):
 def test_exact_half_a_window_gives_the_whole_of_a_symmetric_flow(height, generator):
     """Kernel and convection on the upper half agree with the whole window."""
     half = dataclasses.replace(
-        LATTICE, shape=(40, 16), symmetric=True, periodic=height == LATTICE.shape[1] * H
+        LATTICE, shape=(40, 16), folded=(1,), periodic=height == LATTICE.shape[1] * H
     )
     field = jnp.asarray(generator.normal(size=(2, *half.shape))) * half.cutoff()
     if half.periodic:

@@ -1,7 +1,8 @@
-"""Body-fitted finite elements (NGSolve) past a whole 2-D body: drag, lift and moment.
+"""Body-fitted finite elements (NGSolve) past bodies with lift: drag, lift and moment.
 
-As ``elements``, without a mirror plane: the sides of the box have the velocity, and the outlet the
-traction, of the Oseenlets of the body's own drag and lift.
+As ``elements``, without the mirror plane along the stream: the sides of the box have the velocity,
+and the outlet the traction, of the Oseenlets of the body's own drag and lift. Of 3-D bodies the
+half y > 0 is solved.
 """
 
 from collections.abc import Iterable, Mapping
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from elements import (
+    BOX,
     BOX_RATIO,
     START_OF_SERIES,
     STEPS,
@@ -16,18 +18,20 @@ from elements import (
     cartesian_form,
     continuation,
     green_2d,
+    green_3d,
     ngsolve,
 )
-from meshes import Elements, whole_plane
+from meshes import Elements, half, whole_plane
 from numpy.typing import ArrayLike
 
 from surrogate import NotConverged, Shape, family_shape
 
 SECTION = Elements(wall=0.06, near=0.2, wake=1.0)
+AXIS = 1e-9  # of the wake parabola k (r - x), so that quotients by it are finite on the x axis
 
 
 class Loads(NamedTuple):
-    """Cd, Cl and Cm (about the centroid, nose up) of a 2-D body."""
+    """Cd, Cl and Cm (about the centroid, nose up) of a body."""
 
     cd: float
     cl: float
@@ -64,6 +68,21 @@ def loads_by_elements(
     return Loads(*(2 * raise_reynolds(ng, flow, continuation(reynolds))).tolist())
 
 
+def loads_in_space(body: Mapping[str, float], reynolds: float, elements: Elements = BOX) -> Loads:
+    """Loads of a 3-D body in one box, whose far field is that of its force.
+
+    Raises:
+      Unavailable: NGSolve is not installed.
+      NotConverged: Newton's method failed.
+    """
+    ng = ngsolve()
+    mesh = half(ng, family_shape(body, dimension=3), elements)
+    fixed = {"dirichlet": "body|stream", "dirichlety": "flank|body|stream"}
+    velocities = ng.VectorH1(mesh, order=elements.order, **fixed)
+    flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
+    return Loads(*(8 / np.pi * raise_reynolds(ng, flow, continuation(reynolds))).tolist())
+
+
 def section_at_rest(ng: Any, shape: Shape, elements: Elements) -> Any:
     """Velocity and pressure, both zero, on a mesh of the plane round the body."""
     mesh = whole_plane(ng, shape, elements)
@@ -76,6 +95,8 @@ def raise_reynolds(
 ) -> np.ndarray:
     """Take the flow with these loads from Re to Re; force and moment over rho U^2 and D there.
 
+    In 3-D they are over D^2 and D^3, of the whole body.
+
     Raises:
       NotConverged: Newton's method failed.
     """
@@ -87,14 +108,16 @@ def raise_reynolds(
 
 def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarray:
     """Solve at one Re with the far field of the force that is solved for; force and moment."""
-    space = flow.space
+    space, dimension = flow.space, flow.space.mesh.dim
+    multiplicity = dimension - 1  # in 3-D the half is solved
     strength = drag, lift = [ng.Parameter(force) for force in loads[:2]]
-    (by_drag, pull), (by_lift, push) = oseenlets(ng, reynolds)
+    (by_drag, pull), (by_lift, push) = oseenlets(ng, reynolds, dimension)
     velocity, traction = drag * by_drag + lift * by_lift, drag * pull + lift * push
     form = cartesian_form(ng, space, reynolds, -traction)
-    sides, along = ng.GridFunction(space), ng.CF((1, 0))
+    width, up = (0,) * (dimension - 2), ng.y if dimension == 2 else ng.z
+    sides, along = ng.GridFunction(space), ng.CF((1, *width, 0))
     rigid = []
-    for motion in (along, ng.CF((0, 1)), ng.CF((ng.y, -ng.x))):
+    for motion in (along, ng.CF((0, *width, 1)), ng.CF((up, *width, -ng.x))):
         rigid.append(ng.GridFunction(space))
         rigid[-1].components[0].Set(motion, definedon=space.mesh.Boundaries("body"))
     residual, change = flow.vec.CreateVector(), flow.vec.CreateVector()
@@ -108,6 +131,7 @@ def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarra
         change.data = form.mat.Inverse(space.FreeDofs()) * residual
         flow.vec.data -= change
         loads = np.array([-ng.InnerProduct(residual, motion.vec) for motion in rigid])
+        loads *= multiplicity
         gap = max(abs(f - s.Get()) for f, s in zip(loads[:2], strength, strict=True))
         if gap < TOLERANCE * loads[0] and ng.Norm(change) < TOLERANCE * ng.Norm(flow.vec):
             return loads
@@ -116,19 +140,33 @@ def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarra
     raise NotConverged(f"finite elements at Re {reynolds:g}: Newton's method failed")
 
 
-def oseenlets(ng: Any, reynolds: float) -> list[tuple[Any, Any]]:
-    """Velocity, and traction on planes x = const, of unit forces on the body along x and y.
+def oseenlets(ng: Any, reynolds: float, dimension: int = 2) -> list[tuple[Any, Any]]:
+    """Velocity, and traction on planes x = const, of unit forces on the body along drag and lift.
 
-    With G and L as in ``elements``: a force along x drives Re G along x - grad (G - L), one along y
-    the curl (-d/dy, d/dx) of G - L; their pressures are -dL/dx and -dL/dy.
+    With G and L as in ``elements``: a force along x drives Re G along x - grad (G - L), one along
+    the lift Re G along it - grad dQ, where in 3-D dQ = (lift coordinate) k (1 - exp(-s)) / (4 pi r
+    s), s = k (r - x). In 2-D that is the curl (-d/dy, d/dx) of G - L. The pressures are minus the
+    derivatives of L.
     """
-    x, y = ng.x, ng.y
-    oseen, harmonic = green_2d(ng, reynolds / 2, x, ng.sqrt(x**2 + y**2))
+    if dimension == 2:
+        axes, green = (ng.x, ng.y), green_2d
+    else:
+        axes, green = (ng.x, ng.y, ng.z), green_3d
+    x, *_, up = axes
+    k, distance = reynolds / 2, ng.sqrt(sum(side**2 for side in axes))
+    oseen, harmonic = green(ng, k, x, distance)
     potential = oseen - harmonic
-    drag = ng.CF((reynolds * oseen - potential.Diff(x), -potential.Diff(y)))
-    lift = ng.CF((-potential.Diff(y), potential.Diff(x)))
-    pressures = -harmonic.Diff(x), -harmonic.Diff(y)
+    gradient = [potential.Diff(side) for side in axes]
+    drag = ng.CF((reynolds * oseen - gradient[0], *(-part for part in gradient[1:])))
+    if dimension == 2:
+        lift = ng.CF((-gradient[1], gradient[0]))
+    else:
+        parabola = k * (distance - x) + AXIS
+        slope = up * k * (1 - ng.exp(-parabola)) / (4 * np.pi * distance * parabola)
+        lift = ng.CF((-slope.Diff(x), -slope.Diff(ng.y), reynolds * oseen - slope.Diff(up)))
+    pressures = -harmonic.Diff(x), -harmonic.Diff(up)
+    across = (0,) * (dimension - 1)
     return [
-        (velocity, velocity.Diff(x) / reynolds - ng.CF((pressure, 0)))
+        (velocity, velocity.Diff(x) / reynolds - ng.CF((pressure, *across)))
         for velocity, pressure in zip((drag, lift), pressures, strict=True)
     ]

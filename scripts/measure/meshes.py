@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from surrogate import Shape
+from surrogate.body.shape import FamilyShape
 
 
 class Elements(NamedTuple):
@@ -62,20 +63,34 @@ def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
     return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
 
 
-def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
+def quarter(ng: Any, body: FamilyShape, elements: Elements) -> Any:
     """Tetrahedra of the quarter y, z > 0 round a flattened body with two mirror planes."""
+    return _space(ng, body, elements, ("flank", "floor"))
+
+
+def half(ng: Any, body: FamilyShape, elements: Elements) -> Any:
+    """Tetrahedra of the half y > 0 round a body at incidence."""
+    return _space(ng, body, elements, ("flank",))
+
+
+def _space(ng: Any, body: FamilyShape, elements: Elements, mirrors: tuple[str, ...]) -> Any:
+    """Tetrahedra of the part of space on one side of the mirror planes y = 0, z = 0."""
     from netgen import occ
 
     def box(start, end, sides, width):
-        solid = occ.Box((start, 0, 0), (end, *sides))
+        low = (-side if axis >= len(mirrors) else 0 for axis, side in enumerate(sides))
+        solid = occ.Box((start, *low), (end, *sides))
         solid.maxh = width
         return solid
 
-    (length, width, height), extent = body.extent, elements.box
+    upright = np.asarray(body.body_class.outline(body.values, 100))
+    (length, height), extent = np.ptp(upright, axis=0), elements.box
     upper = occ.MoveTo(-length, 0).Rectangle(2 * length, height).Face()
-    half = upper * occ.Face(occ.Wire([_spline(occ, np.asarray(body.draw(100)))]))
-    solid = half.Revolve(occ.Axis((0, 0, 0), occ.X), 360)
-    skin = occ.gp_GTrsf(mat=[1, 0, 0, 0, width / height, 0, 0, 0, 1])(solid)
+    profile = upper * occ.Face(occ.Wire([_spline(occ, upright)]))
+    solid = profile.Revolve(occ.Axis((0, 0, 0), occ.X), 360)
+    flatness = body.parameters.get("flatness", 1.0)
+    skin = occ.gp_GTrsf(mat=[1, 0, 0, 0, flatness, 0, 0, 0, 1])(solid)
+    skin = skin.Rotate(occ.Axis((0, 0, 0), occ.Y), body.incidence)
     for face in skin.faces:
         face.name, face.maxh = "body", elements.wall
     length, width, height = body.extent / 2
@@ -83,20 +98,22 @@ def quarter(ng: Any, body: Shape, elements: Elements) -> Any:
     wake = box(length + 2, extent, (width + 2, height + 2), elements.wake)
     far = box(-extent, extent, (extent, extent), extent / 6)
     whole = occ.Glue([near - skin, wake, far - near - wake])
-    _name_sides(whole.faces, extent, ("flank", "floor"))
+    _name_sides(whole.faces, extent, mirrors, 3)
     return _mesh(ng, occ.OCCGeometry(whole).GenerateMesh(grading=0.3), elements)
 
 
-def _name_sides(sides: Any, extent: float, mirrors: tuple[str, ...] = ()) -> None:
+def _name_sides(
+    sides: Any, extent: float, mirrors: tuple[str, ...] = (), dimension: int = 2
+) -> None:
     """Name the outlet, the other sides of the box, and the planes of symmetry if there are any."""
     for side in sides:
-        x, *across = list(side.center)[: 1 + max(len(mirrors), 1)]
+        x, *across = list(side.center)[:dimension]
         if x > extent - 1e-6:
             side.name = "outlet"
         elif max(-x, *map(abs, across)) > extent - 1e-6:
             side.name = "stream"
-        elif mirrors and min(across) < 1e-6:
-            side.name = mirrors[np.argmin(across)]
+        elif mirrors and min(across[: len(mirrors)]) < 1e-6:
+            side.name = mirrors[np.argmin(across[: len(mirrors)])]
 
 
 def _mesh(ng: Any, mesh: Any, elements: Elements) -> Any:

@@ -3,7 +3,8 @@
     x = -(c/2) mu,   y = w s q cos phi,   z = h s q sin phi,   mu = cos t,  s = sin t,
 
 with s q = sin t + beta2 sin 2t + ..., so that q is a sum of Chebyshev polynomials of mu. Flatness
-is w / h (1: a body of revolution), aspect c / (2 sqrt(w h)).
+is w / h (1: a body of revolution), aspect c / (2 sqrt(w h)). The body is turned nose up by its
+incidence in the plane of x and z.
 """
 
 import dataclasses
@@ -22,18 +23,21 @@ from scipy.special import chebyu, eval_chebyu
 from surrogate.arrays import AnyArray
 from surrogate.body.body_2d import Body2D
 from surrogate.body.body_class import BodyClass, Range
+from surrogate.body.extent import turned_box
+from surrogate.body.incidence import rotate
 from surrogate.body.parameters import PARAMETERS, Kind
-from surrogate.body.skin import Skin, skin_grid
+from surrogate.body.skin import Skin, SkinNodes, skin_grid
 
+ASPECTS = 33  # of a range, at which its bodies at incidence are boxed
 GAUSS = legendre.leggauss(32)  # exact for the squares of twelve modes
 
 
 @dataclasses.dataclass(frozen=True)
 class Body3D(BodyClass):
-    """A 3-D body with two mirror planes along the stream."""
+    """A 3-D body with the mirror plane y = 0, and z = 0 as well at zero incidence."""
 
     dimension = 3
-    available = tuple(name for name, p in PARAMETERS.items() if p.keeps_mirror_plane)
+    available = tuple(name for name, p in PARAMETERS.items() if p.kind is not Kind.CAMBER)
     default_ranges: ClassVar[Mapping[str, Range]] = {
         **Body2D.default_ranges,
         "aspect": (0.7, 4.0),
@@ -41,12 +45,6 @@ class Body3D(BodyClass):
     }
     round_body = "sphere"
     size = "volume pi/6"
-
-    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
-        """Width over height; 1 if it is no parameter."""
-        if "flatness" not in self.names:
-            return jnp.ones(())
-        return jnp.asarray(parameters)[self.names.index("flatness")]
 
     def half_axes(
         self, parameters: Float[AnyArray, " parameters"]
@@ -70,7 +68,7 @@ class Body3D(BodyClass):
         x = -half_length * (np.cos(t) - self._centroid(parameters))
         return jnp.stack([x, half_height * y], axis=1)
 
-    def markers(self, parameters: Float[AnyArray, " parameters"], nodes: tuple[int, int]) -> Skin:
+    def markers(self, parameters: Float[AnyArray, " parameters"], nodes: SkinNodes) -> Skin:
         return Skin(*self.skin_at(parameters, *skin_grid(nodes)), nodes)
 
     def skin_at(
@@ -79,7 +77,7 @@ class Body3D(BodyClass):
         mu: Float[np.ndarray, " points"],
         phi: Float[np.ndarray, " points"],
     ) -> tuple[Float[Array, "points 3"], Float[Array, "points 3"]]:
-        """Points on the surface, and their area vectors per unit mu and phi."""
+        """Points on the surface as it lies, and their area vectors per unit mu and phi."""
         length, width, height = self.half_axes(parameters)
         q, slope = self._fullness(parameters, mu)
         s, y, z = np.sqrt(1 - mu**2), np.cos(phi), np.sin(phi)
@@ -87,14 +85,18 @@ class Body3D(BodyClass):
         points = jnp.stack([x, width * s * q * y, height * s * q * z], axis=1)
         along = width * height * ((1 - mu**2) * q * slope - mu * q**2)
         areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
-        return points, areas
+        if "incidence" not in self.names:
+            return points, areas
+        turn = jnp.asarray(parameters)[self.names.index("incidence")]
+        return rotate(points, turn), rotate(areas, turn)
 
     def extent(
         self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, "3"]:
         length, height = 2 * np.abs(contour).max(axis=0)
-        _, half_width, half_height = self.half_axes(jnp.asarray(parameters))
-        return np.array([length, height * float(half_width / half_height), height])
+        upright = np.asarray(self.outline(jnp.asarray(parameters), len(contour)))[:, 1]
+        width = 2 * np.abs(upright).max() * float(self.flatness(parameters))
+        return np.array([length, width, height])
 
     def family_extent(
         self, bounds: Float[np.ndarray, "parameters 2"]
@@ -115,16 +117,18 @@ class Body3D(BodyClass):
 
         corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
         off = float(jnp.abs(jax.vmap(centroid)(jnp.asarray(corners))).max())
-        longest, tallest = (
-            full.half_axes(jnp.array([aspect, 1.0, *slimmest])) for aspect in ends["aspect"][::-1]
+        aspects = np.geomspace(*ends["aspect"], ASPECTS)
+        length, thickness, _ = jax.vmap(full.half_axes)(
+            jnp.array([[aspect, 1.0, *slimmest] for aspect in aspects])
         )
-        across = 2 * self._highest(bounds) * float(tallest[1])
         flat, flattest = ends.get("flatness", (1.0, 1.0))
-        return (
-            2 * float(longest[0]) * (1 + off),
-            across * float(np.sqrt(flattest)),
-            across / float(np.sqrt(flat)),
-        )
+        half_length = np.asarray(length) * (1 + off)
+        across = self._highest(bounds) * np.asarray(thickness)
+        half_height = across / np.sqrt(flat)
+        long, high = half_length.max(), half_height.max()
+        if "incidence" in ends:
+            long, high = turned_box(half_length, half_height, ends["incidence"])
+        return 2 * float(long), 2 * float(across.max() * np.sqrt(flattest)), 2 * float(high)
 
     def _centroid(self, parameters):
         """mu of the volume's centroid."""

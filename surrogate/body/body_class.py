@@ -8,7 +8,7 @@ Bodies of one class have the same named parameters. In 2-D and 3-D alike their s
 t = 0 at the nose and pi at the tail. The half axes c/2 and b follow from the ratios (aspect, ...)
 such that the area (2-D) or the volume (3-D) is that of the cylinder or sphere of diameter D = 1.
 The camber line -b sum gamma_k cos kt is a polynomial in x, so that thickness and area are those
-without it. Camber and incidence are for 2-D bodies.
+without it; it is for 2-D bodies. The incidence turns a body nose up in its side view.
 """
 
 import abc
@@ -27,7 +27,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
-from surrogate.body.skin import Skin
+from surrogate.body.skin import Skin, SkinNodes
 from surrogate.errors import InvalidInput
 
 MIN_THICKNESS_RATIO = 0.02  # least local thickness ratio of a valid body
@@ -69,7 +69,7 @@ class BodyClass(abc.ABC):
 
     @abc.abstractmethod
     def markers(
-        self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
+        self, parameters: Float[AnyArray, " parameters"], nodes: int | SkinNodes
     ) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the body lies in the stream: the contour in 2-D, the skin in 3-D."""
 
@@ -125,6 +125,12 @@ class BodyClass(abc.ABC):
     def aspect(self, parameters: Float[AnyArray, "*bodies parameters"]) -> Float[Array, "*bodies"]:
         """Length over thickness of the ellipse before the modes."""
         return jnp.asarray(parameters)[..., self.names.index("aspect")]
+
+    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
+        """Width over height; 1 where it is no parameter."""
+        if "flatness" not in self.names:
+            return jnp.ones(())
+        return jnp.asarray(parameters)[self.names.index("flatness")]
 
     def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " betas"]:
         """Coefficients of the sine modes."""

@@ -71,6 +71,16 @@ def cambered_extent(ends: Mapping[str, Float[np.ndarray, "2"]]) -> tuple[float, 
     return float(length), float(height)
 
 
+def turned_box(
+    half_length: Float[np.ndarray, " boxes"],
+    half_height: Float[np.ndarray, " boxes"],
+    incidence: Float[np.ndarray, "2"],
+) -> tuple[float, float]:
+    """Return half the sides of a box around all of these boxes at every incidence of a range."""
+    x, y = _turned(half_length, half_height, _turns(*incidence))
+    return float(x.max()), float(y.max())
+
+
 def _interval(low, high):
     return Interval(np.full(NODES, low), np.full(NODES, high))
 

@@ -14,7 +14,7 @@ from surrogate.arrays import AnyArray, Bodies, Body, Number
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range
 from surrogate.body.parameters import PARAMETERS
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
-from surrogate.body.skin import Skin
+from surrogate.body.skin import Skin, SkinNodes
 from surrogate.checks import (
     did_you_mean,
     expect,
@@ -82,7 +82,7 @@ class Family:
             return float(self.body_class.length(longest))
 
     def markers(
-        self, parameters: Float[AnyArray, " parameters"], nodes: int | tuple[int, int]
+        self, parameters: Float[AnyArray, " parameters"], nodes: int | SkinNodes
     ) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface of a member as it lies in the stream, its centroid at the origin.
 

@@ -10,11 +10,17 @@ from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
 
-def rotate(markers: Float[AnyArray, "nodes 2"], degrees: Number) -> Float[AnyArray, "nodes 2"]:
-    """Rotate markers about the origin by ``degrees``, nose up; JAX may trace both."""
+def rotate(
+    vectors: Float[AnyArray, "nodes axes"], degrees: Number
+) -> Float[AnyArray, "nodes axes"]:
+    """Rotate points or vectors by ``degrees``, nose up, in the plane of x and the last axis.
+
+    JAX may trace both.
+    """
     angle = jnp.deg2rad(degrees)
     c, s = jnp.cos(angle), jnp.sin(angle)
-    return markers @ jnp.array([[c, -s], [s, c]])
+    x, *width, y = jnp.moveaxis(jnp.asarray(vectors), 1, 0)
+    return jnp.stack([c * x + s * y, *width, c * y - s * x], axis=1)
 
 
 def check_incidence(degrees: Any) -> float:

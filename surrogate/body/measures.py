@@ -61,15 +61,15 @@ def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, ""]:
 
 
 def least_mean_thickness(
-    outline: Float[AnyArray, "nodes 2"], extent: Float[AnyArray, " axes"]
+    outline: Float[AnyArray, "nodes 2"], flatness: Float[AnyArray, ""]
 ) -> Float[AnyArray, ""]:
-    """Return the mean thickness in D of a body's thinnest view across the stream.
+    """Return the mean thickness in D of a body's thinnest view across its chord.
 
     Args:
-      outline: contour in the side view.
-      extent: length, (in 3-D width,) and height, all in D or all halved.
+      outline: contour in the side view at zero incidence.
+      flatness: width over height, 1 in 2-D.
     """
-    thinnest_view = jnp.stack([1.0, jnp.min(extent[1:]) / extent[-1]])
+    thinnest_view = jnp.stack([1.0, jnp.minimum(flatness, 1.0)])
     return mean_thickness(thinnest_view * outline)
 
 

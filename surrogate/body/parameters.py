@@ -55,7 +55,7 @@ class Parameter(NamedTuple):
 
     @property
     def keeps_mirror_plane(self) -> bool:
-        """Whether bodies stay symmetric about y = 0 whatever its value."""
+        """Whether bodies stay symmetric about y = 0, in 3-D z = 0, whatever its value."""
         return self.kind not in (Kind.CAMBER, Kind.INCIDENCE)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from surrogate.body.body_2d import Body2D
 from surrogate.body.body_3d import Body3D
 from surrogate.body.body_class import BodyClass
-from surrogate.body.parameters import PARAMETERS
+from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.checks import did_you_mean
 from surrogate.errors import InvalidInput
 
@@ -35,8 +35,8 @@ def body_class(names: Iterable[str], dimension: int = 2, owner: str = "body") ->
     """
     kind, names = BODY_CLASSES[check_dimension(dimension)], list(names)
     for name in names:
-        if name in PARAMETERS and not PARAMETERS[name].keeps_mirror_plane and dimension == 3:
-            raise InvalidInput(f"{name}: 3-D bodies have none; their mirror planes lie along x")
+        if name in PARAMETERS and PARAMETERS[name].kind is Kind.CAMBER and dimension == 3:
+            raise InvalidInput(f"{name}: 3-D bodies have no camber; incidence turns them nose up")
         if name not in kind.available:
             known = ", ".join(kind.available)
             raise InvalidInput(

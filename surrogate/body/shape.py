@@ -14,7 +14,7 @@ from surrogate.body.body_class import BodyClass
 from surrogate.body.contour import contour_length, smooth_contour
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.registry import body_class
-from surrogate.body.skin import Skin
+from surrogate.body.skin import Skin, SkinNodes
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 
@@ -104,7 +104,7 @@ class FamilyShape(Shape):
     def dimension(self) -> int:
         return self.body_class.dimension
 
-    def markers(self, nodes: int | tuple[int, int]) -> Float[AnyArray, "nodes 2"] | Skin:
+    def markers(self, nodes: int | SkinNodes) -> Float[AnyArray, "nodes 2"] | Skin:
         """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
         return body_markers(self.body_class, self.values, nodes)
 
@@ -124,7 +124,7 @@ def family_shape(
 
     Args:
       parameters: those that are not named are neutral: modes and incidence 0, flatness 1.
-      incidence: in degrees, nose up, if it is not among the parameters; in 3-D 0.
+      incidence: in degrees, nose up, if it is not among the parameters.
       dimension: 2 or 3.
 
     Raises:
@@ -174,7 +174,7 @@ def _contour(kind, values, nodes):
 def body_markers(
     body_class: BodyClass,
     parameters: Float[AnyArray, " parameters"],
-    nodes: int | tuple[int, int],
+    nodes: int | SkinNodes,
 ) -> Float[AnyArray, "nodes 2"] | Skin:
     """Return the surface markers of a family body as it lies, compiled once a class."""
     return body_class.markers(parameters, nodes)

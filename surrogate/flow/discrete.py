@@ -55,7 +55,7 @@ class DiscreteBodies:
         return (drag,) if self.domain.modes.lift_index is None else tuple(LOADS.values())
 
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
-        """Return a body's surface markers: its contour in 2-D, a quarter of its skin in 3-D."""
+        """Return a body's surface markers: its contour in 2-D, a part of its skin in 3-D."""
         return body_markers(self.body_class, parameters, self.domain.nodes)
 
     def solved(
@@ -69,7 +69,8 @@ class DiscreteBodies:
         """Return whether a body fits the box of the grid and is resolved by its cells."""
         half_extent = jnp.abs(jax.tree.leaves(self.markers(parameters))[0]).max(axis=0)
         outline = self.body_class.outline(parameters, OUTLINE_NODES)
-        cells = least_mean_thickness(outline, half_extent) / self.domain.lattice.step[0]
+        thickness = least_mean_thickness(outline, self.body_class.flatness(parameters))
+        cells = thickness / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
         onset = onset_of_shedding(half_extent, self.body_class.contour(parameters, OUTLINE_NODES))
         return Coverage(onset, fits, cells, cells >= self.domain.MIN_THICKNESS)

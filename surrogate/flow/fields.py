@@ -8,6 +8,7 @@ import shapely
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.incidence import rotate
 from surrogate.body.shape import Shape
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.lattice import Lattice
@@ -77,14 +78,19 @@ def fields_of(
 
 def inside(shape: Shape, axes: tuple[Float[np.ndarray, " _cells"], ...]) -> Bool[np.ndarray, "..."]:
     """Return which points of a grid lie inside a body."""
-    contour, grid = shape.draw(NODES), np.meshgrid(*axes, indexing="ij", sparse=True)
+    grid = np.meshgrid(*axes, indexing="ij", sparse=True)
     if shape.dimension == 2:
-        return shapely.contains_xy(shapely.Polygon(contour), *np.broadcast_arrays(*grid))
+        contour = shapely.Polygon(shape.draw(NODES))
+        return shapely.contains_xy(contour, *np.broadcast_arrays(*grid))
+    turn = shape.parameters.get("incidence", 0.0)
+    contour = np.asarray(rotate(shape.draw(NODES), -turn))
     upper = contour[contour[:, 1] >= 0]
     upper = upper[np.argsort(upper[:, 0])]
-    height = np.interp(axes[0], *upper.T, left=0.0, right=0.0)[:, None, None]
-    _, y, z = grid
-    return (y / shape.parameters.get("flatness", 1.0)) ** 2 + z**2 < height**2
+    x, y, z = grid
+    angle = np.deg2rad(turn)
+    along, high = x * np.cos(angle) - z * np.sin(angle), x * np.sin(angle) + z * np.cos(angle)
+    height = np.interp(along, *upper.T, left=0.0, right=0.0)
+    return (y / shape.parameters.get("flatness", 1.0)) ** 2 + high**2 < height**2
 
 
 def _central_vorticity(lattice: Lattice, velocity: np.ndarray) -> np.ndarray:

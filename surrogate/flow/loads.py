@@ -3,20 +3,20 @@
 A load is any function of the traction amplitudes and of the body's markers. Its value, the
 right-hand side of its adjoint (its derivative in the amplitudes) and its explicit derivative in
 the markers all come from this one function, so a new load is one more function here. Coefficients
-are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi in 3-D.
+are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi and 8 M / pi in 3-D.
 """
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.skin import Skin, SkinNodes
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.grid.modes_2d import Modes2D
-from surrogate.flow.grid.modes_3d import Modes3D
+from surrogate.flow.grid.modes_3d import FORCE_UNIT, Modes3D
 
 
 class Coefficients(NamedTuple):
@@ -58,7 +58,7 @@ def drag(
 def lift(
     modes: AnyModes, amplitude: Float[AnyArray, " modes"], markers: Markers
 ) -> Float[AnyArray, ""]:
-    """Return the lift coefficient Cl, positive along y; 0 where y = 0 is a mirror plane."""
+    """Return the lift coefficient Cl, positive along y, in 3-D along z; 0 of symmetric flows."""
     return jnp.zeros(()) if modes.lift_index is None else -2 * amplitude[modes.lift_index]
 
 
@@ -67,19 +67,24 @@ def moment(
 ) -> Float[AnyArray, ""]:
     """Return the moment coefficient Cm about the origin (the centroid), positive nose up.
 
-    0 where y = 0 is a mirror plane.
+    0 of symmetric flows.
     """
     if modes.lift_index is None:
         return jnp.zeros(())
-    force = traction(modes, amplitude, len(markers))
-    return 4 * np.pi * jnp.mean(markers[:, 1] * force[:, 0] - markers[:, 0] * force[:, 1])
+    if isinstance(markers, Skin):
+        points, nodes, unit = markers.points, markers.nodes, FORCE_UNIT / markers.nodes.parts
+    else:
+        points, nodes, unit = markers, len(markers), 1.0
+    force = traction(modes, amplitude, nodes)
+    torque = points[:, -1] * force[:, 0] - points[:, 0] * force[:, -1]
+    return 2 / unit * jnp.sum(modes.weights(nodes) * torque)
 
 
 LOADS: dict[str, Load] = {"cd": drag, "cl": lift, "cm": moment}
 
 
 def traction(
-    modes: Modes2D, amplitude: Float[AnyArray, " modes"], nodes: int
-) -> Float[Array, "nodes 2"]:
-    """Return the force of the fluid on the body per unit t, at equidistant t of the contour."""
+    modes: AnyModes, amplitude: Float[AnyArray, " modes"], nodes: int | SkinNodes
+) -> Float[Array, "nodes axes"]:
+    """Return the force of the fluid on the body at the nodes, per unit t; in 3-D of mu and phi."""
     return -jnp.tensordot(amplitude, modes.values(nodes), axes=1).T

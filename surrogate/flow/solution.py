@@ -26,13 +26,14 @@ from surrogate.summary import aligned, listed
 class Solution:
     """The steady flow past one body at one Reynolds number.
 
-    Coefficients are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi in 3-D.
+    Coefficients are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi and 8 M / pi
+    in 3-D.
 
     Attributes:
       reynolds: U D / nu.
       drag: Cd; ``drag_pressure`` and ``drag_friction`` are its parts.
-      lift: Cl, positive along y; 0 in 3-D.
-      moment: Cm about the centroid, positive nose up; 0 in 3-D.
+      lift: Cl, positive along y, in 3-D along z.
+      moment: Cm about the centroid, positive nose up.
       status: "accurate" where Cd is expected to meet the tolerance, else "degraded", or "unknown"
         without an estimate; ``accuracy`` says why.
       expected_error: expected relative error of Cd; None where there is no estimate.
@@ -107,7 +108,7 @@ class Solution:
 
     @property
     def markers(self) -> Markers:
-        """Surface markers in D: the contour clockwise from the nose, or a quarter of the skin."""
+        """Surface markers in D: the contour clockwise from the nose, or a part of the skin."""
         return self.shape.markers(self.domain.nodes)
 
     @property

@@ -30,7 +30,8 @@ def model_card(scene: Scene, record: JsonObject) -> str:
     size = "area pi D^2 / 4" if planar else "volume pi D^3 / 6"
     loads = f"Cd = {force}"
     if lifting:
-        loads += ", Cl likewise of Fy, Cm of the moment about the centroid, nose up"
+        lift = "Fy" if planar else "Fz"
+        loads += f", Cl likewise of {lift}, Cm of the moment about the centroid, nose up"
     held_out = record.get("held_out")
     version = record.get("versions", {}).get("drag-surrogates") or package_version()
     lines = [

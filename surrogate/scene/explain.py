@@ -13,11 +13,12 @@ from surrogate.scene.stream import Stream, describe_stream, window_height
 class Words(NamedTuple):
     """What differs between 2-D and 3-D.
 
-    The part of the window that is gridded, tested ranges, and the onset of shedding of bodies that
-    are not round.
+    The part of the window that is gridded, the same of bodies with camber or incidence ("" is all
+    of it), tested ranges, what is left out, and the onset of shedding of bodies that are not round.
     """
 
     part: str
+    without_mirror: str
     tested: str
     left_out: str
     others: str
@@ -26,11 +27,14 @@ class Words(NamedTuple):
 WORDS = {
     2: Words(
         "upper half",
+        "",
         "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window",
         "the third dimension, ",
         "slender bodies later, those wider than long sooner",
     ),
-    3: Words("quarter", "Re 0.1 to 100 and aspect 0.5 to 4", "", "those wider than long sooner"),
+    3: Words(
+        "quarter", "half", "Re 0.1 to 100 and aspect 0.5 to 4", "", "those wider than long sooner"
+    ),
 }
 
 
@@ -43,6 +47,7 @@ def explain_scene(
     rows = round(height * f.cells / 2)
     shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 1)
     cells = math.prod(shape) * (1 if symmetric else WHOLE)
+    part = words.part if symmetric else words.without_mirror
     seconds = seconds_per_convolution(shape, symmetric)
     window = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
@@ -58,7 +63,7 @@ def explain_scene(
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
             f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
             f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a window "
-            f"{window} D ({cells} cells{f' in its {words.part}' if symmetric else ''}), where "
+            f"{window} D ({cells} cells{f' in its {part}' if part else ''}), where "
             "the flow is non-linear; outside it the Oseen Green's function G and the far field's "
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
             f"{words.tested}; every solved flow says whether it meets this, with its expected "

@@ -14,7 +14,7 @@ from surrogate.errors import InvalidInput
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.stream import Stream, Tunnel
 
-REYNOLDS = {2: (1e-3, 300.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
+REYNOLDS = {2: (1e-3, 350.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
 ONSET_POWER_3D = 0.9  # of length over width, for bodies wider than long; by study ``onset``
 ROUNDING = 1e-9  # relative, of a limit

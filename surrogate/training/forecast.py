@@ -33,7 +33,8 @@ class Forecast(NamedTuple):
 def forecast(plan: Plan) -> Forecast:
     """Forecast the cost of a training, from averages and a few timed operations."""
     lattice = Flow(plan.scene).domain.lattice
-    takes = convolutions(plan.scene.dimension, lattice.symmetric)
+    symmetric = plan.scene.family.body_class.symmetric
+    takes = convolutions(plan.scene.dimension, symmetric)
     each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
     work = plan.samples * each
     method = plan.make_method()
@@ -42,15 +43,15 @@ def forecast(plan: Plan) -> Forecast:
         work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
     steps = method.network_steps if isinstance(method, LabelRegression) else 0
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
-    return Forecast(work, work * _seconds(lattice), plan.iterations * each)
+    return Forecast(work, work * _seconds(lattice, symmetric), plan.iterations * each)
 
 
-def _seconds(lattice):
+def _seconds(lattice, symmetric):
     """Seconds of a flow per convolution."""
     along, *across = lattice.shape
-    if lattice.symmetric:
+    if symmetric:
         return seconds_per_convolution(lattice.shape)
-    return seconds_per_convolution((along, *(rows // WHOLE for rows in across)), symmetric=False)
+    return seconds_per_convolution((along, *across[:-1], across[-1] // WHOLE), symmetric=False)
 
 
 def _gradient_seconds(plan):

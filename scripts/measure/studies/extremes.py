@@ -1,4 +1,7 @@
-"""Where the 2-D flow solver converges, where it refuses or warns, and how large its error is."""
+"""Where the 2-D flow solver converges, where it refuses or warns, and how large its error is.
+
+Of ellipses along the stream, and of ellipses at incidence.
+"""
 
 import dataclasses
 import functools
@@ -12,6 +15,8 @@ from surrogate import FIDELITIES, Fidelity, InvalidInput, NotConverged
 OUTCOMES = {"accurate": "#4c9f70", "degraded": "#f2b134", "not converged": "#e08e58"}
 OUTCOMES |= {"refused": "#b8bec9", "silently wrong": "#d81b60"}
 NUMBERS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
+STEADY = (0.01, 1.0, 10.0, 40.0, 100.0, 300.0)  # Re at incidence, refused beyond the onset
+FINER = 1.5  # times the cells of fine at most, for thin boundary layers
 ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
@@ -64,6 +69,63 @@ def _solve(aspect: float, re: float, fidelity: Fidelity, stream: str, estimate: 
     return found.status, found.drag, found.estimated_error
 
 
+def sections(run: Run) -> list[Row]:
+    """Ellipses at incidence over aspect and Re."""
+    angles = cases(incidence=(10.0, 20.0, 30.0), aspect=(1.5, 3.0, 6.0, 12.0), reynolds=STEADY)
+    at = "incidence {incidence:g}", "aspect {aspect:g}", "Re {reynolds:g}"
+    return panel(*at, run.pick(angles[:1], angles))
+
+
+def loads_of_section(run: Run, incidence: float, aspect: float, reynolds: float, **_) -> Row:
+    """Outcome, and errors of the loads over Cd against a finer grid in a larger window."""
+    body = {"aspect": aspect, "incidence": incidence}
+    fine = dataclasses.replace(run.fidelity("fine"), refinement=FINER)
+    try:
+        flow = functools.partial(solved, body, reynolds, allow_unsteady=False)
+        found = flow(run.fidelity("standard"), estimate=True)
+    except InvalidInput as reason:
+        return {"outcome": "unsteady" if "sheds" in str(reason) else "refused"}
+    except NotConverged:
+        return {"outcome": "not converged"}
+    truth = flow(fine)
+    row = {"outcome": found.status}
+    bounds = (
+        found.estimated_error and found.estimated_error * found.drag,
+        found.estimated_lift_error,
+        found.estimated_moment_error,
+    )
+    for load, bound in zip(("drag", "lift", "moment"), bounds, strict=True):
+        error = getattr(found, load) - getattr(truth, load)
+        row[f"{load}_error"] = error / truth.drag
+        row[f"{load}_bound"] = None if bound is None else bound / truth.drag
+    return row
+
+
+def section_cell(row: Row) -> str:
+    """Errors of Cd and Cl over Cd, in brackets where the status warns."""
+    if "drag_error" not in row:
+        return row["outcome"]
+    text = words("{drag_error:+.2%}, {lift_error:+.2%}", **row)
+    return f"({text})" if row["outcome"] == "degraded" else text
+
+
+def sections_text(result: Result) -> str:
+    """How many errors are within their bounds."""
+    rows = result["fields"]
+    known = [row for row in rows if row.get("drag_bound") is not None]
+    loads = {"Cd": "drag", "Cl": "lift", "Cm": "moment"}
+    within = {
+        symbol: sum(row[f"{load}_bound"] >= abs(row[f"{load}_error"]) for row in known)
+        for symbol, load in loads.items()
+    }
+    counts = ", ".join(f"{count} of {symbol}" for symbol, count in within.items())
+    lost = sum(row["outcome"] == "not converged" for row in rows)
+    return (
+        f"Of {len(rows)} flows {lost} did not converge; of {len(known)} with an estimate the bound "
+        f"covers the error of {counts}."
+    )
+
+
 def cell(row: Row) -> str:
     """The error, in brackets where the status warns."""
     if row["cd"] is None:
@@ -88,4 +150,8 @@ def draw(result, path):
 
 
 TABLE = Table(extremes, outcome, maps(cell), "fields", "all")
-STUDIES = {"extremes": Study([TABLE], extremes_text, draw=draw)}
+SECTIONS = Table(sections, loads_of_section, maps(section_cell), "fields", "all")
+STUDIES = {
+    "extremes": Study([TABLE], extremes_text, draw=draw),
+    "extremes_lift": Study([SECTIONS], sections_text),
+}

@@ -7,7 +7,7 @@ import numpy as np
 
 from surrogate.body.family import Family
 from surrogate.body.measures import least_mean_thickness
-from surrogate.body.shape import Shape
+from surrogate.body.shape import FamilyShape, Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, too_thin
 from surrogate.flow.grid.domain_2d import Domain2D
@@ -69,4 +69,8 @@ def fewest_cells(shape: Shape) -> int:
 
 
 def _thickness(shape):
-    return float(least_mean_thickness(shape.draw(OUTLINE_NODES), jnp.asarray(shape.extent)))
+    outline, flatness = shape.draw(OUTLINE_NODES), jnp.ones(())
+    if isinstance(shape, FamilyShape):
+        outline = np.asarray(shape.body_class.outline(shape.values, OUTLINE_NODES))
+        flatness = shape.body_class.flatness(shape.values)
+    return float(least_mean_thickness(outline, flatness))

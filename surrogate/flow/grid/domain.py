@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
+from surrogate.body.skin import SkinNodes
 from surrogate.flow.grid.immersed import Markers, Spreading
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
@@ -43,7 +44,7 @@ class Domain(abc.ABC):
     far: tuple[Lattice, ...]
     modes: Modes2D | Modes3D
     box: tuple[int, ...]
-    nodes: int | tuple[int, int]
+    nodes: int | SkinNodes
     height: float | None
     slip_compliance: float
 
@@ -108,9 +109,10 @@ class Domain(abc.ABC):
         ]
         inlet = min(sides[0] // 2, self.lattice.inlet)
         corner, shape = [self.lattice.inlet - inlet], [sides[0]]
-        for cells, side in zip(self.lattice.shape[1:], sides[1:], strict=True):
-            corner.append(0 if self.lattice.symmetric else (cells - side) // 2)
-            shape.append(side // 2 if self.lattice.symmetric else side)
+        for axis in range(1, len(sides)):
+            folded = axis in self.lattice.folded
+            corner.append(0 if folded else (self.lattice.shape[axis] - sides[axis]) // 2)
+            shape.append(sides[axis] // 2 if folded else sides[axis])
         lattice = dataclasses.replace(self.lattice, shape=tuple(shape), inlet=inlet, periodic=False)
         return tuple(corner), lattice
 
@@ -129,7 +131,7 @@ class Domain(abc.ABC):
         return self.far_combinations + math.ceil(self.modes.count * share) + far
 
     def forces(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " 2"]:
-        """Total force of the body on the fluid along x and y, in units of ``FORCE_UNIT``."""
+        """Total force of the body on the fluid, drag and lift, in units of ``FORCE_UNIT``."""
         lift = 0.0 if self.modes.lift_index is None else amplitude[self.modes.lift_index]
         return jax.numpy.stack([amplitude[0], lift])
 

@@ -94,7 +94,7 @@ class Domain2D(Domain):
                 (1 / per_d, step),
                 round(before * per_d),
                 periodic=across == height,
-                symmetric=symmetric,
+                folded=(1,) if symmetric else (),
             )
 
         lattice = grid(fidelity.upstream, fidelity.downstream, width, cells)

@@ -1,4 +1,4 @@
-"""The discrete problem in 3-D: a quarter of an unbounded stream."""
+"""The discrete problem in 3-D: a quarter of an unbounded stream, or half for bodies with lift."""
 
 import dataclasses
 import math
@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
-from surrogate.body.skin import Skin
+from surrogate.body.skin import HALVES, QUARTERS, Skin, SkinNodes
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, box_around
 from surrogate.flow.grid.immersed import Spreading, spread_modes
@@ -23,15 +24,20 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
 FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, as in 2-D
-MAX_CELLS = 4_000_000  # of a quarter, which takes several gigabytes
+MAX_CELLS = 4_000_000  # of the part that is gridded, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
+ORDERS = 3  # highest order of the modes of bodies at incidence
+FAR_COMBINATIONS = 8  # of those modes, see ``CompressedResponse``
 ROUNDING = 0.5  # D, to multiples of which the extent of a fitted body is rounded up
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
 
 
 @dataclasses.dataclass(frozen=True)
 class Domain3D(Domain):
-    """A 3-D unbounded stream around bodies with the mirror planes y = 0 and z = 0."""
+    """A 3-D unbounded stream around bodies with the mirror plane y = 0.
+
+    Without incidence they have the mirror plane z = 0 too, and a quarter of the domain is gridded.
+    """
 
     slip_compliance: float = 1e-8
 
@@ -48,13 +54,16 @@ class Domain3D(Domain):
     def around(
         cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
     ) -> "Domain3D":
-        flattened = shape.parameters.get("flatness", 1.0) != 1
-        modes = cls.modes_of(("flatness",) if flattened else (), fidelity)
+        names = ["flatness"] if shape.parameters.get("flatness", 1.0) != 1 else []
+        names += [] if shape.symmetric else ["incidence"]
+        modes = cls.modes_of(tuple(names), fidelity)
         extent = np.ceil(extent / ROUNDING) * ROUNDING
         return cls.make(fidelity, tuple(extent.tolist()), modes)
 
     @classmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes3D:
+        if not keep_mirror_plane(names):
+            return Modes3D(fidelity.harmonics, symmetric=False, orders=ORDERS)
         return Modes3D(fidelity.harmonics, FLATTENED if "flatness" in names else ())
 
     @classmethod
@@ -64,27 +73,33 @@ class Domain3D(Domain):
         """Discretise an unbounded stream around bodies that fit a box of ``extent`` D.
 
         Raises:
-          InvalidInput: the quarter has more cells than memory is likely to hold.
+          InvalidInput: there are more cells than memory is likely to hold.
         """
-        cells = fidelity.cells
+        cells, folded = fidelity.cells, (1, 2) if modes.symmetric else (1,)
 
         def grid(before, after, across, per_d):
             rows = round(across * per_d / 2)
-            shape = (round((before + after) * per_d), rows, rows)
-            return Lattice(shape, (1 / per_d,) * 3, round(before * per_d), symmetric=True)
+            shape = (round((before + after) * per_d), rows, rows if modes.symmetric else 2 * rows)
+            return Lattice(shape, (1 / per_d,) * 3, round(before * per_d), folded=folded)
 
         lattice = grid(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
         if (count := math.prod(lattice.shape)) > MAX_CELLS:
             raise InvalidInput(
-                f"fidelity {fidelity.name}: a quarter of {count / 1e6:.1f} million cells; "
-                f"up to {MAX_CELLS / 1e6:g} are solved, so fewer cells per D would do"
+                f"fidelity {fidelity.name}: {'a quarter' if modes.symmetric else 'half'} of the "
+                f"domain has {count / 1e6:.1f} million cells; up to {MAX_CELLS / 1e6:g} are "
+                "solved, so fewer cells per D would do"
             )
         far = tuple(grid(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
         along, across = (
             largest * math.pi * cells / MARKER_SPACING for largest in (max(extent), max(extent[1:]))
         )
-        nodes = math.ceil(along / 2), math.ceil(across / 4)
+        parts = QUARTERS if modes.symmetric else HALVES
+        nodes = SkinNodes(math.ceil(along / 2), math.ceil(across / parts), parts)
         return cls(lattice, far, modes, box_around(extent, cells), nodes, None)
+
+    @property
+    def far_combinations(self) -> int | None:
+        return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
         return space_kernel(lattice, reynolds)

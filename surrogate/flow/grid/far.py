@@ -3,7 +3,8 @@
 Far from the body the perturbation is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the
 momentum flux outside the domain is quadratic in the force and its response inside is
 ``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, computed on coarse grids. Forces are in
-the units of the traction modes; flows with mirror planes have Phi_xx alone.
+the units of the traction modes; Fy stands for the lift, in 3-D along z; flows without lift have
+Phi_xx alone.
 """
 
 import functools
@@ -49,7 +50,7 @@ def _ring(domain, coarse, inner, reynolds):
     u_x = green(_unit_force(coarse, 0, domain.FORCE_UNIT))
     sources = [flux_outside(u_x)]
     if domain.modes.lift_index is not None:
-        u_y = green(_unit_force(coarse, 1, domain.FORCE_UNIT))
+        u_y = green(_unit_force(coarse, coarse.dimension - 1, domain.FORCE_UNIT))
         sources += [
             (flux_outside(u_x + u_y) - flux_outside(u_x - u_y)) / 2,
             flux_outside(u_y),
@@ -85,10 +86,10 @@ def refinement(lattice: Lattice, coarse: Lattice) -> Callable[[Array], Array]:
     """
 
     def parity(axis, own):
-        return (-1 if axis == own else 1) if coarse.symmetric and axis > 0 else 0
+        return (-1 if axis == own else 1) if axis in coarse.folded else 0
 
     def walled(axis, own):
-        return axis == own > 0 and coarse.periodic and not coarse.symmetric
+        return axis == own > 0 and coarse.periodic and axis not in coarse.folded
 
     matrices = [
         [

@@ -18,8 +18,6 @@ from surrogate.arrays import AnyArray
 from surrogate.body.skin import Skin
 from surrogate.flow.grid.lattice import Lattice
 
-RING = 6  # cells along the stream that hold the splines of a ring of markers: four, and retraction
-
 Markers = Float[AnyArray, "nodes 2"] | Skin
 
 
@@ -32,8 +30,8 @@ class Wall(NamedTuple):
       weights: quadrature weights of the markers.
       normal: outward area vectors per unit surface parameter.
       slip_law: matrix L of the slip law, added to S G B; zero where there is none.
-      rings: (rings, markers a ring) of a quarter of the surface (3-D); None where the markers are
-        those of the whole contour (2-D).
+      rings: (rings, markers a ring) of the part of the surface that is gridded (3-D); None where
+        the markers are those of the whole contour (2-D).
     """
 
     points: Float[AnyArray, "nodes axes"]
@@ -87,13 +85,11 @@ class Spreading(eqx.Module):
 def spread_modes(lattice: Lattice, box: tuple[int, ...], wall: Wall) -> Spreading:
     """Spread all traction modes of a body's wall onto a box of the lattice."""
     corner, sides = _placed(lattice, box)
-    components = []
+    components, spread = [], _summed if wall.rings is None else _scattered
     for own, face in enumerate(lattice.faces()):
-        splines = [
-            _splines(wall, axis, own, x[start : start + side], lattice.step[axis])
-            for axis, (x, start, side) in enumerate(zip(face, corner, sides, strict=True))
-        ]
-        components.append(_scattered(wall.values[:, own] * wall.weights, splines, wall.rings))
+        placed = zip(face, corner, sides, strict=True)
+        near = [x[start : start + side] for x, start, side in placed]
+        components.append(spread(lattice, wall, own, near))
     density = jnp.stack(components, axis=1) / float(np.prod(lattice.step))
     null_mode = jnp.einsum("mck,kc->m", wall.values * wall.weights, wall.normal)
     return Spreading(
@@ -107,45 +103,63 @@ def spread_modes(lattice: Lattice, box: tuple[int, ...], wall: Wall) -> Spreadin
 
 
 def _placed(lattice, box):
-    """Return the first cell and the sides of the box; a symmetric lattice holds its upper half."""
+    """Return the first cell and the sides of the box; a folded lattice holds the upper half."""
     corner, sides = [lattice.inlet - box[0] // 2], [box[0]]
-    for cells, side in zip(lattice.shape[1:], box[1:], strict=True):
-        corner.append(0 if lattice.symmetric else cells // 2 - side // 2)
-        sides.append(side // 2 if lattice.symmetric else 2 * (side // 2))
+    for axis in range(1, lattice.dimension):
+        half, folded = box[axis] // 2, axis in lattice.folded
+        corner.append(0 if folded else lattice.shape[axis] // 2 - half)
+        sides.append(half if folded else 2 * half)
     return tuple(corner), tuple(sides)
 
 
-def _splines(wall, axis, own, faces, step):
-    """Return the B-spline weights of all markers along one axis, for component ``own``.
-
-    The markers of a quarter (3-D) have mirror images across the stream: odd along their own axis.
-    """
-    coordinate = wall.points[:, axis, None]
-    weights = bspline((coordinate - faces) / step)
-    if axis == 0 or wall.rings is None:
-        return weights
-    return weights + (-1 if axis == own else 1) * bspline((coordinate + faces) / step)
+def _summed(lattice, wall, own, faces):
+    """Sum over all markers of every mode's value times the product of the splines (2-D)."""
+    splines = [
+        bspline((wall.points[:, axis, None] - x) / lattice.step[axis])
+        for axis, x in enumerate(faces)
+    ]
+    values = wall.values[:, own] * wall.weights
+    return jnp.einsum("mk,ki,kj->mij", values, *splines, optimize="optimal")
 
 
-def _scattered(values, splines, rings):
-    """Sum over the markers of every mode's value times the product of the splines."""
-    if rings is None:
-        return jnp.einsum("mk,ki,kj->mij", values, *splines, optimize="optimal")
+def _scattered(lattice, wall, own, faces):
+    """The same in 3-D, where each marker's values are added to the cells of its splines alone."""
+    index, weight = zip(
+        *(_stencil(lattice, wall.points[:, axis], axis, own, x) for axis, x in enumerate(faces)),
+        strict=True,
+    )
 
     @jax.checkpoint
     def ring(total, parts):
-        values, x, y, z = parts
-        start = jnp.argmax(jnp.any(x != 0, axis=0))  # a ring covers few cells along the stream
-        x = jax.lax.dynamic_slice_in_dim(x, start, RING, axis=1)
-        spread = x[:, :, None, None] * (y[:, :, None] * z[:, None])[:, None]
-        here = jax.lax.dynamic_slice_in_dim(total, start, RING, axis=1)
-        here = here + jnp.tensordot(values.T, spread, axes=1)
-        return jax.lax.dynamic_update_slice_in_dim(total, here, start, axis=1), None
+        values, (i, j, k), (x, y, z) = parts
+        cells = i[:, :, None, None], j[:, None, :, None], k[:, None, None, :]
+        spline = x[:, :, None, None] * y[:, None, :, None] * z[:, None, None, :]
+        return total.at[cells].add(spline[..., None] * values[:, None, None, None]), None
 
     # All markers at once would take gigabytes.
-    parts = [part.reshape(*rings, -1) for part in (jnp.asarray(values.T), *splines)]
-    zeros = jnp.zeros((len(values), *(part.shape[1] for part in splines)))
-    return jax.lax.scan(ring, zeros, parts)[0]
+    values = (wall.values[:, own] * wall.weights).T
+    parts = jax.tree.map(
+        lambda part: jnp.reshape(part, (*wall.rings, *part.shape[1:])), (values, index, weight)
+    )
+    zeros = jnp.zeros((*(len(x) for x in faces), values.shape[1]))
+    return jnp.moveaxis(jax.lax.scan(ring, zeros, parts)[0], -1, 0)
+
+
+def _stencil(lattice, coordinate, axis, own, faces):
+    """Return which faces the splines of markers reach along one axis, and with which weights.
+
+    Faces beyond a mirror plane are those of the image: component ``own`` is odd along its own axis
+    and vanishes on the plane.
+    """
+    place = (coordinate - faces[0]) / lattice.step[axis]
+    index = jnp.floor(place).astype(int)[:, None] + np.arange(-1, 3)
+    weight = bspline(place[:, None] - index)
+    if axis in lattice.folded:
+        odd, beyond = axis == own, index < 0
+        index = jnp.where(beyond, -(2 if odd else 1) - index, index)
+        weight = jnp.where(beyond & odd, -weight, weight)
+    inside = (index >= 0) & (index < len(faces))
+    return jnp.where(inside, index, 0), jnp.where(inside, weight, 0.0)
 
 
 def slip_law(

@@ -22,16 +22,16 @@ class Lattice:
       step: cell size along each axis, in D.
       inlet: number of cells between the upstream edge and the body's centre.
       periodic: the grid spans a tunnel from wall to wall, so nothing is blended out across it.
-      symmetric: only the part of a flow with mirror planes where all coordinates across are
-        positive is stored. A component is odd in its own coordinate across and even in the
-        others; where it is odd its zeros on the mirror plane are not stored. Always so in 3-D.
+      folded: axes across which the flow has a mirror plane; only its part where their coordinates
+        are positive is stored. A component is odd in its own coordinate and even in the others;
+        where it is odd its zeros on the mirror plane are not stored.
     """
 
     shape: tuple[int, ...]
     step: tuple[float, ...]
     inlet: int
     periodic: bool = False
-    symmetric: bool = False
+    folded: tuple[int, ...] = ()
 
     @property
     def dimension(self) -> int:
@@ -43,33 +43,29 @@ class Lattice:
         """The grid as jax-cfd describes it."""
         left = -self.inlet * self.step[0]
         ends = [(left, left + self.shape[0] * self.step[0])]
-        for cells, step in zip(self.shape[1:], self.step[1:], strict=True):
-            low = 0.0 if self.symmetric else -cells * step / 2
-            ends.append((low, low + cells * step))
+        for axis in range(1, self.dimension):
+            side = self.shape[axis] * self.step[axis]
+            low = 0.0 if axis in self.folded else -side / 2
+            ends.append((low, low + side))
         return grids.Grid(self.shape, domain=tuple(ends))
 
     @property
     def cell_volume(self) -> float:
-        """Volume of a cell, its mirror images included on a symmetric grid."""
-        copies = 2 ** (self.dimension - 1) if self.symmetric else 1
-        return float(np.prod(self.step)) * copies
+        """Volume of a cell, its mirror images included."""
+        return float(np.prod(self.step)) * 2 ** len(self.folded)
 
     @property
     def unfolded(self) -> "Lattice":
-        """The whole grid, of which a symmetric one is a part."""
-        if not self.symmetric:
-            return self
-        shape = (self.shape[0], *(2 * cells for cells in self.shape[1:]))
-        return dataclasses.replace(self, shape=shape, symmetric=False)
+        """The whole grid, of which a folded one is a part."""
+        shape = (n * (2 if axis in self.folded else 1) for axis, n in enumerate(self.shape))
+        return dataclasses.replace(self, shape=tuple(shape), folded=())
 
     def unfold(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """Return a velocity on the whole grid."""
-        if not self.symmetric:
-            return jnp.asarray(velocity)
         return jnp.stack([self._mirrored(part, own) for own, part in enumerate(velocity)])
 
     def _mirrored(self, component, own):
-        for axis in range(1, self.dimension):
+        for axis in self.folded:
             image = jnp.flip(component, axis)
             if axis == own:  # odd; the outermost zeros are dropped, those in the middle put in
                 image = jnp.roll(-image, -1, axis)
@@ -123,7 +119,7 @@ class Lattice:
     def convect(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """Return -div(u u) of a face velocity that vanishes at the edges, by jax-cfd.
 
-        A symmetric grid and one from wall to wall may be treated as periodic as well: v = 0 at
+        A folded grid and one from wall to wall may be treated as periodic as well: v = 0 at
         the top row stands for v = 0 on the centre line or the lower wall, and no flux of u
         crosses either.
         """
@@ -133,7 +129,7 @@ class Lattice:
             for component, offset in zip(velocity, self.grid.cell_faces, strict=True)
         )
         terms = [term.data for term in advection.convect_linear(variables)]
-        if self.symmetric or self.periodic:
-            for axis in range(1, self.dimension):
+        for axis in range(1, self.dimension):
+            if axis in self.folded or self.periodic:
                 terms[axis] = terms[axis].at[(slice(None),) * axis + (-1,)].set(0.0)
         return jnp.stack(terms)

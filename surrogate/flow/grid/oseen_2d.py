@@ -92,14 +92,14 @@ def oseen_kernel(
     """Return the Green's function of the Oseen operator on a lattice.
 
     Args:
-      lattice: the grid; a symmetric one gets a kernel for its upper half.
+      lattice: the grid; a folded one gets a kernel for its upper half.
       reynolds: U D / nu.
       height: tunnel height in D, a whole number of cells; None for an unbounded stream.
       mirrored: the tunnel has slip walls and the source need not be symmetric about its centre
         line; then the kernel has period 2 H and carries the mirror image explicitly.
     """
     ny = lattice.shape[1]
-    if lattice.symmetric:
+    if lattice.folded:
         waves = _unbounded_waves(4 * ny) if height is None else _tunnel_waves(lattice.rows(height))
         return SymmetricKernel(_half_spectrum(lattice, reynolds, *waves))
     rows = np.arange(-ny, ny)

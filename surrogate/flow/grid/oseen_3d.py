@@ -13,6 +13,7 @@ each is the heat kernel of a one-dimensional lattice, exp(-2t) I_n(2t) at distan
 import functools
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -32,58 +33,62 @@ LARGEST_X = 1e8  # argument of a Bessel function, beyond which its expansion is 
 
 
 class SpaceKernel(eqx.Module):
-    """Spectra of g and Q on a quarter of the domain (y > 0, z > 0), in wave numbers x, y, z.
+    """Spectra of g and Q in the wave numbers along x, y and z, padded so that nothing wraps around.
 
-    Component i is even across the stream but odd in its own direction: cosines and sines, padded
-    along the stream so that nothing wraps around.
+    Across folded axes of the lattice component i is even but odd in its own direction: cosines and
+    sines. Along the others waves are complex.
     """
 
     viscous: Complex[Array, "kx ky kz"]
     potential: Complex[Array, "kx ky kz"]
     step: float = eqx.field(static=True)
+    folded: tuple[int, ...] = eqx.field(static=True)
 
     def __call__(self, force: Float[AnyArray, "3 nx ny nz"]) -> Float[Array, "3 nx ny nz"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
         nx, *across = force.shape[1:]
-        period = _period(nx)
-        waves = [_Waves(cells, self.step, force.dtype) for cells in across]
-        k_y, k_z = waves[0].numbers[:, None], waves[1].numbers
+        period, dtype = _period(nx), self.viscous.dtype
+        y, z = (_waves(cells, k + 1 in self.folded) for k, cells in enumerate(across))
+        # D- of the components across, and minus D+ of a scalar, in wave numbers
+        div_y, div_z = (jnp.asarray(w.divergence / self.step, dtype) for w in (y, z))
+        grad_y, grad_z = jnp.conj(div_y)[:, None], jnp.conj(div_z)
+        div_y = div_y[:, None]
         shift = (np.exp(2j * np.pi * np.arange(period // 2 + 1) / period) - 1) / self.step
-        ahead = jnp.asarray(shift[:, None, None], self.viscous.dtype)  # D+x; D-x is -conj
+        ahead = jnp.asarray(shift[:, None, None], dtype)  # D+x; D-x is -conj
         g, q = self.viscous, self.potential
 
-        fx, fy, fz = (
-            waves[1].forward(waves[0].forward(jnp.fft.rfft(part, n=period, axis=0), 1, odd), 2, own)
-            for part, odd, own in zip(force, (0, 1, 0), (0, 0, 1), strict=True)
-        )
-        sources = k_y * fy + k_z * fz
+        def forward(part, own):
+            along = jnp.fft.rfft(part, n=period, axis=0)
+            return z.forward(y.forward(along, 1, own == 1), 2, own == 2)
+
+        def backward(part, own):
+            along = y.backward(z.backward(part, 2, own == 2), 1, own == 1)
+            return jnp.fft.irfft(along, n=period, axis=0)[:nx]
+
+        fx, fy, fz = (forward(part, own) for own, part in enumerate(force))
+        sources = div_y * fy + div_z * fz
         phi = q * (sources - jnp.conj(ahead) * fx)
+        across = (div_y * grad_y + div_z * grad_z).real  # minus the Laplacian across
         velocity = (
-            -(q * ((k_y**2 + k_z**2) * fx + ahead * sources)),
-            g * fy + k_y * phi,
-            g * fz + k_z * phi,
+            -(q * (across * fx + ahead * sources)),
+            g * fy + grad_y * phi,
+            g * fz + grad_z * phi,
         )
-        return jnp.stack(
-            [
-                jnp.fft.irfft(
-                    waves[0].backward(waves[1].backward(part, 2, own), 1, odd), n=period, axis=0
-                )[:nx]
-                for part, odd, own in zip(velocity, (0, 1, 0), (0, 0, 1), strict=True)
-            ]
-        )
+        return jnp.stack([backward(part, own) for own, part in enumerate(velocity)])
 
 
-class _Waves:
-    """Transforms across the stream and back: cosines of even components, sines of odd ones."""
+class _FoldedWaves:
+    """Cosines of even components and sines of odd ones, across a mirror plane."""
 
-    def __init__(self, cells, step, dtype):
-        psi = _padded_waves(cells)
+    def __init__(self, cells):
+        self.psi = np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
+        self.divergence = 2 * np.sin(self.psi / 2)
         row = np.arange(cells)[:, None]
-        matrices = np.cos(psi * (row + 0.5)), np.sin(psi * (row + 1))
-        weight = np.where((psi == 0) | (psi == np.pi), 1.0, 2.0) / (2 * cells + 1)
-        self.numbers = jnp.asarray(2 * np.sin(psi / 2) / step, dtype)
-        self._forward = [jnp.asarray(m, dtype) for m in matrices]
-        self._backward = [jnp.asarray((m * weight).T, dtype) for m in matrices]
+        matrices = np.cos(self.psi * (row + 0.5)), np.sin(self.psi * (row + 1))
+        ends = (self.psi == 0) | (self.psi == np.pi)
+        weight = np.where(ends, 1.0, 2.0) / (2 * cells + 1)
+        self._forward, self._backward = matrices, [(m * weight).T for m in matrices]
+        self.reach = 2 * cells  # of the sources' images
 
     def forward(self, field, axis, odd):
         return _contract(field, self._forward[odd], axis)
@@ -92,26 +97,42 @@ class _Waves:
         return _contract(field, self._backward[odd], axis)
 
 
+class _WholeWaves:
+    """Complex waves along an axis without a mirror plane."""
+
+    def __init__(self, cells):
+        self.cells, self.reach, self._period = cells, cells, _period(cells)
+        self.psi = 2 * np.pi * np.arange(self._period) / self._period
+        self.divergence = 1 - np.exp(-1j * self.psi)
+
+    def forward(self, field, axis, odd):
+        return jnp.fft.fft(field, n=self._period, axis=axis)
+
+    def backward(self, field, axis, odd):
+        whole = jnp.fft.ifft(field, axis=axis)
+        return jax.lax.slice_in_dim(whole, 0, self.cells, axis=axis)
+
+
+@functools.cache
+def _waves(cells, folded):
+    return _FoldedWaves(cells) if folded else _WholeWaves(cells)
+
+
 def _contract(field, matrix, axis):
     """Apply a real matrix along an axis of a complex field, both parts in one product."""
-    parts = jnp.stack([field.real, field.imag])
+    parts, matrix = jnp.stack([field.real, field.imag]), jnp.asarray(matrix, field.real.dtype)
     product = jnp.moveaxis(jnp.tensordot(parts, matrix, axes=[[axis + 1], [0]]), -1, axis + 1)
     return product[0] + 1j * product[1]
 
 
-def _padded_waves(cells):
-    """Return the psi across with which sources and images do not wrap around in the domain."""
-    return np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
-
-
-def _period(nx):
-    return next_fast_len(2 * nx + 1, real=True)
+def _period(cells):
+    return next_fast_len(2 * cells + 1, real=True)
 
 
 def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
-    """Return the Green's function of the Oseen operator on a quarter of an unbounded stream."""
+    """Return the Green's function of the Oseen operator in an unbounded stream on a lattice."""
     nx, *across = lattice.shape
-    heat = [_heat(cells) for cells in across]
+    heat = [_heat(cells, k + 1 in lattice.folded) for k, cells in enumerate(across)]
     period = _period(nx)
 
     def spectrum(columns, power):
@@ -122,7 +143,8 @@ def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel
         return jnp.einsum("xk,ky,kz->xyz", amplitude, *heat)
 
     viscous, potential = sequences(lattice, reynolds, BETAS)
-    return SpaceKernel(spectrum(viscous, 0.5), spectrum(potential, 1.5), lattice.step[0])
+    spectra = spectrum(viscous, 0.5), spectrum(potential, 1.5)
+    return SpaceKernel(*spectra, lattice.step[0], lattice.folded)
 
 
 @functools.cache
@@ -140,11 +162,12 @@ def _exponentials(power):
 
 
 @functools.cache
-def _heat(cells):
+def _heat(cells, folded):
     """Return the heat kernels at all times in the wave numbers across."""
-    n = np.arange(2 * cells + 1)
+    waves = _waves(cells, folded)
+    n = np.arange(waves.reach + 1)
     kernels = _decaying_bessel(n, 2 * TIMES[:, None]) * np.where(n == 0, 1.0, 2.0)
-    return kernels @ np.cos(np.outer(n, _padded_waves(cells)))
+    return kernels @ np.cos(np.outer(n, waves.psi))
 
 
 def _decaying_bessel(n, x):

@@ -5,7 +5,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.skin import QUARTERS, Skin
+from surrogate.body.skin import Skin
 from surrogate.flow.grid.immersed import Wall, slip_law
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
@@ -32,8 +32,8 @@ def wall_3d(
     retracted, cells = retract(lattice, points, unit, SECOND_ORDER, 1 - slip_share)
     values, weights = modes.values(skin.nodes), modes.weights(skin.nodes)
     compliance = slip_share * reynolds * lattice.step[0] * (cells / speed)[:, 0]
-    law = slip_law(values, unit, QUARTERS * weights * compliance)
-    return Wall(retracted, values, weights, normal, law, skin.nodes)
+    law = slip_law(values, unit, skin.nodes.parts * weights * compliance)
+    return Wall(retracted, values, weights, normal, law, skin.nodes[:2])
 
 
 def thin_layer(reynolds: ArrayLike) -> ArrayLike:

@@ -76,7 +76,7 @@ def mode_response(
     near = _within(body, corner, lattice.shape)
     velocities = domain.each_mode(lambda a: here(near.spread(a)), eye)
     # The velocity on the edge of the box determines that outside: its principal components.
-    edges = _edges(velocities, lattice.symmetric)
+    edges = _edges(velocities, lattice.folded)
     combinations = jnp.linalg.eigh(edges @ edges.T)[1].T[-domain.far_combinations :]
     far = domain.each_mode(lambda a: green(body.spread(a)), combinations)
     return CompressedResponse(velocities, combinations, far, corner)
@@ -88,10 +88,12 @@ def _within(body, corner, shape):
     return dataclasses.replace(body, corner=moved, shape=shape)
 
 
-def _edges(velocities: Float[Array, "modes axes ..."], symmetric: bool) -> Float[Array, "modes _"]:
+def _edges(
+    velocities: Float[Array, "modes axes ..."], folded: tuple[int, ...]
+) -> Float[Array, "modes _"]:
     """Return the velocities in the outermost cells of the box, mirror planes left out."""
     parts = []
-    for axis in range(2, velocities.ndim):
-        ends = (-1,) if symmetric and axis > 2 else (0, -1)
-        parts += [jnp.take(velocities, end, axis).reshape(len(velocities), -1) for end in ends]
+    for axis in range(velocities.ndim - 2):
+        ends = (-1,) if axis in folded else (0, -1)
+        parts += [jnp.take(velocities, end, axis + 2).reshape(len(velocities), -1) for end in ends]
     return jnp.concatenate(parts, axis=1)

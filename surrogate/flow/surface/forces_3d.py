@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.skin import QUARTERS, Skin
+from surrogate.body.skin import Skin
 from surrogate.flow.grid.domain_3d import Domain3D
-from surrogate.flow.loads import Coefficients, drag_coefficient
+from surrogate.flow.loads import Coefficients, drag, lift, moment
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.pressure import pressure, surface_pressure
 from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weights, keys_weights
@@ -18,15 +18,16 @@ from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weight
 def coefficients_3d(
     domain: Domain3D, skin: Skin, state: FlowState, reynolds: float
 ) -> Coefficients:
-    """Return the force coefficients of a solved 3-D body, whose mirror planes leave no lift.
+    """Return the force coefficients of a solved 3-D body.
 
     The drag is split by the pressure near the skin.
     """
-    drag = drag_coefficient(state.amplitude)
+    at = domain.modes, state.amplitude, skin
     cp = surface_pressure(domain, *skin, pressure(domain, skin, state, reynolds))
     along = np.asarray(skin.areas)[:, 0]
-    by_pressure = -4 / np.pi * QUARTERS * np.sum(domain.modes.weights(skin.nodes) * cp * along)
-    return Coefficients(drag, by_pressure, drag - by_pressure, 0.0, 0.0)
+    each = domain.modes.weights(skin.nodes) * skin.nodes.parts
+    by_pressure = -4 / np.pi * np.sum(each * cp * along)
+    return Coefficients(drag(*at), by_pressure, drag(*at) - by_pressure, lift(*at), moment(*at))
 
 
 class SkinLoads(NamedTuple):
@@ -84,11 +85,14 @@ def _vorticity_near(domain, velocity):
         max(lattice.inlet - domain.box[0] // 2 - margin, 0),
         lattice.inlet + domain.box[0] // 2 + margin,
     )
-    sides = zip(domain.box[1:], lattice.shape[1:], strict=True)
-    rows = [min(side // 2 + margin, cells) for side, cells in sides]
-    part = velocity[:, along, : rows[0], : rows[1]]
+    rows, part = [], velocity[:, along]
+    for axis in (1, 2):
+        folded = axis in lattice.folded
+        middle = 0 if folded else lattice.shape[axis] // 2
+        rows.append(min(domain.box[axis] // 2 + margin, lattice.shape[axis] - middle))
+        part = part.take(np.arange(0 if folded else middle - rows[-1], middle + rows[-1]), axis + 1)
     field = curl(lattice.unfold(part), lattice.step[0])
-    low = np.array([(along.start - lattice.inlet), -rows[0], -rows[1]])
+    low = np.array([along.start - lattice.inlet, -rows[0], -rows[1]])
 
     def vorticity(points):
         places = points / lattice.step[0] - low

@@ -1,0 +1,163 @@
+"""Cd, Cl and Cm of 3-D bodies at incidence: elements in space, Oberbeck's Stokes flow, and cost."""
+
+import functools
+from collections.abc import Mapping
+
+import numpy as np
+from correlations import Ellipsoid, ellipsoid, oberbeck
+from elements import BOX
+from lifting_elements import Loads, loads_in_space
+from study import Result, Row, Run, Study, Table, cases, columns
+from tools import mean_and_most, medians, name_of
+
+from surrogate import Flow, Scene, family_shape
+
+# held out: no constant of the flow is fitted to them
+FLOWS: tuple[tuple[dict[str, float], float], ...] = (
+    ({"aspect": 0.5, "incidence": 30.0}, 10.0),
+    ({"aspect": 0.6, "incidence": 60.0}, 30.0),
+    ({"aspect": 2.5, "incidence": 20.0}, 50.0),
+    ({"aspect": 2.0, "incidence": 70.0}, 20.0),
+    ({"aspect": 3.0, "incidence": 90.0}, 5.0),
+    ({"aspect": 2.0, "beta2": 0.25, "incidence": 45.0}, 1.0),
+    ({"aspect": 1.5, "beta2": -0.2, "incidence": 60.0}, 40.0),
+    ({"aspect": 2.0, "flatness": 1.8, "incidence": 30.0}, 20.0),
+    ({"aspect": 1.2, "flatness": 2.0, "beta2": 0.15, "incidence": 50.0}, 10.0),
+)
+USUAL = BOX._replace(wall=0.2, near=0.5, wake=1.2)
+COARSE = BOX._replace(box=10.0, wall=0.3, near=0.7, wake=1.5)
+LOADS = ("cd", "cl", "cm")
+SPHEROIDS = cases(aspect=(0.5, 2.0, 3.0), incidence=(30.0, 45.0, 90.0))
+CASES = [
+    {"body": name_of(body), "parameters": body, "reynolds": re, "fidelity": "standard"}
+    for body, re in FLOWS
+]
+CREEPING = 1e-3  # Re at which inertia adds less than 0.05 % to the drag, half of it known
+PAIRS = cases(aspect=(1.5, 2.0, 3.0), reynolds=(1.0, 10.0, 40.0))
+COSTS = cases(fidelity=("draft", "standard"), aspect=(0.6, 2.0), reynolds=(1.0, 40.0))
+
+
+def measure(run: Run, parameters: Mapping[str, float], reynolds: float, fidelity: str, **_) -> Row:
+    """Errors of the loads over Cd, their bounds, and the work."""
+    shape = family_shape(parameters, dimension=3)
+    flow = Flow(Scene(dimension=3, fidelity=run.fidelity(fidelity, 3)))
+    found = flow.solve(shape, reynolds, allow_unsteady=True)
+    truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
+    loads = found.drag, found.lift, found.moment
+    bounds = (
+        found.estimated_error and found.estimated_error * found.drag,
+        found.estimated_lift_error,
+        found.estimated_moment_error,
+    )
+    row: Row = {"status": found.status, "green_applications": found.green_applications}
+    for name, load, true, bound in zip(LOADS, loads, truth, bounds, strict=True):
+        row |= {name: load, f"{name}_error": (load - true) / truth.cd}
+        row |= {f"{name}_bound": None if bound is None else bound / truth.cd}
+    return row
+
+
+@functools.cache
+def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
+    return loads_in_space(dict(body), reynolds, COARSE if tiny else USUAL)
+
+
+def stokes(run: Run, aspect: float, incidence: float) -> Row:
+    """Errors over Cd by Oberbeck's drag along the axis and across it, which are superposed."""
+    level = run.fidelity("standard", 3)
+    shape = family_shape({"aspect": aspect, "incidence": incidence}, dimension=3)
+    found = Flow(Scene(dimension=3, fidelity=level)).solve(shape, CREEPING, estimate=False)
+    body = ellipsoid(aspect)
+    sideways = Ellipsoid(body.width, body.length, body.height)
+    along, across = (oberbeck(one, CREEPING) for one in (body, sideways))
+    cosine, sine = np.cos(np.deg2rad(incidence)), np.sin(np.deg2rad(incidence))
+    drag, lift = along * cosine**2 + across * sine**2, (across - along) * sine * cosine
+    return {
+        "cd": found.drag,
+        "cd_error": found.drag / drag - 1,
+        "cl_error": (found.lift - lift) / drag,
+        "cm_error": found.moment / drag,
+    }
+
+
+def across(run: Run, aspect: float, reynolds: float) -> Row:
+    """A spheroid across the stream, by half of the domain, and the same body by a quarter."""
+    flow = Flow(Scene(dimension=3, fidelity=run.fidelity("standard", 3)))
+    turned = {"aspect": aspect, "incidence": 90.0}
+    aligned = {"aspect": aspect**-0.5, "flatness": aspect}
+    by_half, by_quarter = (
+        flow.solve(family_shape(body, dimension=3), reynolds, estimate=False, allow_unsteady=True)
+        for body in (turned, aligned)
+    )
+    return {
+        "cd": by_half.drag,
+        "difference": by_half.drag / by_quarter.drag - 1,
+        "cells": np.prod(by_half.domain.lattice.shape) / np.prod(by_quarter.domain.lattice.shape),
+        "work": by_half.green_applications,
+        "aligned_work": by_quarter.green_applications,
+    }
+
+
+def cost(run: Run, fidelity: str, aspect: float, reynolds: float) -> Row:
+    """Seconds and memory at an incidence over those without, medians without compilation."""
+    flow = Flow(Scene(dimension=3, fidelity=run.fidelity(fidelity, 3)))
+    aligned, turned = (
+        family_shape({"aspect": aspect, "incidence": turn}, dimension=3) for turn in (0.0, 30.0)
+    )
+    calls = [
+        functools.partial(flow.solve, one, reynolds, estimate=False) for one in (aligned, turned)
+    ]
+    found = [call() for call in calls]
+    before, after = medians(calls, run.pick(1, 5))
+    return {
+        "aligned_work": found[0].green_applications,
+        "work": found[1].green_applications,
+        "aligned_s": before,
+        "seconds": after,
+        "ratio": after / before,
+    }
+
+
+def text(result: Result) -> str:
+    """Mean and largest errors of the held-out flows."""
+    rows = result["rows"]
+    parts = []
+    for name, symbol in zip(LOADS, ("Cd", "Cl", "Cm"), strict=True):
+        mean, most = mean_and_most([row[f"{name}_error"] for row in rows])
+        known = [row for row in rows if row[f"{name}_bound"] is not None]
+        covered = sum(row[f"{name}_bound"] >= abs(row[f"{name}_error"]) for row in known)
+        parts.append(
+            f"{symbol} {100 * mean:.2f} % on average and {100 * most:.2f} % at most, {covered} of "
+            f"{len(known)} within their bounds"
+        )
+    return f"Errors over Cd of the {len(rows)} held-out flows: {'; '.join(parts)}."
+
+
+HELD_OUT = columns(
+    "body {body} | Re {reynolds:g} | Cd {cd:.4f} | error {cd_error:+.2%} | Cl {cl:+.4f}"
+    " | error over Cd {cl_error:+.2%} | Cm {cm:+.4f} | error over Cd {cm_error:+.2%} | {status}"
+    " | work {green_applications} G"
+)
+STOKES = columns(
+    "aspect {aspect:g} | incidence {incidence:g} | Cd at Re 0.001 {cd:.1f}"
+    " | error by Oberbeck {cd_error:+.2%} | of Cl, over Cd {cl_error:+.2%} | of Cm {cm_error:+.2%}"
+)
+ACROSS = columns(
+    "aspect {aspect:g}, across the stream; Re {reynolds:g} | Cd {cd:.4f}"
+    " | difference to the same body on a quarter {difference:+.3%} | work {work} G"
+    " | on a quarter {aligned_work} G"
+)
+COST = columns(
+    "fidelity {fidelity} | aspect {aspect:g} | Re {reynolds:g} | aligned {aligned_work} G, "
+    "{aligned_s:.2f} s | at 30 degrees {work} G, {seconds:.2f} s | ratio of seconds {ratio:.2f}"
+)
+STUDIES = {
+    "incidence": Study(
+        [
+            Table(SPHEROIDS, stokes, STOKES, key="stokes"),
+            Table(PAIRS, across, ACROSS, key="across"),
+            Table(COSTS, cost, COST, key="cost"),
+            Table(CASES, measure, HELD_OUT),
+        ],
+        text,
+    )
+}

@@ -1,0 +1,173 @@
+"""3-D flows at incidence: symmetries, golden loads, gradients, the parts of domain and body."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import ROUGH_3D
+from correlations import Ellipsoid, ellipsoid, oberbeck
+
+from surrogate import Family, Flow, InvalidInput, Scene, family_shape
+from surrogate.body.skin import HALVES, SkinNodes
+from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.modes_3d import Modes3D
+from surrogate.flow.grid.oseen_3d import space_kernel
+from surrogate.flow.loads import LOADS
+from surrogate.flow.solver.newton import NewtonSettings
+
+FAMILY = Family(dimension=3, aspect=(0.6, 2.0), beta2=(-0.2, 0.2), incidence=(-90, 90))
+SCENE = Scene(dimension=3, reynolds=(0.01, 50), family=FAMILY, fidelity=ROUGH_3D)
+FLOW = Flow(SCENE, NewtonSettings(1e-10, 30, 60, linear_tolerance=1e-9))
+DRAFT = Flow(Scene(dimension=3, fidelity="draft"))
+BODY = np.array([1.6, 0.1, 25.0])
+
+
+def solved(parameters, reynolds, flow=DRAFT):
+    return flow.solve(family_shape(parameters, dimension=3), reynolds, estimate=False)
+
+
+def test_exact_kernel_of_half_a_window_is_that_of_the_whole():
+    half, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=(1,)), np.random.default_rng(0)
+    whole = half.unfolded
+    force = rng.normal(size=(3, *half.shape))
+    force[1, :, -1] = 0.0  # its image's place is outside of the whole window
+    re = jnp.asarray(7.0)
+    by_half, by_whole = (
+        np.asarray(lattice.unfold(space_kernel(lattice, re)(jnp.asarray(f))))
+        for lattice, f in ((half, force), (whole, np.asarray(half.unfold(force))))
+    )
+    assert np.abs(by_half - by_whole).max() < 1e-11 * np.abs(by_whole).max()
+
+
+@pytest.mark.slow
+def test_a_sphere_has_no_incidence():
+    aligned, turned = (solved({"aspect": 1.0, "incidence": turn}, 5.0) for turn in (0.0, 40.0))
+    assert aligned.domain.lattice.folded == (1, 2)
+    assert turned.domain.lattice.folded == (1,)
+    assert turned.drag == pytest.approx(aligned.drag, rel=1e-4)
+    assert abs(turned.lift) < 1e-4 * turned.drag
+    assert abs(turned.moment) < 1e-4 * turned.drag
+
+
+def test_a_body_across_the_stream_is_a_flattened_one():
+    """Turned by 90 degrees aspect 2 is aspect 0.7071, flatness 2; two grids and sets of modes."""
+    turned = solved({"aspect": 2.0, "incidence": 90.0}, 1.0)
+    flattened = solved({"aspect": 2**-0.5, "flatness": 2.0}, 1.0)
+    assert turned.drag == pytest.approx(flattened.drag, rel=2e-3)
+    assert max(abs(turned.lift), abs(turned.moment)) < 1e-4 * turned.drag
+
+
+def test_a_turn_the_other_way_mirrors_lift_and_moment():
+    up, down = (solved({"aspect": 2.0, "incidence": turn}, 10.0) for turn in (35.0, -35.0))
+    assert down.drag == pytest.approx(up.drag, rel=1e-6)
+    assert down.lift == pytest.approx(-up.lift, rel=1e-5)
+    assert down.moment == pytest.approx(-up.moment, rel=1e-5)
+    modes, amplitudes = up.domain.modes, (up.state.amplitude, down.state.amplitude)
+    assert np.allclose(modes.mirror * amplitudes[0], amplitudes[1], atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("aspect", "turn"), [pytest.param(0.5, 30.0, marks=pytest.mark.slow), (2.0, 45.0)]
+)
+def test_golden_spheroids_in_stokes_flow(aspect, turn):
+    """Oberbeck 1876: drags along and across the axis superpose, and there is no torque."""
+    body, re = ellipsoid(aspect), 1e-3
+    along, across = oberbeck(body, re), oberbeck(Ellipsoid(body[1], body[0], body[2]), re)
+    c, s = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn))
+    found = solved({"aspect": aspect, "incidence": turn}, re)
+    drag, lift = along * c**2 + across * s**2, (across - along) * s * c
+    assert found.drag == pytest.approx(drag, rel=0.01)
+    # an oblate body's short axis is along the stream: nose up its lift points down
+    assert found.lift == pytest.approx(lift, abs=0.005 * drag)
+    assert abs(found.moment) < 0.003 * drag
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("reynolds", "cd", "cl", "cm"), [(1.0, 28.124, 2.288, 0.509), (10.0, 4.429, 0.563, 0.315)]
+)
+def test_golden_spheroid_at_45_degrees(reynolds, cd, cl, cm):
+    """Elements in space, aspect 2: 0.1 % of Cd, 0.3 % of Cl, 0.5 % of Cm."""
+    flow = Flow(Scene(dimension=3))
+    found = solved({"aspect": 2.0, "incidence": 45.0}, reynolds, flow)
+    assert found.drag == pytest.approx(cd, rel=0.003)
+    assert found.lift == pytest.approx(cl, abs=0.003 * cd)
+    assert found.moment == pytest.approx(cm, abs=0.002 * cd)
+
+
+@pytest.mark.slow
+def test_taylor_remainders_of_the_loads_are_of_second_order():
+    """In shape, incidence and Re together, relative to each load's own change."""
+    direction, rate = jnp.array([0.3, 0.1, 10.0]), 3.0
+    body, re = jnp.asarray(BODY), jnp.asarray(20.0)
+    by_body, by_re = jax.jacobian(FLOW.loads, (0, 1))(body, re)
+    along, loads = by_body @ direction + by_re * rate, FLOW.loads(body, re)
+    remainders = np.abs(
+        [FLOW.loads(body + e * direction, re + e * rate) - loads - e * along for e in (0.2, 0.1)]
+    )
+    assert np.all(np.log2(remainders[0] / remainders[1]) > 1.9), remainders
+
+
+def test_loads_of_a_scene_are_those_of_its_flow():
+    loads = np.asarray(FLOW.loads(BODY, 20.0))
+    found = FLOW.solve(BODY, 20.0, estimate=False)
+    assert np.allclose(loads, [found.drag, found.lift, found.moment], rtol=1e-6)
+
+
+def test_moment_of_a_traction_is_its_torque():
+    """Forces along x in proportion to z, by the modes' own quadrature."""
+    nodes, modes = SkinNodes(40, 40, HALVES), Modes3D(4, symmetric=False, orders=2)
+    skin = FAMILY.markers(np.array([1.0, 0.0, 0.0]), nodes)
+    values, weights = modes.values(nodes), modes.weights(nodes) * nodes.parts
+    index = next(
+        k
+        for k, v in enumerate(values)
+        if np.allclose(v[0], v[0].max() * skin.points[:, 2] * 2, atol=0.03)
+        and not v[1:].any()
+        and v[0].any()
+    )
+    amplitude = jnp.zeros(modes.count).at[index].set(-1.0)
+    torque = weights @ (values[index, 0] * np.asarray(skin.points[:, 2]))
+    assert float(LOADS["cm"](modes, amplitude, skin)) == pytest.approx(8 / np.pi * torque)
+    assert float(LOADS["cl"](modes, amplitude, skin)) == 0.0
+
+
+def test_what_no_grid_covers_is_refused():
+    with pytest.raises(InvalidInput, match="incidence 200: must lie between"):
+        family_shape({"aspect": 2.0, "incidence": 200.0}, dimension=3)
+    with pytest.raises(InvalidInput, match="too large"):  # it fits along the stream
+        DRAFT.solve(family_shape({"aspect": 6.0, "incidence": 80.0}, dimension=3), 1.0)
+    with pytest.raises(InvalidInput, match="tunnel"):
+        Scene("tunnel:8", dimension=3, family=FAMILY)
+    with pytest.raises(InvalidInput, match="sheds vortices"):
+        DRAFT.solve(family_shape({"aspect": 3.0, "incidence": 90.0}, dimension=3), 90.0)
+
+
+def test_the_box_of_a_family_holds_its_bodies():
+    bodies = np.asarray(FAMILY.sample(jax.random.key(0), 200))
+    box = np.array(FAMILY.extent)
+    for body in bodies:
+        shape = family_shape(FAMILY.named(body), dimension=3)
+        assert np.all(shape.extent <= box * (1 + 1e-9)), (body, shape.extent, box)
+    assert box.max() < 1.5 * max(
+        family_shape(FAMILY.named(body), dimension=3).extent.max() for body in bodies
+    )
+
+
+def test_fields_know_the_turned_body():
+    found = solved({"aspect": 2.0, "flatness": 1.2, "incidence": 35.0}, 5.0)
+    inside, (x, _, z) = found.fields.inside, found.fields.axes
+    volume = inside.sum() * float(np.prod(found.domain.lattice.step))
+    assert volume == pytest.approx(np.pi / 6, rel=0.1)
+    places = np.argwhere(inside)
+    lean = np.polyfit(x[places[:, 0]], z[places[:, 2]], 1)[0]
+    assert lean < -0.2  # the nose is up
+
+
+def test_domains_say_which_part_is_gridded():
+    fine = dataclasses.replace(ROUGH_3D, cells=100)
+    scene = dataclasses.replace(SCENE, fidelity=fine)
+    with pytest.raises(InvalidInput, match="half of the domain has"):
+        Flow(scene).drag(BODY, 10.0)
