@@ -1,7 +1,8 @@
 """Laminar drag surrogates: a flow solver on jax-cfd, and networks trained through it.
 
 This is the public API. ``Flow`` and ``Surrogate`` are the two drag models, with the same
-``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model.
+``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model
+-> exports.
 Importing the package switches JAX to 64-bit numbers and its compilation cache on (``cache.py``).
 """
 
@@ -18,6 +19,7 @@ from surrogate.body.contour_file import read_contour  # noqa: E402
 from surrogate.body.family import Family  # noqa: E402
 from surrogate.body.shape import Shape, contour_shape, family_shape  # noqa: E402
 from surrogate.errors import InvalidInput, NotConverged  # noqa: E402
+from surrogate.exports.export import export  # noqa: E402
 from surrogate.flow.flow import Flow  # noqa: E402
 from surrogate.flow.settling import Particle, settle  # noqa: E402
 from surrogate.flow.solution import Solution  # noqa: E402
@@ -45,6 +47,7 @@ __all__ = [
     "Tunnel",
     "Unbounded",
     "contour_shape",
+    "export",
     "family_shape",
     "load",
     "naca4",

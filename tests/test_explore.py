@@ -15,7 +15,7 @@ from shapeopt.commands import explore
 from shapeopt.commands.cli import run
 from shapeopt.render.page.page import page, reference_body, reference_name, write_page
 from surrogate import Family
-from surrogate.export.plain import plain_network
+from surrogate.exports.plain import plain_network
 
 
 @every

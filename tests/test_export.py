@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from surrogate import InvalidInput, Scene, Surrogate, load
-from surrogate.export.export import export
+from surrogate.exports.export import export
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import network_key, training_samples

@@ -10,8 +10,8 @@ The file has the weights, the loads and their exact derivatives, and flags for t
 from collections.abc import Sequence
 
 from shapeopt.commands.cli import Parser, emit
-from surrogate.export.export import PREFIX, TARGETS, export
-from surrogate.export.literals import PRECISIONS
+from surrogate.exports.export import PREFIX, TARGETS, export
+from surrogate.exports.literals import PRECISIONS
 from surrogate.files import JsonObject
 from surrogate.model.store import load
 

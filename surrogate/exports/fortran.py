@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from surrogate.export.literals import Precision, flat, sizes_and_names, template, wrapped
-from surrogate.export.plain import PlainNetwork
+from surrogate.exports.literals import Precision, flat, sizes_and_names, template, wrapped
+from surrogate.exports.plain import PlainNetwork
 
 NUMBERS = 100  # in one DATA statement: the standard allows 255 continuation lines
 

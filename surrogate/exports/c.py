@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from surrogate.export.literals import Precision, flat, sizes_and_names, template, wrapped
-from surrogate.export.plain import PlainNetwork
+from surrogate.exports.literals import Precision, flat, sizes_and_names, template, wrapped
+from surrogate.exports.plain import PlainNetwork
 
 BLOCK = 32  # cases that the batch function evaluates at once: faster than 16
 TERMS = {"double": 13, "single": 7}  # degree of exp's polynomial, whose error is below rounding

@@ -9,7 +9,7 @@ from string import Template
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.export.plain import PlainNetwork
+from surrogate.exports.plain import PlainNetwork
 
 
 @dataclasses.dataclass(frozen=True)

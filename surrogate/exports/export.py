@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from surrogate.errors import InvalidInput
-from surrogate.export.c import c_file
-from surrogate.export.fortran import fortran_file
-from surrogate.export.literals import PRECISIONS
-from surrogate.export.numpy_file import numpy_file
-from surrogate.export.onnx_file import onnx_model
-from surrogate.export.plain import plain_network
+from surrogate.exports.c import c_file
+from surrogate.exports.fortran import fortran_file
+from surrogate.exports.literals import PRECISIONS
+from surrogate.exports.numpy_file import numpy_file
+from surrogate.exports.onnx_file import onnx_model
+from surrogate.exports.plain import plain_network
 from surrogate.files import check_file, whole_file
 from surrogate.model.surrogate import Surrogate
 

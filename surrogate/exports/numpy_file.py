@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from surrogate.export.literals import Precision, template
-from surrogate.export.plain import PlainNetwork
+from surrogate.exports.literals import Precision, template
+from surrogate.exports.plain import PlainNetwork
 
 
 def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from surrogate.errors import InvalidInput
-from surrogate.export.literals import Precision
-from surrogate.export.plain import PlainNetwork
+from surrogate.exports.literals import Precision
+from surrogate.exports.plain import PlainNetwork
 
 if TYPE_CHECKING:
     import onnx
