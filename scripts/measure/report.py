@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from run import PICTURES, RESULTS, keep, load_study
-from studies import training
+from studies import lift_designs, training
 from study import Result, columns, words
 from tools import mean_and_most
 
@@ -102,6 +102,7 @@ def short_block(name: str, record: Result) -> str:
         "space": _space,
         "payoff": _payoff,
         "payoff_space": _payoff_space,
+        "lift_designs": lift_designs.when_to_train,
         "duration": _duration,
     }
     return tell[name](record["result"])
