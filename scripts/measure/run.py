@@ -42,7 +42,7 @@ MODULES = {  # the studies of every module
     "devices": "devices trainings_on_devices",
     "dimension": "dimension",
     "extremes": "extremes extremes_lift",
-    "incidence": "incidence",
+    "incidence": "incidence incidence_elements",
     "lift": "lift",
     "lift_designs": "lift_designs",
     "machines": "shards streams",

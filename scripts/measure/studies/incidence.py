@@ -153,11 +153,10 @@ COST = columns(
 STUDIES = {
     "incidence": Study(
         [
-            Table(SPHEROIDS, stokes, STOKES, key="stokes"),
+            Table(SPHEROIDS, stokes, STOKES),
             Table(PAIRS, across, ACROSS, key="across"),
             Table(COSTS, cost, COST, key="cost"),
-            Table(CASES, measure, HELD_OUT),
         ],
-        text,
-    )
+    ),
+    "incidence_elements": Study([Table(CASES, measure, HELD_OUT)], text),
 }
