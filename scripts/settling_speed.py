@@ -1,31 +1,33 @@
 """The body that settles fastest: a surrogate's drag coupled with the body's weight in OpenMDAO.
 
-python scripts/settling_speed.py
+python scripts/settling_speed.py --archimedes 1000
 
-A body of volume pi D^3 / 6 and given excess weight falls at the Reynolds number where weight and
-drag balance, 4/3 Ar = Cd(shape, Re) Re^2, with the Archimedes number Ar = (rho_body / rho - 1) g
-D^3 / nu^2. Its drag depends on Re and Re on the drag, a cycle that is iterated to convergence. The
-fastest body is one of least drag at its own Re: ``optimise`` finds the same there.
+A body falls where weight and drag balance, 4/3 Ar = Cd(shape, Re) Re^2, with the Archimedes number
+Ar = (rho_body / rho - 1) g D^3 / nu^2. Cd depends on Re and Re on Cd, a cycle that is iterated to
+convergence. The fastest body has the least drag at its own Re: ``optimise`` finds the same there.
 """
+
+import sys
+from collections.abc import Sequence
 
 import openmdao.api as om
 
 from shapeopt import Problem, optimise
+from shapeopt.commands.cli import Parser, emit, run
 from shapeopt.openmdao import LoadsComponent
-from surrogate import load
+from surrogate import InvalidInput, load
+from surrogate.files import JsonObject
 
-ARCHIMEDES = 1000.0
+BALANCE = "reynolds = (4 * weight / (3 * cd)) ** 0.5"
 
 
-def fastest(archimedes: float = ARCHIMEDES) -> om.Problem:
+def fastest(archimedes: float) -> om.Problem:
     """Return the solved problem, whose outputs are the shape, ``cd`` and ``reynolds``."""
     problem, surrogate = om.Problem(reports=False), load("pretrained:space")
-    body = LoadsComponent(model=surrogate)
-    model = problem.model
+    body, model = LoadsComponent(model=surrogate), problem.model
     cycle = model.add_subsystem("cycle", om.Group(), promotes=["*"])
     cycle.add_subsystem("body", body, promotes=["*"])
-    balance = om.ExecComp("reynolds = (4 * weight / (3 * cd)) ** 0.5", reynolds=20.0, cd=2.0)
-    cycle.add_subsystem("fall", balance, promotes=["*"])
+    cycle.add_subsystem("fall", om.ExecComp(BALANCE, reynolds=20.0, cd=2.0), promotes=["*"])
     cycle.nonlinear_solver = om.NonlinearBlockGS(maxiter=60, rtol=1e-12, iprint=-1)
     cycle.linear_solver = om.DirectSolver()
     for name in surrogate.scene.family.names:
@@ -38,12 +40,22 @@ def fastest(archimedes: float = ARCHIMEDES) -> om.Problem:
     return problem
 
 
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Find the fastest body, and the body of least drag at its Re by ``optimise``."""
+    parser = Parser(__doc__)
+    parser.add_argument("--archimedes", type=float, default=1000.0, help="number, above 0 (1000)")
+    arguments = parser.parse_args(argv)
+    try:
+        found, surrogate = fastest(arguments.archimedes), load("pretrained:space")
+    except om.AnalysisError as reason:
+        raise InvalidInput(f"Archimedes number {arguments.archimedes:g}: {reason}") from None
+    reynolds, drag = (found.get_val(name).item() for name in ("reynolds", "cd"))
+    least = optimise(Problem(surrogate.scene, reynolds), surrogate).drag
+    body = {name: found.get_val(name).item() for name in surrogate.scene.family.names}
+    result = {"reynolds": reynolds, "drag": drag, "body": body, "drag_by_optimise": least}
+    text = f"the fastest falls at Re {reynolds:.4g}, Cd {drag:.4f} (by optimise {least:.4f})"
+    return emit(result, arguments.json, "\n".join([text, *(f"{n:>9} {body[n]:.4f}" for n in body)]))
+
+
 if __name__ == "__main__":
-    found = fastest()
-    reynolds = found.get_val("reynolds").item()
-    print(f"it falls at Re {reynolds:.4g} with Cd {found.get_val('cd').item():.4f}")
-    surrogate = load("pretrained:space")
-    design = optimise(Problem(surrogate.scene, reynolds), surrogate)
-    print(f"least drag at that Re by optimise: {design.drag:.4f}, {design!r}")
-    for name, value in zip(surrogate.scene.family.names, design.parameters, strict=True):
-        print(f"{name:>9}: {found.get_val(name).item():8.4f} and by optimise {value:8.4f}")
+    sys.exit(run(main))

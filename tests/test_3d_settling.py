@@ -1,7 +1,9 @@
 """Particles that settle: Stokes, Oseen and the correlation of spheres; what is refused."""
 
+import numpy as np
 import pytest
 from conftest import ROUGH_3D
+from correlations import Ellipsoid, ellipsoid, oberbeck
 
 from surrogate import Flow, InvalidInput, Particle, Scene, family_shape, settle
 
@@ -42,3 +44,18 @@ def test_particles_without_weight_or_size_are_refused():
         Particle(1.0, 1e-6, 1e-4)
     with pytest.raises(InvalidInput, match="size -1: from 1e-12"):
         Particle(2.0, 1e-6, -1)
+
+
+def test_golden_held_obliquely_a_small_spheroid_drifts_as_in_stokes_flow():
+    """Velocities along and across the axis superpose (Oberbeck 1876)."""
+    body = ellipsoid(2.0)
+    along, across = (
+        oberbeck(one, 1e-3) for one in (body, Ellipsoid(body.width, body.length, body.height))
+    )
+    shape = family_shape({"aspect": 2.0, "incidence": 45.0}, dimension=3)
+    settled = settle(DRAFT, shape, Particle(2.65, 1e-6, 1e-5), estimate=False)
+    drag, lift = (along + across) / 2, (across - along) / 2
+    assert settled.drift == pytest.approx(np.degrees(np.arctan2(lift, drag)), rel=0.02)
+    sphere = settle(DRAFT, SPHERE, Particle(2.65, 1e-6, 1e-5), estimate=False)
+    slower = oberbeck(ellipsoid(1.0), 1e-3) / np.hypot(drag, lift)
+    assert settled.velocity / sphere.velocity == pytest.approx(slower, rel=0.01)

@@ -18,8 +18,8 @@ from surrogate import Flow, InvalidInput, Scene, load
 
 NAMES = """
     FIDELITIES Family Fidelity Flow InvalidInput NotConverged Particle Scene Shape Solution
-    Surrogate Tunnel Unbounded __version__ contour_shape family_shape load naca4 read_contour save
-    settle train
+    Surrogate Tunnel Unbounded __version__ contour_shape export family_shape load naca4 read_contour
+    save settle train
 """
 FLOW = Flow(Scene(fidelity=TINY))
 NET = load("pretrained")

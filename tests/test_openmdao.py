@@ -60,7 +60,7 @@ def test_bodies_that_the_model_refuses_are_analysis_errors():
 
 
 def test_coupled_with_its_weight_the_fastest_body_has_the_least_drag_at_its_own_re():
-    found, net = fastest(), load("pretrained:space")
+    found, net = fastest(1000.0), load("pretrained:space")
     cd, reynolds = (found.get_val(name).item() for name in ("cd", "reynolds"))
     assert cd * reynolds**2 == pytest.approx(4 / 3 * 1000.0, rel=1e-8)
     design = optimise(Problem(net.scene, reynolds), net)

@@ -139,17 +139,21 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     particle = Particle(*values)
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
-    row = Case(shape, 0.0, settled.solution.reynolds).record | _row(settled.solution)
+    held = getattr(shape, "incidence", 0.0)
+    row = Case(shape, held, settled.solution.reynolds).record | _row(settled.solution)
     row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
-    turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:]))
+    turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:])) or held != 0
     row |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
+    row["drift"] = settled.drift
     result = {"results": [row], "scene": scene.record}
     verb = "falls" if particle.density_ratio > 1 else "rises"
-    text = f"{verb} along its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
+    way = f"{held:g} degrees off" if held else "along"
+    text = f"{verb} {way} its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
     text += f"Cd {drag:.5g} ({settled.flows} flow{'s'[: settled.flows - 1]})\n{_line(row)}"
     if turns:
-        text += "\nwith its axis held vertical; a free body turns its broad side to its fall"
+        kept = f"drifting {settled.drift:.1f} degrees from the vertical" if held else "vertical"
+        text += f"\nwith its axis held {kept}; a free body turns its broad side to its fall"
     return emit(result, arguments.json, text)
 
 

@@ -1,4 +1,4 @@
-"""The terminal velocity of a particle: the Reynolds number at which drag balances weight."""
+"""The terminal velocity of a particle: the Re at which the flow's force balances its weight."""
 
 import dataclasses
 import math
@@ -72,10 +72,17 @@ class Settled(NamedTuple):
     solution: Solution
     flows: int
 
+    @property
+    def drift(self) -> float:
+        """Angle between motion and gravity in degrees, of a body held at its incidence."""
+        return math.degrees(math.atan2(self.solution.lift, self.solution.drag))
+
 
 def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) -> Settled:
-    """Return the steady fall or rise of a body along its axis: Cd Re^2 = 4/3 Archimedes number.
+    """Return the steady fall or rise of a body: sqrt(Cd^2 + Cl^2) Re^2 = 4/3 Archimedes number.
 
+    The body is held at its incidence, the angle between its axis and its motion; with lift it
+    drifts sideways as it falls.
     The secant method in logarithms starts from the sphere's correlation (Schiller and Naumann
     1933). Particles slower than the solver's least Re are in Stokes flow, where Cd Re is constant.
     A free body turns its broad side to its motion, by inertia (Khayat and Cox 1989), which is not
@@ -105,7 +112,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
         re = min(re, fastest)
         at = max(re, slowest)
         found = flow.solve(shape, at, estimate=False)
-        excess = math.log(found.drag * at * re) - goal
+        excess = math.log(math.hypot(found.drag, found.lift) * at * re) - goal
         if re == fastest and excess < 0:
             raise InvalidInput(
                 f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is steady; "
