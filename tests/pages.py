@@ -149,4 +149,7 @@ def computed(name):
     return browser.compute(read(name).scripts, expression(name))
 
 
-every = pytest.mark.parametrize("name", NAMES)
+RARE = ("eight modes", "no cylinder")  # pages that the others cover but for a few lines
+every = pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in RARE else n for n in NAMES]
+)

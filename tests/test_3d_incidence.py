@@ -59,6 +59,7 @@ def test_a_body_across_the_stream_is_a_flattened_one():
     assert max(abs(turned.lift), abs(turned.moment)) < 1e-4 * turned.drag
 
 
+@pytest.mark.slow
 def test_a_turn_the_other_way_mirrors_lift_and_moment():
     up, down = (solved({"aspect": 2.0, "incidence": turn}, 10.0) for turn in (35.0, -35.0))
     assert down.drag == pytest.approx(up.drag, rel=1e-6)
@@ -110,6 +111,7 @@ def test_taylor_remainders_of_the_loads_are_of_second_order():
     assert np.all(np.log2(remainders[0] / remainders[1]) > 1.9), remainders
 
 
+@pytest.mark.slow
 def test_loads_of_a_scene_are_those_of_its_flow():
     loads = np.asarray(FLOW.loads(BODY, 20.0))
     found = FLOW.solve(BODY, 20.0, estimate=False)

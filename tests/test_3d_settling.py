@@ -30,7 +30,10 @@ def test_golden_grains_settle_by_the_sphere_curve():
     assert settled.solution.drag == pytest.approx(24 / re * (1 + 0.15 * re**0.687), rel=0.05)
 
 
-@pytest.mark.parametrize(("aspect", "onset", "size"), [(1.0, 210, 5e-3), (0.5, 113, 2e-3)])
+@pytest.mark.parametrize(
+    ("aspect", "onset", "size"),
+    [pytest.param(1.0, 210, 5e-3, marks=pytest.mark.slow), (0.5, 113, 2e-3)],
+)
 def test_particles_too_large_to_settle_steadily_are_refused(aspect, onset, size):
     """Their wakes would shed vortices."""
     rough = Flow(Scene(dimension=3, fidelity=ROUGH_3D))

@@ -20,8 +20,10 @@ EFFORT = Effort(1e-8, 60)
 STEPS = 0.1 / 2.0 ** np.arange(5)
 AT, DIRECTION = jnp.array([2.0, 0.1, 10.0, 8.0]), np.array([0.3, 0.1, 6.0, 0.8])
 
+ALONE = pytest.param("unbounded", marks=pytest.mark.slow)  # as in the tests of camber
 
-@pytest.fixture(scope="module", params=["unbounded", "tunnel"])
+
+@pytest.fixture(scope="module", params=[ALONE, "tunnel"])
 def domain(request):
     stream = Unbounded() if request.param == "unbounded" else Tunnel(4.0)
     return Domain2D.make(stream, TINY, (2.25, 1.5), symmetric=False)

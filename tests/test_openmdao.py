@@ -39,6 +39,7 @@ def test_values_and_partials_are_the_surrogates(name):
         assert error < 1e-7 * loads[0], (output, n, error)
 
 
+@pytest.mark.slow
 def test_partials_of_a_flow_are_its_adjoints():
     family = Family(aspect=(1.0, 2.0), beta2=(-0.2, 0.2))
     flow = Flow(Scene(reynolds=(5, 20), family=family, fidelity=TINY))

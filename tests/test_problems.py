@@ -171,6 +171,7 @@ def test_a_call_of_many_problems_answers_as_one_by_one(pretrained):
         optimise_all(problems, Flow(scene))
 
 
+@pytest.mark.slow
 def test_problems_of_different_kinds_share_a_call(pretrained):
     """Other bounds, other numbers of stations and scenarios: padding changes no answer."""
     scene = pretrained.scene

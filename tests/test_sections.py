@@ -148,6 +148,7 @@ def test_coefficients_by_the_chord_are_scaled_exactly(chord):
     assert (scaled["estimated_error"], scaled["cd_friction"]) == (0.1, None)
 
 
+@pytest.mark.slow
 def test_a_chord_reynolds_number_is_the_flow_at_that_over_the_chord(capsys):
     chord = contour_shape(naca4("2430")).chord
     arguments = ["solve_drag", *THICK, "--incidence", "5"]

@@ -156,6 +156,7 @@ def designed(tiny_scene):
     return optimise(problem, Flow(tiny_scene))
 
 
+@pytest.mark.slow
 def test_an_optimum_carries_the_flows_status_and_estimated_error(designed):
     design, verified = designed, designed.verified
     assert (design.status, design.estimated_error) == (verified.status, verified.estimated_error)

@@ -50,7 +50,7 @@ def initial_error(setup):
     ("method", "iterations", "factor"),
     [
         ("sip", 9, 0.4),
-        ("hig", 4, 0.4),
+        pytest.param("hig", 4, 0.4, marks=pytest.mark.slow),
         pytest.param("supervised", 9, 0.4, marks=pytest.mark.slow),
         pytest.param("dp", 60, 0.4, marks=pytest.mark.slow),
     ],
@@ -70,8 +70,8 @@ def test_every_method_learns(plan, setup, method, iterations, factor):
     [
         pytest.param("dp", 60, marks=pytest.mark.slow),
         ("sip", 9),
-        pytest.param("hig", 4, marks=pytest.mark.slow),
-        ("supervised", 9),
+        ("hig", 4),
+        pytest.param("supervised", 9, marks=pytest.mark.slow),
     ],
 )
 def test_every_method_learns_as_it_was_published(plan, setup, method, steps):
@@ -103,6 +103,7 @@ def test_converged_labels_are_not_evaluated_again(plan, setup):
     assert second < 0.5 * first
 
 
+@pytest.mark.slow
 def test_a_flow_that_is_not_found_is_not_solved_again(plan, setup):
     """The network is trained on the other samples, here on none."""
     batch, hopeless = np.arange(24), NewtonSettings(1e-12, 1, 1)
@@ -217,6 +218,7 @@ def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, 
     assert resumed.history[-1].green_applications == whole.history[-1].green_applications
 
 
+@pytest.mark.slow
 def test_interrupted_between_the_flows_of_a_step(plan, setup, tmp_path, monkeypatch):
     """Flows that a checkpoint has are not solved again."""
     monkeypatch.setattr(devices, "CHUNK", 8)
