@@ -20,16 +20,16 @@ LIMITS = {"double": 1e-12, "single": 1e-5}  # of loads; of derivatives twice tha
 DTYPES = {"double": np.float64, "single": np.float32}
 
 
-@pytest.fixture(scope="module")
-def lifting():
+LIFTING = {
+    "lifting": {"gamma2": [-0.2, 0.5], "incidence": [-4, 12]},
+    "turning": {"flatness": [1, 2], "beta3": [-0.2, 0.2], "incidence": [0, 90]},  # in space
+}
+
+
+def random_network(name):
     """A network with random weights on a scene with lift: its loads are as good as any."""
-    family = {
-        "aspect": [1.5, 4],
-        "beta2": [-0.3, 0.3],
-        "gamma2": [-0.2, 0.5],
-        "incidence": [-4, 12],
-    }
-    scene = Scene.of({"dimension": 2, "reynolds": [2, 40], "family": family})
+    family = {"aspect": [1.5, 4], "beta2": [-0.3, 0.2], **LIFTING[name]}
+    scene = Scene.of({"dimension": 2 + (name == "turning"), "reynolds": [2, 40], "family": family})
     samples = training_samples(scene, 0, 40)
     rng = np.random.default_rng(0)
     tractions = -np.ones((40, traction_modes(scene.family, scene.fidelity).count))
@@ -38,14 +38,12 @@ def lifting():
     return Surrogate(network, scene, {"method": "hig", "samples": 40, "held_out": 8})
 
 
-SURROGATES = ["pretrained", pytest.param("pretrained:space", marks=pytest.mark.slow), "lifting"]
+SURROGATES = ["pretrained", pytest.param("pretrained:space", marks=pytest.mark.slow), *LIFTING]
 
 
 @pytest.fixture(scope="module", params=SURROGATES)
 def surrogate(request):
-    if request.param == "lifting":
-        return request.getfixturevalue("lifting")
-    return load(request.param)
+    return random_network(request.param) if request.param in LIFTING else load(request.param)
 
 
 @pytest.fixture(params=["double", "single"])

@@ -41,7 +41,13 @@ def taylor_rates(drag, reynolds, steps):
 
 @pytest.mark.parametrize(
     ("flow", "reynolds"),  # at Re 16 the cell Reynolds number is 2 exactly
-    [pytest.param(UNBOUNDED, 1.0, marks=pytest.mark.slow), (UNBOUNDED, 16.0), (UNBOUNDED, 40.0), (TUNNEL, 1.0), (TUNNEL, 40.0)],
+    [
+        pytest.param(UNBOUNDED, 1.0, marks=pytest.mark.slow),
+        (UNBOUNDED, 16.0),
+        (UNBOUNDED, 40.0),
+        (TUNNEL, 1.0),
+        (TUNNEL, 40.0),
+    ],
     ids=[
         "unbounded, Re 1",
         "unbounded, Re 16",

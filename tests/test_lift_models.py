@@ -27,6 +27,7 @@ SCENE = Scene(family=FAMILY, fidelity=TINY, reynolds=(5, 20))
 BODY = jnp.array([2.0, 0.1, 0.2, 6.0])
 MIRROR = jnp.array([1.0, 1.0, -1.0, -1.0])
 OPPOSITE = jnp.array([1.0, -1.0, -1.0])  # loads of the mirror image over those of the body
+REVERSED, TURNED_BACK = [2.0, -0.2, 0.1, 210.0], [2.0, -0.2, 0.1, 150.0]
 RE = jnp.asarray(10.0)
 LOADS = jnp.array([2.0, -0.3, 0.1])
 
@@ -91,6 +92,24 @@ def test_a_network_of_any_weights_has_the_mirror_symmetry():
     drag, lift = -2 * tractions[0][jnp.array([0, network.modes.lift_index])]
     np.testing.assert_allclose([drag, lift], ours[:2], rtol=1e-12)
     assert network.with_load_weights(network.load_weights).weights == pytest.approx(weights)
+
+
+def test_a_network_of_bodies_in_space_has_their_symmetries_at_any_angle():
+    """A body reversed and turned by 180 degrees is the same; round ones have no lift at 90."""
+    family = Family(3, aspect=(1, 4), beta2=(-0.3, 0.2), beta3=(-0.2, 0.2), incidence=(0, 90))
+    scene = Scene(dimension=3, reynolds=(1, 50), family=family)
+    network = blank_network(scene, (8, 8), jax.random.key(0))
+    network = eqx.tree_at(lambda net: net.inputs, network, scene_inputs(scene))
+    rng = np.random.default_rng(0)
+    trends = tuple(jnp.asarray(rng.normal(size=trend.size)) for trend in network.trends)
+    network = eqx.tree_at(lambda net: net.trends, network, trends)
+    same, mirrored = (network.loads(jnp.array(body), RE) for body in (REVERSED, TURNED_BACK))
+    loads = network.loads(jnp.array([2.0, 0.2, 0.1, 30.0]), RE)
+    np.testing.assert_allclose(same, loads, rtol=1e-12)
+    np.testing.assert_allclose(mirrored, OPPOSITE * loads, rtol=1e-12)
+    assert np.abs(loads[1:]).min() > 1e-3 * loads[0]
+    across = network.loads(jnp.array([2.0, 0.0, 0.1, 90.0]), RE)
+    assert np.abs(across[1:]).max() < 1e-12 * across[0]
 
 
 def test_flows_of_mirror_images_have_mirrored_modes():

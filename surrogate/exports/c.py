@@ -83,11 +83,14 @@ def _data(plain, precision):
 
     numbers = {
         **{"SCALE": plain.scale, "SHIFT": plain.shift, "MIRROR": plain.mirror},
+        **{"ANGLE": np.array([plain.angle])},
         **{"LOW": low, "HIGH": high, "LEAST": plain.least, "MOST": plain.most},
         **{"CONSTANT": plain.constant, "LINEAR": plain.linear, "QUADRATIC": plain.quadratic},
         **{"WEIGHTS": flat(plain.weights), "BIASES": flat(plain.biases)},
     }
-    whole = array("SIZES", np.array(plain.sizes), "int"), array("LOGS", plain.logs * 1, "int")
+    tables = {"SIZES": np.array(plain.sizes), "LOGS": plain.logs * 1}
+    tables |= {"SOURCE": plain.sources, "WAVE": plain.waves}
+    whole = [array(name, values, "int") for name, values in tables.items()]
     return "\n".join([*whole, *(array(name, values) for name, values in numbers.items())])
 
 

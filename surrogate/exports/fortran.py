@@ -35,7 +35,12 @@ def _data(plain, precision):
     literal, (low, high) = _literal(precision), precision.ends(plain)
 
     numbers = {
-        **{"scale_": plain.scale, "shift_": plain.shift, "mirror": plain.mirror},
+        **{
+            "angle": np.array([plain.angle]),
+            "scale_": plain.scale,
+            "shift_": plain.shift,
+            "mirror": plain.mirror,
+        },
         **{"parity": np.array(plain.parity), "low": low, "high": high},
         **{"least": plain.least, "most": plain.most},
         **{"constant": plain.constant, "linear": plain.linear.T},
@@ -43,8 +48,13 @@ def _data(plain, precision):
         **{"weights": flat(plain.weights), "biases": flat(plain.biases)},
     }
     logs = ", ".join(".true." if log else ".false." for log in plain.logs)
+    whole = {"sizes": ("layers + 1", plain.sizes), "source": ("features_", plain.sources + 1)}
+    whole |= {"wave": ("features_", plain.waves)}
     lines = [
-        f"    integer, parameter :: sizes(layers + 1) = [{', '.join(map(str, plain.sizes))}]",
+        *(
+            f"    integer, parameter :: {name}({size}) = [{', '.join(map(str, values))}]"
+            for name, (size, values) in whole.items()
+        ),
         f"    logical, parameter :: logs(inputs_) = [{logs}]",
     ]
     for name, values in numbers.items():

@@ -52,6 +52,8 @@ def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:
         "inputs": ", ".join(plain.inputs),
         "loads": ", ".join(plain.loads),
         "count": len(plain.inputs),
+        "features": len(plain.mirror),
+        "turn": plain.turn,
         "outputs": len(plain.loads),
         "layers": len(plain.weights),
         "widest": max(plain.sizes),

@@ -19,7 +19,7 @@ def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
 
     low, high = precision.ends(plain)
     numbers = {"scale": plain.scale, "shift": plain.shift, "mirror": plain.mirror}
-    numbers |= {"parity": plain.parity, "low": low, "high": high}
+    numbers |= {"angle": plain.angle, "parity": plain.parity, "low": low, "high": high}
     numbers |= {"least": plain.least, "most": plain.most, "constant": plain.constant}
     numbers |= {"linear": plain.linear, "quadratic": plain.quadratic}
     return template(
@@ -31,6 +31,9 @@ def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
         load_names=plain.loads,
         dtype=precision.dtype,
         logs=plain.logs.tolist(),
+        turn=plain.turn if plain.turn >= 0 else None,
+        sources=plain.sources.tolist(),
+        waves=plain.waves.tolist(),
         weights=arrays(plain.weights),
         biases=arrays(plain.biases),
         **{name: nested(values) for name, values in numbers.items()},

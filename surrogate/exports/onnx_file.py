@@ -93,7 +93,8 @@ def _outputs(g, plain, precision):
     logs, ones = g.constant(plain.logs, bool), np.ones(1)
     logarithms = g("Log", g("Where", logs, "inputs", ones))
     values = g("Where", logs, logarithms, "inputs")
-    z = g("Add", g("Mul", values, plain.scale), plain.shift)
+    scaled = g("Add", g("Mul", values, plain.scale), plain.shift)
+    z, chain = _features(g, plain, scaled)
     f, by = _evaluated(g, plain, z)
     if len(plain.loads) > 1:  # even (Cd) or odd (Cl, Cm) under the mirror image
         image, by_image = _evaluated(g, plain, g("Mul", z, plain.mirror))
@@ -105,7 +106,7 @@ def _outputs(g, plain, precision):
         by = [
             half(a, b, p * plain.mirror) for a, b, p in zip(by, by_image, plain.parity, strict=True)
         ]
-    cd = g("Exp", f[0])
+    by, cd = [chain(one) for one in by], g("Exp", f[0])
     loads = [cd, *(g("Mul", cd, one) for one in f[1:])]
     own = zip(by[1:], f[1:], strict=True)
     slopes = [by[0], *(g("Add", slope, g("Mul", one, by[0])) for slope, one in own)]
@@ -116,6 +117,33 @@ def _outputs(g, plain, precision):
     loads = g("Where", valid, g("Concat", *loads, axis=1), nan)
     deep = g("Unsqueeze", valid, g.axes(2))
     return loads, g("Where", deep, g("Concat", *rows, axis=1), nan), status
+
+
+def _features(g, plain, scaled):
+    """Features at scaled inputs, and a function from derivatives in them to those in the inputs."""
+    if plain.turn < 0:
+        return scaled, lambda by: by
+    is_turn, of = g.constant(np.arange(len(plain.inputs)) == plain.turn, bool), plain.sources
+    a = g("Mul", g("Gather", scaled, g.axes(plain.turn), axis=1), np.full(1, plain.angle))
+    twice, one = g("Mul", a, np.full(1, 2.0)), g("Mul", a, np.zeros(1))
+    c, s, c2, s2 = (g(f, x) for x in (a, twice) for f in ("Cos", "Sin"))
+    own = g("Gather", g("Where", is_turn, np.ones(1), scaled), g.axes(*of), axis=1)
+    waves = g("Concat", g("Exp", one), c, s, c2, s2, axis=1)
+    slopes = g("Concat", one, s, c, s2, c2, axis=1)
+    signs = plain.angle * np.array([0.0, -1, 1, -2, 2])
+    waves, slopes = (
+        g("Gather", x, g.axes(*plain.waves), axis=1) for x in (waves, g("Mul", slopes, signs))
+    )
+    inputs = np.arange(len(plain.inputs))
+    chosen = (of[:, None] == inputs) & (inputs != plain.turn)
+    turned = np.tile(inputs == plain.turn, (len(of), 1))
+
+    def chain(by):
+        others = g("MatMul", g("Mul", by, waves), chosen.astype(float))
+        turn = g("Mul", g("Mul", by, own), slopes)
+        return g("Add", others, g("MatMul", turn, turned.astype(float)))
+
+    return g("Mul", own, waves), chain
 
 
 def _evaluated(g, plain, z):

@@ -1,6 +1,11 @@
 """A surrogate's network as plain numbers: the one description that every export is written from.
 
-With u_k = log x_k for ratios of lengths and Re, else u_k = x_k, and z = scale * u + shift,
+With u_k = log x_k for ratios of lengths and Re, else u_k = x_k, and s = scale * u + shift, the
+features z are s itself. Of bodies that turn in space, with the incidence a = angle s_turn, they are
+
+    z_j = s_source(j) * (1, cos a, sin a, cos 2a, sin 2a)_wave(j),   where s_turn counts as 1.
+
+The loads follow from
 
     f(z) = constant + linear . z + z^T quadratic z + (W_3 tanh(W_2 tanh(W_1 z + b_1) + b_2) + b_3)
 
@@ -9,13 +14,15 @@ the mirror image z' = mirror * z of a body with lift (f(z) + parity * f(z')) / 2
 """
 
 import dataclasses
+import math
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.files import JsonObject
 from surrogate.flow.loads import LOADS
+from surrogate.model.features import features_of, turn_of
 from surrogate.model.network import CORRECTION_SCALE
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import REYNOLDS
@@ -33,7 +40,11 @@ class PlainNetwork:
       logs: which inputs enter by their logarithm.
       scale: of the inputs.
       shift: of the inputs.
-      mirror: factors from the scaled inputs of a body to those of its mirror image.
+      turn: which input enters by waves, -1 for none.
+      angle: in radians at which this scaled input is 1.
+      sources: of the features.
+      waves: of the features.
+      mirror: factors from the features of a body to those of its mirror image.
       constant: of the trends.
       linear: of the trends.
       quadratic: of the trends, symmetric.
@@ -51,10 +62,14 @@ class PlainNetwork:
     logs: Bool[np.ndarray, " inputs"]
     scale: Float[np.ndarray, " inputs"]
     shift: Float[np.ndarray, " inputs"]
-    mirror: Float[np.ndarray, " inputs"]
+    turn: int
+    angle: float
+    sources: Int[np.ndarray, " features"]
+    waves: Int[np.ndarray, " features"]
+    mirror: Float[np.ndarray, " features"]
     constant: Float[np.ndarray, " loads"]
-    linear: Float[np.ndarray, "loads inputs"]
-    quadratic: Float[np.ndarray, "loads inputs inputs"]
+    linear: Float[np.ndarray, "loads features"]
+    quadratic: Float[np.ndarray, "loads features features"]
     weights: tuple[Float[np.ndarray, "_ _"], ...]
     biases: tuple[Float[np.ndarray, " _"], ...]
     low: Float[np.ndarray, " inputs"]
@@ -65,8 +80,8 @@ class PlainNetwork:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of values from the inputs through the hidden layers to the loads."""
-        return (len(self.inputs), *(len(bias) for bias in self.biases))
+        """Numbers of values from the features through the hidden layers to the loads."""
+        return (len(self.mirror), *(len(bias) for bias in self.biases))
 
     @property
     def parity(self) -> tuple[float, ...]:
@@ -88,7 +103,8 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     network, family = surrogate.network, surrogate.scene.family
     inputs, heads = network.inputs, np.array(network.load_heads)
     low, width = np.asarray(inputs.low, float), np.asarray(inputs.width, float)
-    count = low.size
+    turn, seen = turn_of(inputs.body_class), features_of(inputs.body_class)
+    count = len(seen)
     rows, columns = np.triu_indices(count)
     trends = np.array([np.asarray(trend, float) for trend in network.trends])
     quadratic = np.zeros((len(heads), count, count))
@@ -106,7 +122,11 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
         logs=np.array([*(p.kind is Kind.RATIO for p in parameters), True]),
         scale=2 / width,
         shift=-2 * low / width - 1,
-        mirror=np.asarray(inputs.mirror, float),
+        turn=-1 if turn is None else turn,
+        angle=math.radians(float(inputs.full_turn)),
+        sources=np.array([feature.source for feature in seen]),
+        waves=np.array([int(feature.wave) for feature in seen]),
+        mirror=np.asarray(inputs.feature_mirror, float),
         constant=trends[:, 0],
         linear=trends[:, 1 : count + 1],
         quadratic=(quadratic + quadratic.swapaxes(1, 2)) / 2,

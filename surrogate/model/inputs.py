@@ -1,7 +1,8 @@
 """Scaled inputs of load models: logs of length ratios and of Re, the others as they are.
 
 All are in [-1, 1]. The mirror image of a body in y = 0 has the opposite camber and incidence; these
-are scaled without an offset, so that it has the opposite scaled inputs there.
+are scaled without an offset, so that it has the opposite scaled inputs there. So are sine modes
+that describing a body by its opposite nose negates.
 """
 
 import equinox as eqx
@@ -12,6 +13,12 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
+from surrogate.model.features import (
+    evaluate_features,
+    mirror_of_features,
+    reversed_by_half_a_turn,
+    turn_of,
+)
 from surrogate.scene.scene import Scene
 
 
@@ -35,6 +42,21 @@ class Inputs(eqx.Module):
         """Factors, 1 or -1, from the scaled inputs of a body to those of its mirror image."""
         return np.where([*_keep_mirror_plane(self.body_class), True], 1.0, -1.0)
 
+    def features(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
+        """What networks see of scaled inputs, see ``surrogate.model.features``."""
+        return evaluate_features(self.body_class, z, jax.lax.stop_gradient(self.full_turn))
+
+    @property
+    def full_turn(self) -> Float[AnyArray, ""] | float:
+        """Incidence in degrees at which its scaled input is 1, of bodies in space; else 0."""
+        turn = turn_of(self.body_class)
+        return 0.0 if turn is None else self.high[turn]
+
+    @property
+    def feature_mirror(self) -> np.ndarray:
+        """Factors, 1 or -1, from the features of a body to those of its mirror image."""
+        return mirror_of_features(self.body_class, self.mirror)
+
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
         """d(parameters, log Re) / dz, which converts slopes to slopes in scaled inputs."""
         smooth = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
@@ -49,7 +71,7 @@ class Inputs(eqx.Module):
 def scene_inputs(scene: Scene) -> Inputs:
     """The scaled inputs of a scene's bodies and Reynolds numbers."""
     body_class = scene.family.body_class
-    kept = _keep_mirror_plane(body_class)
+    kept = _keep_mirror_plane(body_class) & ~np.array(reversed_by_half_a_turn(body_class))
     low, high = scene.family.bounds.T
     largest = np.maximum(np.abs(low), np.abs(high))
     ends = zip(

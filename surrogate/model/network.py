@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.flow.loads import AnyModes, drag_amplitude
+from surrogate.model.features import features_of
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.model.outputs import OutputModel
 from surrogate.scene.scene import Scene
@@ -25,8 +26,9 @@ MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a
 class LoadNetwork(OutputModel):
     """A quadratic trend of every output plus a small MLP with tanh, with the mirror symmetry.
 
-    With z the scaled inputs, z' those of the body's mirror image, and q(z) all monomials of z up
-    to degree 2, the outputs y = (log Cd, Cl / Cd, Cm / Cd), or log Cd alone without lift, are
+    With z the features of the scaled inputs (see ``surrogate.model.features``), z' those of the
+    body's mirror image, and q(z) all monomials of z up to degree 2, the outputs
+    y = (log Cd, Cl / Cd, Cm / Cd), or log Cd alone without lift, are
 
         f(z) = trend . q(z) + 0.3 MLP(z),   y_0 = (f(z) + f(z')) / 2,   y_1,2 = (f(z) - f(z')) / 2
 
@@ -101,10 +103,11 @@ class LoadNetwork(OutputModel):
 
     def _outputs_and_heads(self, z):
         """Return the outputs and the MLP's outputs, each even or odd under mirroring."""
-        values, heads = self._unsymmetric(z)
+        features = self.inputs.features(z)
+        values, heads = self._unsymmetric(features)
         if self.modes.lift_index is None:
             return values, heads
-        mirrored = self._unsymmetric(self.inputs.mirror * z)
+        mirrored = self._unsymmetric(self.inputs.feature_mirror * features)
         parity = np.append(self.modes.mirror, -1.0)
         heads = (heads + parity * mirrored[1]) / 2
         return (values + parity[np.array(self.load_heads)] * mirrored[0]) / 2, heads
@@ -152,8 +155,9 @@ def make_network(
     """
     width = width or (WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
-    z = jax.vmap(inputs)(parameters, reynolds)
-    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, inputs.mirror * z))
+    z = jax.vmap(lambda *case: inputs.features(inputs(*case)))(parameters, reynolds)
+    images = inputs.feature_mirror * z
+    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
     odd = [False, *[True] * (outputs.shape[1] - 1)]
     trends = tuple(
         jnp.asarray(np.linalg.lstsq(features - mirrored if k else features + mirrored, 2 * y)[0])
@@ -177,12 +181,13 @@ def make_network(
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:
     """Random layers from a scene's inputs to its traction modes; trends and scales are zero."""
     body_class, modes = scene.family.body_class, traction_modes(scene.family, scene.fidelity)
-    sizes = (len(body_class.names) + 1, *hidden, head_count(modes))
+    seen = len(features_of(body_class))
+    sizes = (seen, *hidden, head_count(modes))
     layers = tuple(
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
-    count, scales = sizes[0], jnp.zeros(modes.count)
+    count, scales = len(body_class.names) + 1, jnp.zeros(modes.count)
     inputs = Inputs(jnp.zeros(count), jnp.zeros(count), body_class)
-    trends = (jnp.zeros((count + 1) * (count + 2) // 2),) * len(load_heads(modes))
+    trends = (jnp.zeros((seen + 1) * (seen + 2) // 2),) * len(load_heads(modes))
     return LoadNetwork(layers, trends, inputs, scales, scales, modes)

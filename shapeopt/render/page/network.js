@@ -3,9 +3,28 @@ const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 function makeNetwork(data) {
   const { logs, scale, shift, mirror, constant, linear, quadratic, weights, biases } = data;
+  const { turn, angle, sources, waves } = data; // of the features of bodies that turn in space
   const PARITY = [1, -1, -1]; // of the mirror image: equal drag, opposite lift and moment
 
-  // The quadratic trend of a load at scaled inputs z, and its gradient.
+  // The features at scaled inputs, and the map from slopes in them to slopes in the inputs.
+  function featuresOf(scaled) {
+    if (turn < 0) return { z: scaled, chain: (slopes) => slopes };
+    const a = angle * scaled[turn];
+    const values = [1, Math.cos(a), Math.sin(a), Math.cos(2 * a), Math.sin(2 * a)];
+    const steps = [0, -values[2], values[1], -2 * values[4], 2 * values[3]].map((x) => angle * x);
+    const own = sources.map((k) => (k === turn ? 1 : scaled[k]));
+    const chain = (slopes) => {
+      const found = scaled.map(() => 0);
+      slopes.forEach((slope, j) => {
+        if (sources[j] !== turn) found[sources[j]] += slope * values[waves[j]];
+        found[turn] += slope * own[j] * steps[waves[j]];
+      });
+      return found;
+    };
+    return { z: own.map((x, j) => x * values[waves[j]]), chain };
+  }
+
+  // The quadratic trend of a load at features z, and its gradient.
   function trend(load, z) {
     const product = quadratic[load].map((row) => dot(row, z));
     return {
@@ -33,7 +52,7 @@ function makeNetwork(data) {
     return back;
   }
 
-  // The outputs at scaled inputs before they are made even or odd, and if asked for their gradients.
+  // The outputs at features before they are made even or odd, and if asked for their gradients.
   function unsymmetric(z, sloped) {
     const trace = forward(z);
     return weights.at(-1).map((row, load) => {
@@ -60,11 +79,12 @@ function makeNetwork(data) {
   function outputs(parameters, re, sloped = true) {
     const inputs = [...parameters, re];
     const chain = parameters.map((x, k) => scale[k] / (logs[k] ? x : 1));
-    const z = inputs.map((x, k) => scale[k] * (logs[k] ? Math.log(x) : x) + shift[k]);
-    return symmetric(z, sloped).map(({ value, slopes }) => ({
-      value,
-      gradient: slopes.slice(0, chain.length).map((slope, k) => slope * chain[k]),
-    }));
+    const scaled = inputs.map((x, k) => scale[k] * (logs[k] ? Math.log(x) : x) + shift[k]);
+    const features = featuresOf(scaled);
+    return symmetric(features.z, sloped).map(({ value, slopes }) => {
+      const each = features.chain(slopes).slice(0, chain.length);
+      return { value, gradient: each.map((slope, k) => slope * chain[k]) };
+    });
   }
 
   // Cd (, Cl, Cm), each with its gradient in the shape parameters if asked for.

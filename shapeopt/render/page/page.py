@@ -30,7 +30,7 @@ SCRIPTS = {
     "view": ("drawing.js", "curves.js", "view.js"),
 }
 NUMBERS = (  # of the plain network that network.js evaluates
-    *("logs", "scale", "shift", "mirror"),
+    *("logs", "scale", "shift", "turn", "angle", "sources", "waves", "mirror"),
     *("constant", "linear", "quadratic", "weights", "biases"),
 )
 START = 1.6  # aspect of the body shown first, over the reference body's

@@ -1,12 +1,12 @@
 
-/* Outputs before they are made even or odd, and by[load][input] their derivatives in z. */
-static void P_outputs_L(real z[INPUTS][L], real f[LOADS][L], real by[LOADS][INPUTS][L],
+/* Outputs before they are made even or odd, and by[load][feature] their derivatives in z. */
+static void P_outputs_L(real z[FEATURES][L], real f[LOADS][L], real by[LOADS][FEATURES][L],
                         int with_derivatives)
 {
     real trace[NODES][L];
-    for (int k = 0; k < INPUTS; k++)
+    for (int k = 0; k < FEATURES; k++)
         for (int v = 0; v < L; v++) trace[k][v] = z[k][v];
-    int from = 0, to = INPUTS, weight = 0, bias = 0;
+    int from = 0, to = FEATURES, weight = 0, bias = 0;
     for (int layer = 0; layer < LAYERS; layer++) {
         const int rows = SIZES[layer + 1], columns = SIZES[layer];
         for (int i = 0; i < rows; i++) {
@@ -28,10 +28,10 @@ static void P_outputs_L(real z[INPUTS][L], real f[LOADS][L], real by[LOADS][INPU
     }
     for (int l = 0; l < LOADS; l++) {
         for (int v = 0; v < L; v++) f[l][v] += CONSTANT[l];
-        for (int i = 0; i < INPUTS; i++) {
+        for (int i = 0; i < FEATURES; i++) {
             real sum[L];
             for (int v = 0; v < L; v++) sum[v] = 0;
-            for (int j = 0; j < INPUTS; j++) {
+            for (int j = 0; j < FEATURES; j++) {
                 const real w = QUADRATIC[l][i][j];
                 for (int v = 0; v < L; v++) sum[v] += w * z[j][v];
             }
@@ -65,31 +65,58 @@ static void P_outputs_L(real z[INPUTS][L], real f[LOADS][L], real by[LOADS][INPU
             for (int j = 0; j < columns; j++)
                 for (int v = 0; v < L; v++) back[j][v] = next[j][v];
         }
-        for (int k = 0; k < INPUTS; k++)
+        for (int k = 0; k < FEATURES; k++)
             for (int v = 0; v < L; v++) by[l][k][v] += back[k][v];
+    }
+}
+
+/* 1 and the waves of the incidence by which features are multiplied, and their derivatives in its
+ * scaled input, which is set to 1. */
+static void P_waves_L(real s[INPUTS][L], real wave[WAVES][L], real slope[WAVES][L])
+{
+    for (int v = 0; v < L; v++) {
+        wave[0][v] = 1;
+        slope[0][v] = 0;
+    }
+    if (TURN < 0) return;
+    for (int v = 0; v < L; v++) {
+        const real a = ANGLE[0] * s[TURN < 0 ? 0 : TURN][v], c = R(cos)(a), si = R(sin)(a);
+        wave[1][v] = c;
+        wave[2][v] = si;
+        wave[3][v] = (c - si) * (c + si);
+        wave[4][v] = 2 * c * si;
+        for (int n = 1; n <= 2; n++) {
+            slope[2 * n - 1][v] = -n * ANGLE[0] * wave[2 * n][v];
+            slope[2 * n][v] = n * ANGLE[0] * wave[2 * n - 1][v];
+        }
+        s[TURN < 0 ? 0 : TURN][v] = 1;
     }
 }
 
 /* Loads of L cases at inputs[case][input]; jacobian[case][load][input] may be NULL. */
 static void P_cases_L(const real *inputs, real *loads, real *jacobian)
 {
-    real z[INPUTS][L], f[LOADS][L], by[LOADS][INPUTS][L] = {{{0}}};
+    real s[INPUTS][L], z[FEATURES][L], f[LOADS][L], by[LOADS][FEATURES][L] = {{{0}}};
+    real wave[WAVES][L] = {{0}}, slope[WAVES][L] = {{0}};
     for (int k = 0; k < INPUTS; k++)
         for (int v = 0; v < L; v++) {
             const real x = inputs[v * INPUTS + k];
-            z[k][v] = SCALE[k] * (LOGS[k] ? R(log)(x) : x) + SHIFT[k];
+            s[k][v] = SCALE[k] * (LOGS[k] ? R(log)(x) : x) + SHIFT[k];
         }
+    P_waves_L(s, wave, slope);
+    for (int j = 0; j < FEATURES; j++)
+        for (int v = 0; v < L; v++) z[j][v] = s[SOURCE[j]][v] * wave[WAVE[j]][v];
     P_outputs_L(z, f, by, jacobian != NULL);
     if (LOADS > 1) { /* the part that is even (Cd) or odd (Cl, Cm) under the mirror image */
-        real image[LOADS][L], by_image[LOADS][INPUTS][L] = {{{0}}};
-        for (int k = 0; k < INPUTS; k++)
+        real image[LOADS][L], by_image[LOADS][FEATURES][L] = {{{0}}};
+        for (int k = 0; k < FEATURES; k++)
             for (int v = 0; v < L; v++) z[k][v] *= MIRROR[k];
         P_outputs_L(z, image, by_image, jacobian != NULL);
         for (int l = 0; l < LOADS; l++) {
             const real parity = l ? -1 : 1;
             for (int v = 0; v < L; v++) f[l][v] = (f[l][v] + parity * image[l][v]) / 2;
             if (jacobian != NULL)
-                for (int k = 0; k < INPUTS; k++)
+                for (int k = 0; k < FEATURES; k++)
                     for (int v = 0; v < L; v++)
                         by[l][k][v] = (by[l][k][v] + parity * MIRROR[k] * by_image[l][k][v]) / 2;
         }
@@ -98,11 +125,16 @@ static void P_cases_L(const real *inputs, real *loads, real *jacobian)
         const real cd = R(exp)(f[0][v]);
         for (int l = 0; l < LOADS; l++) loads[v * LOADS + l] = l ? cd * f[l][v] : cd;
         if (jacobian == NULL) continue;
-        for (int k = 0; k < INPUTS; k++) {
-            const real step = SCALE[k] / (LOGS[k] ? inputs[v * INPUTS + k] : 1);
-            for (int l = 0; l < LOADS; l++)
-                jacobian[(v * LOADS + l) * INPUTS + k] =
-                    cd * step * (l ? by[l][k][v] + f[l][v] * by[0][k][v] : by[0][k][v]);
+        for (int l = 0; l < LOADS; l++) {
+            real *row = jacobian + (v * LOADS + l) * INPUTS;
+            for (int k = 0; k < INPUTS; k++) row[k] = 0;
+            for (int j = 0; j < FEATURES; j++) {
+                const real own = cd * (l ? by[l][j][v] + f[l][v] * by[0][j][v] : by[0][j][v]);
+                if (SOURCE[j] != TURN) row[SOURCE[j]] += own * wave[WAVE[j]][v];
+                if (TURN >= 0) row[TURN < 0 ? 0 : TURN] += own * s[SOURCE[j]][v] * slope[WAVE[j]][v];
+            }
+            for (int k = 0; k < INPUTS; k++)
+                row[k] *= SCALE[k] / (LOGS[k] ? inputs[v * INPUTS + k] : 1);
         }
     }
 }

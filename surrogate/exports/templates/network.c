@@ -35,8 +35,8 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 #include <string.h>
 
 typedef ${prefix}_real real;
-enum { INPUTS = $count, LOADS = $outputs, LAYERS = $layers, WIDEST = $widest, NODES = $nodes,
-       BLOCK = $block };
+enum { INPUTS = $count, FEATURES = $features, LOADS = $outputs, LAYERS = $layers, WIDEST = $widest,
+       NODES = $nodes, BLOCK = $block, WAVES = 5, TURN = $turn };
 #define R(name) name$suffix
 
 $data

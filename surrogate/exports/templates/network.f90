@@ -12,6 +12,7 @@ module $prefix
     integer, parameter, public :: ${prefix}_kind = kind($one)
     integer, parameter, public :: ${prefix}_inputs = $count, ${prefix}_outputs = $outputs
     integer, parameter :: rk = ${prefix}_kind, inputs_ = $count, loads_ = $outputs
+    integer, parameter :: features_ = $features, turn = $turn + 1
     integer, parameter :: layers = $layers, widest = $widest, nodes = $nodes
     integer :: i_
 $data
@@ -26,9 +27,9 @@ contains
         real(rk), intent(out) :: loads(loads_)
         integer, intent(out) :: status
         real(rk), intent(out), optional :: jacobian(loads_, inputs_)
-        real(rk) :: z(inputs_), f(loads_), image(loads_), step(inputs_), cd
-        real(rk) :: by(loads_, inputs_), by_image(loads_, inputs_)
-        integer :: k, l
+        real(rk) :: s(inputs_), z(features_), f(loads_), image(loads_), step(inputs_), cd
+        real(rk) :: by(loads_, features_), by_image(loads_, features_), waves(0:4), slopes(0:4)
+        integer :: j, k, l
 
         loads = 0
         if (present(jacobian)) jacobian = 0
@@ -36,12 +37,14 @@ contains
         if (status == 2) return
         do k = 1, inputs_
             step(k) = scale_(k)
-            z(k) = scale_(k) * inputs(k) + shift_(k)
+            s(k) = scale_(k) * inputs(k) + shift_(k)
             if (logs(k)) then
-                z(k) = scale_(k) * log(inputs(k)) + shift_(k)
+                s(k) = scale_(k) * log(inputs(k)) + shift_(k)
                 step(k) = scale_(k) / inputs(k)
             end if
         end do
+        call evaluate_waves(s, waves, slopes)
+        z = s(source) * waves(wave)
         call evaluate(z, f, by, present(jacobian))
         if (loads_ > 1) then ! the part that is even (Cd) or odd (Cl, Cm) under the mirror image
             call evaluate(mirror * z, image, by_image, present(jacobian))
@@ -55,8 +58,17 @@ contains
         loads(2:) = cd * f(2:)
         if (present(jacobian)) then
             f(1) = 0 ! Cd is no multiple of itself
-            do l = 1, loads_
-                jacobian(l, :) = cd * (by(l, :) + f(l) * by(1, :)) * step
+            do j = 1, features_
+                do l = 1, loads_
+                    image(l) = cd * (by(l, j) + f(l) * by(1, j))
+                end do
+                k = source(j)
+                if (k /= turn) jacobian(:, k) = jacobian(:, k) + image * waves(wave(j))
+                k = max(turn, 1)
+                if (turn > 0) jacobian(:, k) = jacobian(:, k) + image * s(source(j)) * slopes(wave(j))
+            end do
+            do k = 1, inputs_
+                jacobian(:, k) = jacobian(:, k) * step(k)
             end do
         end if
     end subroutine ${prefix}_loads
@@ -90,16 +102,36 @@ contains
         if (any(values < low .or. values > high)) status = 1
     end function status_of
 
-    !> Outputs before they are made even or odd, and their derivatives in the scaled inputs z.
+    !> 1 and the waves of the incidence by which features are multiplied, and their derivatives in its
+    !> scaled input, which is set to 1.
+    pure subroutine evaluate_waves(s, waves, slopes)
+        real(rk), intent(inout) :: s(inputs_)
+        real(rk), intent(out) :: waves(0:4), slopes(0:4)
+        real(rk) :: a
+        integer :: n
+
+        waves = 0
+        slopes = 0
+        waves(0) = 1
+        if (turn < 1) return
+        a = angle(1) * s(max(turn, 1))
+        do n = 1, 2
+            waves(2 * n - 1:2 * n) = [cos(n * a), sin(n * a)]
+            slopes(2 * n - 1:2 * n) = n * angle(1) * [-waves(2 * n), waves(2 * n - 1)]
+        end do
+        s(max(turn, 1)) = 1
+    end subroutine evaluate_waves
+
+    !> Outputs before they are made even or odd, and their derivatives in the features z.
     pure subroutine evaluate(z, f, by, with_derivatives)
-        real(rk), intent(in) :: z(inputs_)
-        real(rk), intent(out) :: f(loads_), by(loads_, inputs_)
+        real(rk), intent(in) :: z(features_)
+        real(rk), intent(out) :: f(loads_), by(loads_, features_)
         logical, intent(in) :: with_derivatives
-        real(rk) :: trace(nodes), values(widest), back(widest), next(widest), slope(inputs_)
+        real(rk) :: trace(nodes), values(widest), back(widest), next(widest), slope(features_)
         integer :: layer, rows, columns, from, weight, bias, i, l
 
         by = 0
-        trace(1:inputs_) = z
+        trace(1:features_) = z
         from = 0
         weight = 0
         bias = 0
@@ -137,7 +169,7 @@ contains
                 end do
                 back(1:columns) = next(1:columns)
             end do
-            by(l, :) = linear(:, l) + 2 * slope + back(1:inputs_)
+            by(l, :) = linear(:, l) + 2 * slope + back(1:features_)
         end do
     end subroutine evaluate
 end module $prefix

@@ -1,0 +1,98 @@
+"""What load networks see of scaled inputs: these themselves, or of bodies that turn in space waves.
+
+A body in space that is reversed, which negates its even sine modes, and turned by 180 degrees is
+the same body. Networks of bodies at incidence in space see the other inputs and
+
+    cos 2a,  sin 2a,  beta_k cos a,  beta_k sin a  for even k,
+
+with the incidence a. These are the same for both descriptions of a body and differ for any other
+two bodies, so that loads have every symmetry of the bodies exactly: also that of a body which is
+symmetric fore and aft, which has no lift and no moment at 90 degrees.
+"""
+
+import enum
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from surrogate.arrays import AnyArray
+from surrogate.body.body_class import BodyClass
+from surrogate.body.parameters import Kind
+
+
+class Wave(enum.IntEnum):
+    """The function of the incidence a by which a feature is multiplied."""
+
+    ONE = 0
+    COS = 1
+    SIN = 2
+    COS_2 = 3
+    SIN_2 = 4
+
+
+class Feature(NamedTuple):
+    """A scaled input times a wave of the incidence; of the incidence itself the wave alone."""
+
+    source: int
+    wave: Wave
+
+
+def turn_of(body_class: BodyClass) -> int | None:
+    """Return the index of an incidence that enters by waves, that of bodies in space."""
+    turns = body_class.dimension == 3 and "incidence" in body_class.names
+    return body_class.names.index("incidence") if turns else None
+
+
+def reversed_by_half_a_turn(body_class: BodyClass) -> list[bool]:
+    """Return which parameters a body's description by the opposite nose negates."""
+    turns = turn_of(body_class) is not None
+    return [
+        turns and p.kind is Kind.SINE and p.mode is not None and p.mode % 2 == 0
+        for p in body_class.parameters
+    ]
+
+
+def features_of(body_class: BodyClass) -> tuple[Feature, ...]:
+    """Return the features of bodies' parameters and Re, the last input."""
+    turn, found = turn_of(body_class), []
+    for source, reverses in enumerate([*reversed_by_half_a_turn(body_class), False]):
+        waves = (Wave.COS, Wave.SIN) if reverses else (Wave.ONE,)
+        waves = (Wave.COS_2, Wave.SIN_2) if source == turn else waves
+        found += [Feature(source, wave) for wave in waves]
+    return tuple(found)
+
+
+def evaluate_features(
+    body_class: BodyClass, z: Float[AnyArray, " inputs"], degrees: Float[AnyArray, ""] | float
+) -> Float[Array, " features"]:
+    """Return the features at scaled inputs z.
+
+    Args:
+      body_class: of the bodies.
+      z: scaled inputs.
+      degrees: incidence at which its scaled input is 1.
+    """
+    turn = turn_of(body_class)
+    if turn is None:
+        return jnp.asarray(z)
+    sources, waves = np.array(features_of(body_class)).T
+    a = jnp.deg2rad(degrees * z[turn])
+    values = jnp.stack([jnp.ones_like(a), *(f(k * a) for k in (1, 2) for f in (jnp.cos, jnp.sin))])
+    return jnp.asarray(z).at[turn].set(1.0)[sources] * values[waves]
+
+
+def mirror_of_features(
+    body_class: BodyClass, mirror: Float[np.ndarray, " inputs"]
+) -> Float[np.ndarray, " features"]:
+    """Return the factors, 1 or -1, from a body's features to those of its mirror image.
+
+    Args:
+      body_class: of the bodies.
+      mirror: these factors of the scaled inputs.
+    """
+    if turn_of(body_class) is None:
+        return mirror
+    odd = (Wave.SIN, Wave.SIN_2)
+    return np.array([-1.0 if f.wave in odd else 1.0 for f in features_of(body_class)])
