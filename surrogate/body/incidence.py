@@ -3,9 +3,11 @@
 from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Float
+import numpy as np
+from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray, Number
+from surrogate.body.parameters import HALF_TURN, INCIDENCE, QUARTER_TURN, Parameter
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
@@ -33,3 +35,29 @@ def check_incidence(degrees: Any) -> float:
     if not abs(degrees) <= 180:
         raise InvalidInput(f"incidence {degrees:g}: from -180 to 180 degrees")
     return degrees
+
+
+def in_first_quarter(
+    parameters: tuple[Parameter, ...], values: Float[AnyArray, " parameters"]
+) -> tuple[Float[Array, " parameters"], Float[Array, ""]]:
+    """Describe a 3-D body at any incidence by one from 0 to 90 degrees.
+
+    A body is the same if nose and tail change their names, which negates its even sine modes and
+    adds 180 degrees; its mirror image at the opposite incidence has opposite lift and moment.
+
+    Args:
+      parameters: of the body's class, one of which is the incidence.
+      values: of these.
+
+    Returns:
+      The values with an incidence from 0 to 90, and 1; or -1 where they describe the mirror image.
+    """
+    index = [p.name for p in parameters].index(INCIDENCE.name)
+    values = jnp.asarray(values)
+    angle = jnp.mod(values[index] + HALF_TURN, 2 * HALF_TURN) - HALF_TURN
+    backward = jnp.abs(angle) > QUARTER_TURN
+    odd = np.array([p.odd_fore_and_aft for p in parameters])
+    values = jnp.where(backward & odd, -values, values)
+    nearest = jnp.where(backward, HALF_TURN - jnp.abs(angle), jnp.abs(angle))
+    image = jnp.where((angle < 0) ^ backward, -1.0, 1.0)
+    return values.at[index].set(nearest), image

@@ -54,6 +54,11 @@ class Parameter(NamedTuple):
         return (self.low, self.high) if self.bounded else (-math.inf, math.inf)
 
     @property
+    def odd_fore_and_aft(self) -> bool:
+        """Whether its opposite value makes a body of which nose and tail have changed places."""
+        return self.kind is Kind.SINE and self.mode is not None and self.mode % 2 == 0
+
+    @property
     def keeps_mirror_plane(self) -> bool:
         """Whether bodies stay symmetric about y = 0, in 3-D z = 0, whatever its value."""
         return self.kind not in (Kind.CAMBER, Kind.INCIDENCE)

@@ -19,7 +19,6 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
-from surrogate.body.parameters import Kind
 
 
 class Wave(enum.IntEnum):
@@ -46,12 +45,9 @@ def turn_of(body_class: BodyClass) -> int | None:
 
 
 def reversed_by_half_a_turn(body_class: BodyClass) -> list[bool]:
-    """Return which parameters a body's description by the opposite nose negates."""
+    """Return which parameters of bodies that turn the description by the opposite nose negates."""
     turns = turn_of(body_class) is not None
-    return [
-        turns and p.kind is Kind.SINE and p.mode is not None and p.mode % 2 == 0
-        for p in body_class.parameters
-    ]
+    return [turns and p.odd_fore_and_aft for p in body_class.parameters]
 
 
 def features_of(body_class: BodyClass) -> tuple[Feature, ...]:

@@ -1,0 +1,250 @@
+"""The free fall of a body in its plane of symmetry, with the loads of a surrogate.
+
+With lengths in D and velocities in nu / D the speed is the Reynolds number R. The axis e of the
+body, tail to nose, is ``tilt`` above the horizontal; the body moves with the velocity v at the
+incidence alpha, from e to v. Its momentum P and its angular velocity omega follow
+
+    dP/dt = (pi/8) R^2 (Cd, Cl) - (pi/6) (s - 1) Ga,     v = P_e / (m + m_e) e + P_n / (m + m_n) n,
+    (J + J') d omega/dt = -(pi/8) R^2 Cm - K omega,      d tilt/dt = omega,
+
+with the density ratio s, Ga = g D^3 / nu^2, mass and inertia m and J, and added masses m_e and m_n,
+added inertia J' and Stokes resistance to rotation K of the equivalent ellipsoid. The loads are
+those of steady motion at the momentary incidence and R, its torque included. Left out are what
+rotation does to drag and lift, the memory of the flow, and inertia in the resistance to rotation.
+"""
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from surrogate.arrays import Body
+from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
+from surrogate.body.incidence import in_first_quarter
+from surrogate.checks import expect, finite_number
+from surrogate.errors import InvalidInput, NotConverged
+from surrogate.flow.settling import Particle
+from surrogate.model.surrogate import Surrogate
+
+TOLERANCE = 1e-8  # relative, of the integration in time
+SAMPLES = 400  # in time, that a fall is reported at
+SLOWEST = 1e-12  # Re, of bodies at rest
+SCAN = 181  # angles at which the torque is sampled
+LEVEL = 1e-9  # moment over drag below which there is none
+
+
+@dataclasses.dataclass(frozen=True)
+class Fall:
+    """The motion of a body that falls or rises, in SI units, from rest at the origin.
+
+    Attributes:
+      time: in s.
+      x: horizontal position in m.
+      z: height in m.
+      tilt: of the axis, tail to nose, above the horizontal, in degrees; it may exceed 180.
+      velocity: horizontal and upward, in m/s.
+      incidence: from the axis to the velocity, -180 to 180 degrees.
+      reynolds: by the speed.
+    """
+
+    time: Float[np.ndarray, " times"]
+    x: Float[np.ndarray, " times"]
+    z: Float[np.ndarray, " times"]
+    tilt: Float[np.ndarray, " times"]
+    velocity: Float[np.ndarray, "times 2"]
+    incidence: Float[np.ndarray, " times"]
+    reynolds: Float[np.ndarray, " times"]
+
+    def __repr__(self) -> str:
+        u, w = self.velocity[-1]
+        return (
+            f"Fall(after {self.time[-1]:.4g} s at Re {self.reynolds[-1]:.4g}, velocity "
+            f"{u:.4g}, {w:.4g} m/s, tilt {self.tilt[-1]:.1f} degrees)"
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Orientation:
+    """An incidence at which a body in steady motion has no torque.
+
+    Attributes:
+      incidence: in degrees, 0 to 180.
+      stable: whether the torque turns the body back to it.
+    """
+
+    incidence: float
+    stable: bool
+
+
+def fall(
+    surrogate: Surrogate,
+    parameters: Body,
+    particle: Particle,
+    seconds: float,
+    tilt: float = 0.0,
+) -> Fall:
+    """Integrate the free fall of a body from rest; its own incidence is not used.
+
+    Args:
+      surrogate: of 3-D bodies at incidences from 0 to 90 degrees.
+      parameters: of the body, in the order of ``surrogate.scene.family.names``, or by name.
+      particle: density ratio, viscosity, size and gravity.
+      seconds: duration.
+      tilt: of the axis above the horizontal at the start, in degrees.
+
+    Raises:
+      InvalidInput: an argument is invalid, or the body becomes faster than the trained range.
+      NotConverged: the integration in time fails.
+    """
+    body = _checked(surrogate, parameters)
+    expect("particle", particle, Particle, "Particle")
+    seconds, tilt = finite_number("seconds", seconds), finite_number("tilt", tilt)
+    if not seconds > 0:
+        raise InvalidInput(f"seconds {seconds:g}: a duration above 0")
+    unit = particle.size**2 / particle.viscosity
+    constants, fastest = _constants(surrogate, body, particle), surrogate.scene.reynolds[1]
+
+    network, body_class = surrogate.network, surrogate.scene.family.body_class
+
+    def rates(_, state):
+        return np.asarray(_rates(network, body_class, body, constants, state))
+
+    def too_fast(_, state):
+        return fastest * (1 + 1e-6) - float(np.hypot(*_velocity(constants, state)))
+
+    too_fast.terminal = True
+    times = np.linspace(0, seconds / unit, SAMPLES)
+    start = np.array([0, 0, math.radians(tilt), 0, 0, 0.0])
+    found = solve_ivp(
+        *(rates, (0, times[-1]), start, "LSODA", times),
+        **{"events": too_fast, "rtol": TOLERANCE, "atol": TOLERANCE},
+    )
+    if found.t_events[0].size:
+        raise InvalidInput(
+            f"fall: after {unit * found.t_events[0][0]:.3g} s it exceeds Re {fastest:g}, up to "
+            "which the surrogate was trained; a smaller size would do"
+        )
+    if not found.success:
+        raise NotConverged(f"fall: the integration in time failed: {found.message}")
+    velocity = np.asarray(_velocity(constants, found.y)).T
+    angle = np.arctan2(velocity[:, 1], velocity[:, 0]) - found.y[2]
+    return Fall(
+        time=unit * found.t,
+        x=particle.size * found.y[0],
+        z=particle.size * found.y[1],
+        tilt=np.rad2deg(found.y[2]),
+        velocity=particle.viscosity / particle.size * velocity,
+        incidence=(np.rad2deg(angle) + 180) % 360 - 180,
+        reynolds=np.hypot(*velocity.T),
+    )
+
+
+def orientations(
+    surrogate: Surrogate, parameters: Body, reynolds: float
+) -> list[Orientation]:
+    """Return the incidences without torque from 0 to 180 degrees, and which are stable.
+
+    A nose-up moment increases the incidence of a body that moves straight on, so that an incidence
+    is stable where the moment falls with it.
+
+    Args:
+      surrogate: as for ``fall``.
+      parameters: as for ``fall``.
+      reynolds: Reynolds number of the motion.
+
+    Raises:
+      InvalidInput: an argument is invalid or outside the trained ranges.
+    """
+    body, body_class = _checked(surrogate, parameters), surrogate.scene.family.body_class
+    surrogate.loads(jnp.asarray(body), reynolds)  # refuses other Reynolds numbers
+
+    def moment(degrees):
+        loads = _loads(surrogate.network, body_class, body, np.deg2rad(degrees), reynolds)
+        return float(loads[2] / loads[0])
+
+    angles = np.linspace(0, 180, SCAN)
+    moments = np.array([moment(angle) for angle in angles])
+    found = [Orientation(0.0, moment(0.5) < 0)] if abs(moments[0]) < LEVEL else []
+    for k in range(1, SCAN - 1):
+        falls = moments[k - 1] > moments[k + 1]
+        if abs(moments[k]) < LEVEL:
+            found.append(Orientation(float(angles[k]), bool(falls)))
+        elif moments[k] * moments[k + 1] < 0 and min(abs(moments[k : k + 2])) >= LEVEL:
+            at = brentq(moment, angles[k], angles[k + 1], xtol=1e-9)
+            found.append(Orientation(float(at), bool(moments[k] > 0)))
+    return [*found, Orientation(180.0, moment(179.5) > 0)] if abs(moments[-1]) < LEVEL else found
+
+
+def _checked(surrogate, parameters):
+    """Return a body's parameters at incidence 0, refusing models and bodies of other kinds."""
+    expect("surrogate", surrogate, Surrogate, "Surrogate")
+    family = surrogate.scene.family
+    ranges = dict(zip(family.names, family.bounds.tolist(), strict=True))
+    low, high = ranges.get("incidence", (1, 0))
+    if family.dimension != 3 or low > 0 or high < 90:
+        raise InvalidInput(
+            "surrogate: of 3-D bodies at incidences from 0 to 90 degrees, as pretrained:particle"
+        )
+    if isinstance(parameters, dict):
+        parameters = {"incidence": 0.0} | parameters
+    body = np.array(family.array(parameters), float)
+    body[family.names.index("incidence")] = 0.0
+    surrogate.loads(body, surrogate.scene.reynolds[0])  # refuses bodies outside the ranges
+    return body
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _loads(network, body_class, body, angle, reynolds):
+    """Cd, Cl and Cm at any angle in radians."""
+    turned = jnp.asarray(body).at[body_class.names.index("incidence")].set(jnp.rad2deg(angle))
+    nearest, image = in_first_quarter(body_class.parameters, turned)
+    return network.loads(nearest, reynolds) * jnp.stack([jnp.ones(()), image, image])
+
+
+def _constants(surrogate, body, particle):
+    """Masses along and across the axis, inertia, resistance to rotation, weight, least Re."""
+    body_class, s = surrogate.scene.family.body_class, particle.density_ratio
+    aspect, flatness = (float(f(body)) for f in (body_class.aspect, body_class.flatness))
+    ellipsoid = equivalent_ellipsoid(aspect, flatness)
+    along, across = (s * DISPLACED + added for added in ellipsoid.added_masses)
+    weight = DISPLACED * math.copysign(particle.archimedes, s - 1)
+    inertia = s * ellipsoid.inertia + ellipsoid.added_inertia
+    resistance, slowest = ellipsoid.resistance_to_rotation, surrogate.scene.reynolds[0]
+    return np.array([along, across, inertia, resistance, weight, slowest])
+
+
+def _axes(tilt) -> tuple[Array, Array]:
+    """The axis of the body, tail to nose, and the direction across it."""
+    c, s = jnp.cos(tilt), jnp.sin(tilt)
+    return jnp.stack([c, s]), jnp.stack([-s, c])
+
+
+@jax.jit
+def _velocity(constants, state):
+    """Velocity (2, ...) at states (6, ...): position, tilt, momentum, angular velocity."""
+    axis, normal = _axes(state[2])
+    along, across = (jnp.sum(state[3:5] * e, axis=0) for e in (axis, normal))
+    return along / constants[0] * axis + across / constants[1] * normal
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _rates(network, body_class, body, constants, state):
+    """Derivatives in time of position, tilt, momentum and angular velocity."""
+    _, _, inertia, resistance, weight, slowest = constants
+    velocity, (axis, normal) = _velocity(constants, state), _axes(state[2])
+    speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
+    angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
+    known = jnp.maximum(speed, slowest)  # below it Cd Re and Cl Re are those of Stokes flow
+    drag, lift, moment = _loads(network, body_class, body, angle, known)
+    stream = -velocity / speed
+    upward = jnp.stack([-stream[1], stream[0]])
+    force = jnp.pi / 8 * speed * known * (drag * stream + lift * upward)
+    torque = -jnp.pi / 8 * speed**2 * moment - resistance * state[5]
+    gravity = jnp.stack([jnp.zeros(()), -weight])
+    return jnp.concatenate([velocity, state[5:], force + gravity, jnp.stack([torque / inertia])])

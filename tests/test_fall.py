@@ -1,0 +1,121 @@
+"""Free fall: Stokes flow, momentum at the start, stable orientations, what is refused."""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from correlations import Ellipsoid, ellipsoid, oberbeck
+
+from shapeopt.fall import Orientation, fall, orientations
+from surrogate import InvalidInput, Particle, Scene, Surrogate, load
+from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
+from surrogate.body.incidence import in_first_quarter
+
+pytestmark = pytest.mark.usefixtures("unchecked")  # known loads stand for a network's
+SCENE = Scene.of(
+    {
+        "dimension": 3,
+        "reynolds": [0.1, 100],
+        "family": {"aspect": [0.5, 3], "beta2": [-0.2, 0.2], "incidence": [0, 90]},
+    }
+)
+SPINDLE, ARCHIMEDES = [2.0, 0.0, 0.0], 1e-3
+SMALL = Particle(1.5, 1e-6, (ARCHIMEDES * 1e-12 / (0.5 * 9.81)) ** (1 / 3))
+
+
+class StokesLoads(eqx.Module):
+    """Loads of Stokes flow past the spheroid of aspect 2, with a moment to a given incidence."""
+
+    level: float = 0.0
+
+    def loads(self, parameters, reynolds):
+        axes = ellipsoid(2.0)
+        flat = Ellipsoid(axes.width, axes.length, axes.height)
+        along, across = (8 / np.pi * resistance(body) for body in (axes, flat))
+        c, s = jnp.cos(jnp.deg2rad(parameters[2])), jnp.sin(jnp.deg2rad(parameters[2]))
+        drag, lift = along * c**2 + across * s**2, (across - along) * s * c
+        return jnp.stack([drag, lift, self.level * drag * s * c + 0 * parameters[1]]) / reynolds
+
+
+def resistance(body):
+    """Stokes drag over mu U D of an ellipsoid (Oberbeck 1876)."""
+    return oberbeck(body, 1e-9) * 1e-9 * np.pi / 8
+
+
+def surrogate(level=0.0):
+    record = {"method": "none", "drag_error_mean": 0.0, "drag_error_max": 0.0, "held_out": 1}
+    return Surrogate(StokesLoads(level), SCENE, record)
+
+
+def test_golden_drift_of_a_spheroid_in_stokes_flow():
+    """It keeps its tilt and moves at the velocities along and across its axis (Oberbeck 1876)."""
+    found = fall(surrogate(), SPINDLE, SMALL, 1e-4, tilt=-60.0)
+    assert found.tilt == pytest.approx(-60.0)
+    axes = ellipsoid(2.0)
+    resistances = np.array(
+        [resistance(b) for b in (axes, Ellipsoid(axes.width, axes.length, axes.height))]
+    )
+    axis = np.array([np.cos(np.pi / 3), -np.sin(np.pi / 3)])
+    weight, normal = np.array([0, -DISPLACED * ARCHIMEDES]), np.array([-axis[1], axis[0]])
+    speeds = np.array([weight @ axis, weight @ normal]) / resistances
+    expected = SMALL.viscosity / SMALL.size * (speeds[0] * axis + speeds[1] * normal)
+    assert found.velocity[-1] == pytest.approx(expected, rel=1e-5)
+    assert np.diff(found.z).max() < 0
+
+
+def test_exact_acceleration_from_rest_is_that_of_body_and_added_mass():
+    """Before there is drag a sphere carries half of its displaced mass (Lamb)."""
+    sphere = equivalent_ellipsoid(1.0)
+    assert sphere.added_masses == pytest.approx((DISPLACED / 2, DISPLACED / 2))
+    assert sphere.added_inertia == 0
+    assert sphere.resistance_to_rotation == pytest.approx(np.pi)
+    needle, disc = equivalent_ellipsoid(1e3), equivalent_ellipsoid(1e-3)
+    assert np.array(needle.added_masses) == pytest.approx([0, DISPLACED], abs=1e-4)
+    assert disc.added_masses[0] == pytest.approx(8 / 3 * disc.height**3, rel=1e-2)
+    found = fall(surrogate(), SPINDLE, SMALL, 1e-9, tilt=0.0)
+    mass = 1.5 + equivalent_ellipsoid(2.0).added_masses[1] / DISPLACED
+    assert found.velocity[-1, 1] == pytest.approx(-0.5 * 9.81 / mass * 1e-9, rel=1e-2)
+
+
+def test_a_body_turns_to_its_stable_orientation():
+    """A positive moment below 90 degrees turns its broad side to the motion."""
+    broad = surrogate(1.0)
+    expected = [(0.0, False), (90.0, True), (180.0, False)]
+    assert orientations(broad, SPINDLE, 1.0) == [Orientation(*one) for one in expected]
+    found = fall(broad, SPINDLE, dataclasses.replace(SMALL, size=20 * SMALL.size), 1.0, tilt=-60.0)
+    assert abs(found.incidence[-1]) == pytest.approx(90.0, abs=0.1)
+    assert found.tilt[-1] % 180 == pytest.approx(0.0, abs=0.1) or found.tilt[-1] % 180 > 179.9
+    stable = {o.incidence: o.stable for o in orientations(surrogate(-1.0), SPINDLE, 1.0)}
+    assert stable == {0.0: True, 90.0: False, 180.0: True}
+
+
+@pytest.mark.parametrize(
+    ("body", "same", "image"),
+    [
+        ([2.0, 0.1, -30.0], [2.0, 0.1, 30.0], -1),
+        ([2.0, 0.1, 120.0], [2.0, -0.1, 60.0], -1),
+        ([2.0, 0.1, -150.0], [2.0, -0.1, 30.0], 1),
+        ([2.0, 0.1, 390.0], [2.0, 0.1, 30.0], 1),
+    ],
+)
+def test_every_incidence_is_one_of_the_first_quarter(body, same, image):
+    parameters = SCENE.family.body_class.parameters
+    found, sign = in_first_quarter(parameters, jnp.array(body))
+    assert found.tolist() == pytest.approx(same)
+    assert sign == image
+    skins = [SCENE.family.body_class.contour(jnp.array(b), 64) for b in (body, same)]
+    distances = np.linalg.norm(np.array(skins[0])[:, None] * [1, image] - skins[1], axis=-1)
+    assert distances.min(axis=1).max() < 1e-9
+
+
+def test_what_cannot_fall_is_refused():
+    with pytest.raises(InvalidInput, match="3-D bodies at incidences from 0 to 90"):
+        fall(load("pretrained:space"), SPINDLE, SMALL, 1.0)
+    with pytest.raises(InvalidInput, match="above 0"):
+        fall(surrogate(), SPINDLE, SMALL, 0.0)
+    with pytest.raises(InvalidInput, match="aspect 9"):
+        fall(surrogate(), [9.0, 0.0, 0.0], SMALL, 1.0)
+    with pytest.raises(InvalidInput, match="exceeds Re 100"):
+        fall(surrogate(), SPINDLE, dataclasses.replace(SMALL, size=1e-2), 10.0)
