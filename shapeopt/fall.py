@@ -134,6 +134,7 @@ def fall(
         raise NotConverged(f"fall: the integration in time failed: {found.message}")
     velocity = np.asarray(_velocity(constants, found.y)).T
     angle = np.arctan2(velocity[:, 1], velocity[:, 0]) - found.y[2]
+    angle[0] = angle[1]  # at rest there is none
     return Fall(
         time=unit * found.t,
         x=particle.size * found.y[0],
@@ -145,9 +146,7 @@ def fall(
     )
 
 
-def orientations(
-    surrogate: Surrogate, parameters: Body, reynolds: float
-) -> list[Orientation]:
+def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> list[Orientation]:
     """Return the incidences without torque from 0 to 180 degrees, and which are stable.
 
     A nose-up moment increases the incidence of a body that moves straight on, so that an incidence

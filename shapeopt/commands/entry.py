@@ -15,6 +15,7 @@ COMMANDS = {  # word: module, what the command does
     "render": ("render_shapes", "pictures of optimised shapes"),
     "export": ("export_surrogate", "a surrogate as C, Fortran, NumPy or ONNX"),
     "explore": ("explore", "a web page that evaluates a surrogate"),
+    "fall": ("free_fall", "free fall of a 3-D body by a surrogate"),
     "march": ("march_flow", "time-accurate flow by jax-cfd, an independent check"),
     "payoff": ("payoff_command", "train all methods; after how many designs training pays"),
 }

@@ -1,0 +1,100 @@
+"""Correlations of engineering practice for ellipsoids at an incidence, each in its own range.
+
+Cd and Cl are over the cross-section of the sphere of equal volume, whose diameter D makes Re; Cm is
+over that and D. Outside of what a correlation was made for it answers None.
+"""
+
+import math
+from typing import NamedTuple
+
+from correlations import ellipsoid
+
+
+class Loads(NamedTuple):
+    """Cd, and Cl and Cm where a correlation has them."""
+
+    cd: float
+    cl: float | None = None
+    cm: float | None = None
+
+
+def froehlich(aspect: float, flatness: float, incidence: float, re: float) -> Loads | None:
+    """Froehlich, Meinke, Schroeder (J. Fluid Mech. 901, 2020): prolate spheroids, Re 1 to 100."""
+    if flatness != 1 or not (1 < aspect <= 8 and 1 <= re <= 100):
+        return None
+    log, phi = math.log(aspect), math.radians(incidence)
+    along, across = stokes_factors(aspect)
+    sphere = 1 + 0.15 * re**0.687
+    at_0 = sphere - 0.007 * log * re ** (1.17 - 0.07 * log)
+    at_90 = sphere + 0.047 * log**1.14 * re ** (0.7 - 0.008 * log)
+    scale = 24 / re * 8 / 3 * aspect ** (2 / 3)
+    turn = (math.pi / 2) * (2 * phi / math.pi) ** (1 + 0.01 * log**0.86 * math.log(re) ** 1.77)
+    spread = math.sin(turn) * math.cos(turn) * (across - along)
+    torque = 0.931 * log**0.675 * re**-0.162 + 0.657 * log**2.77 * re ** -(0.178 + 0.177 * log)
+    return Loads(
+        scale * (at_0 * along + (at_90 * across - at_0 * along) * math.sin(phi) ** 2),
+        scale * spread * (1 + 0.34 * re**0.83),
+        math.sin(phi) * math.cos(phi) * torque,
+    )
+
+
+def stokes_factors(aspect: float) -> tuple[float, float]:
+    """Return K2 and K0 of prolate spheroids, of Stokes flow along the axis and across it."""
+    q = math.sqrt(aspect**2 - 1)
+    k = math.log((aspect - q) / (aspect + q))
+    s0, s1 = -aspect * k / q, aspect**2 / q**2 + aspect * k / (2 * q**3)
+    s3 = -2 / q**2 - aspect * k / q**3
+    return 1 / (s0 + aspect**2 * s3), 1 / (s0 + s1)
+
+
+ZASTAWNY = {  # aspect: a0, ..., a8
+    2.5: (2.0, 5.1, 0.48, 15.52, 1.05, 24.68, 0.98, 3.19, 0.21),
+    1.25: (1.95, 18.12, 1.023, 4.26, 0.384, 21.52, 0.99, 2.86, 0.26),
+}
+
+
+def zastawny(aspect: float, flatness: float, incidence: float, re: float) -> Loads | None:
+    """Zastawny et al. (Int. J. Multiphase Flow 39, 2012): two prolate spheroids, Re 0.1 to 300."""
+    if flatness != 1 or aspect not in ZASTAWNY or not 0.1 <= re <= 300:
+        return None
+    a = ZASTAWNY[aspect]
+    at_0, at_90 = (a[k] / re ** a[k + 1] + a[k + 2] / re ** a[k + 3] for k in (1, 5))
+    return Loads(at_0 + (at_90 - at_0) * math.sin(math.radians(incidence)) ** a[0])
+
+
+def front(aspect: float, flatness: float, incidence: float) -> float:
+    """Return the area of an ellipsoid as the stream sees it, over the sphere's."""
+    body, phi = ellipsoid(aspect, flatness), math.radians(incidence)
+    height = math.hypot(body.height * math.cos(phi), body.length * math.sin(phi))
+    return 4 * body.width * height
+
+
+def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
+    """Hoelzer, Sommerfeld 2008 as codes for particles use it: crosswise sphericity in all terms."""
+    sphericity = 1 / ellipsoid(aspect, flatness).surface
+    crosswise = 1 / front(aspect, flatness, incidence)
+    return Loads(
+        8 / (re * math.sqrt(crosswise))
+        + 16 / (re * math.sqrt(sphericity))
+        + 3 / (math.sqrt(re) * sphericity**0.75)
+        + 0.42 * 10 ** (0.4 * max(-math.log10(sphericity), 0) ** 0.2) / crosswise
+    )
+
+
+def ganser(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
+    """Ganser (Powder Technology 77, 1993): by sphericity and the area that the stream sees."""
+    sphericity = 1 / ellipsoid(aspect, flatness).surface
+    seen = math.sqrt(front(aspect, flatness, incidence))
+    stokes = 1 / (seen / 3 + 2 / 3 / math.sqrt(sphericity))
+    newton = 10 ** (1.8148 * max(-math.log10(sphericity), 0) ** 0.5743)
+    share = re * stokes * newton
+    part = 24 / share * (1 + 0.1118 * share**0.6567) + 0.4305 / (1 + 3305 / share)
+    return Loads(newton * part)
+
+
+AT_INCIDENCE = {
+    "Froehlich": froehlich,
+    "Zastawny": zastawny,
+    "Hoelzer-Sommerfeld": hoelzer_sommerfeld,
+    "Ganser": ganser,
+}

@@ -1,0 +1,96 @@
+"""The free fall of a 3-D body in its plane of symmetry, by the loads of a surrogate.
+
+python scripts/free_fall.py --aspect 2 --particle 1.2,1e-6,5e-4 --tilt 60 --seconds 2
+python scripts/free_fall.py --aspect 0.5 --particle 1.2,1e-6,5e-4 --plot out/fall.png
+
+The body starts at rest. Its loads are those of steady motion at the momentary incidence and Re;
+left out are what rotation does to drag and lift, and the memory of the flow.
+"""
+
+from collections.abc import Sequence
+
+from shapeopt.commands.arguments import FAMILY
+from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.ranges import numbers
+from shapeopt.commands.sweep import write_table
+from shapeopt.fall import Fall, fall, orientations
+from shapeopt.render.falls import plot_fall
+from surrogate.body.parameters import INCIDENCE, PARAMETERS
+from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject, check_file
+from surrogate.flow.settling import Particle
+from surrogate.model.store import load
+
+NAMES = [name for name, p in PARAMETERS.items() if p.keeps_mirror_plane]
+
+
+def main(argv: Sequence[str] | None = None) -> JsonObject:
+    """Parse the arguments, integrate, report."""
+    arguments = _parser().parse_args(argv)
+    values = numbers(arguments.particle, "--particle", "1.2,1e-6,5e-4")
+    if len(values) != 3:
+        raise InvalidInput(f"--particle {arguments.particle}: density ratio,viscosity,size")
+    if arguments.table:
+        check_file(arguments.table, ".csv")
+    if arguments.plot:
+        check_file(arguments.plot, ".png", ".svg", ".pdf")
+    surrogate, particle = load(arguments.surrogate), Particle(*values)
+    given = {name: getattr(arguments, name) for name in NAMES}
+    named = {name: value for name, value in given.items() if value is not None}
+    body = surrogate.scene.family.parameters(named | {INCIDENCE.name: 0.0})
+    found = fall(surrogate, body, particle, arguments.seconds, arguments.tilt)
+    reynolds = max(float(found.reynolds[-1]), surrogate.scene.reynolds[0])
+    stable = [o.incidence for o in orientations(surrogate, body, reynolds) if o.stable]
+    horizontal, upward = found.velocity[-1].tolist()
+    result = {
+        "seconds": float(found.time[-1]),
+        "x": float(found.x[-1]),
+        "z": float(found.z[-1]),
+        "velocity": [horizontal, upward],
+        "reynolds": float(found.reynolds[-1]),
+        "tilt": float(found.tilt[-1]),
+        "incidence": float(found.incidence[-1]),
+        "stable_incidences": stable,
+        "parameters": surrogate.scene.family.named(body),
+        "surrogate": arguments.surrogate,
+    }
+    if arguments.table:
+        write_table(_rows(found), arguments.table)
+    if arguments.plot:
+        shape = surrogate.scene.family.body_class, body
+        plot_fall(found, *shape, particle, arguments.plot)
+    text = (
+        f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
+        f"{'down' if upward < 0 else 'up'} and {horizontal:+.4g} m/s sideways, axis "
+        f"{result['tilt']:.1f} degrees above the horizontal\nincidences that are stable at this "
+        f"Re: {', '.join(f'{degrees:.3g}' for degrees in stable) or 'none'}"
+    )
+    return emit(result, arguments.json, text)
+
+
+def _rows(found: Fall) -> list[JsonObject]:
+    """The motion as rows of a table, in SI units and degrees."""
+    names = ("time", "x", "z", "tilt", "incidence", "reynolds")
+    columns = [getattr(found, name).tolist() for name in names]
+    rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+    speeds = found.velocity.tolist()
+    return [row | {"u": u, "w": w} for row, (u, w) in zip(rows, speeds, strict=True)]
+
+
+def _parser() -> Parser:
+    parser = Parser(__doc__)
+    models = "folder, or pretrained:particle (the default); of 3-D bodies at 0 to 90 degrees"
+    parser.add_argument("--surrogate", default="pretrained:particle", help=models)
+    group = parser.add_argument_group("body of the family", FAMILY)
+    for p in map(PARAMETERS.__getitem__, NAMES):
+        group.add_argument(f"--{p.name}", type=float, required=p.name == "aspect", help=p.meaning)
+    add = parser.add_argument
+    particle = (
+        "density ratio,viscosity in m^2/s,size in m: the diameter of the sphere of its volume"
+    )
+    add("--particle", required=True, help=particle)
+    add("--seconds", type=float, default=1.0, help="duration (1)")
+    add("--tilt", type=float, default=45.0, help="of the axis above the horizontal at first (45)")
+    add("--table", help="CSV file of the motion")
+    add("--plot", help="PNG, SVG or PDF file: the path with the body on it, Re and incidence")
+    return parser

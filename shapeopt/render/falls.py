@@ -1,0 +1,56 @@
+"""Falls: the path of a body with the body on it, Reynolds number and incidence over time."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from shapeopt.fall import Fall
+from shapeopt.render.figures import INK, OPTIMUM, START, STYLE, plt, save_figure
+from surrogate.arrays import AnyArray
+from surrogate.body.body_class import BodyClass
+from surrogate.body.incidence import rotate
+from surrogate.flow.settling import Particle
+
+BODIES, NODES = 14, 96  # along the path, and of each contour
+STEEPEST = 6.0  # height over width of the picture of the path
+
+
+def plot_fall(
+    found: Fall,
+    body_class: BodyClass,
+    body: Float[AnyArray, " parameters"],
+    particle: Particle,
+    path: str | Path,
+) -> Path:
+    """Plot a fall and return the path of the picture; bodies are drawn larger than they are."""
+    ways = np.hypot(np.gradient(found.x), np.gradient(found.z)).cumsum()
+    marks = np.searchsorted(ways, np.linspace(ways[0], ways[-1], BODIES)).clip(0, ways.size - 1)
+    size = 0.6 * (ways[-1] - ways[0]) / BODIES
+    outline = size * np.asarray(body_class.outline(body, NODES))
+    with plt.rc_context(STYLE):
+        figure = plt.figure(figsize=(10, 6), layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.6))
+        plane = figure.add_subplot(grid[:, 0])
+        plane.plot(1e3 * found.x, 1e3 * found.z, color=START, lw=1)
+        for k in marks:
+            # outlines have the nose at -x: turned by 180 degrees less the tilt, nose up
+            turned = np.asarray(rotate(outline, 180 - found.tilt[k]))
+            centre = np.array([found.x[k], found.z[k]])
+            plane.fill(*(1e3 * (turned + centre)).T, color=OPTIMUM, alpha=0.8, lw=0)
+        plane.set(xlabel="x, mm", ylabel="z, mm", aspect="equal")
+        room = max(np.ptp(found.x), np.ptp(found.z) / STEEPEST, 2 * size)
+        middle = (found.x.max() + found.x.min()) / 2
+        plane.set_xlim(*(1e3 * (middle + side * 0.6 * room) for side in (-1, 1)))
+        for row, values, label in (
+            (0, found.reynolds, "Reynolds number"),
+            (1, found.incidence, "incidence, degrees"),
+        ):
+            axis = figure.add_subplot(grid[row, 1])
+            axis.plot(found.time, values, color=OPTIMUM, lw=1.8)
+            axis.axhline(0, color=INK, lw=0.6)
+            axis.set(xlabel="time, s", ylabel=label)
+        ratio, millimetres = particle.density_ratio, 1e3 * particle.size
+        title = f"Fall of a body of {millimetres:.3g} mm, density ratio {ratio:g}"
+        figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+        return save_figure(figure, path)
