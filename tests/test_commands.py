@@ -554,3 +554,24 @@ def test_scripts_start_from_anywhere(tmp_path):
     assert done.returncode == 2
     assert done.stderr.strip().splitlines() == [done.stderr.strip()]
     assert done.stdout == ""
+
+
+def test_free_fall(tmp_path, capsys):
+    files = ["--table", tmp_path / "fall.csv", "--plot", tmp_path / "fall.png"]
+    words = ["--aspect", "2", "--particle", "1.2,1e-6,4e-4", "--seconds", "2", "--tilt", "70"]
+    result = answer(capsys, "free_fall", *words, *files)
+    assert result["stable_incidences"] == [90.0]
+    assert abs(result["incidence"]) == pytest.approx(90.0, abs=1.0)
+    assert result["z"] < 0
+    rows = (tmp_path / "fall.csv").read_text().splitlines()
+    assert rows[0].split(",") == ["time", "x", "z", "tilt", "incidence", "reynolds", "u", "w"]
+    assert float(rows[-1].split(",")[2]) == result["z"]
+    assert (tmp_path / "fall.png").stat().st_size > 5000
+    for wrong, message in (
+        (["--particle", "1.2,1e-6"], "density ratio,viscosity,size"),
+        (["--surrogate", "pretrained:space"], "incidences from 0 to 90"),
+        (["--plot", "fall.txt"], "ends in .png"),
+        (["--aspect", "9"], "aspect 9"),
+    ):
+        assert call("free_fall", *words, *wrong) == 2
+        assert message in capsys.readouterr().err

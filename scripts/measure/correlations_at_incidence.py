@@ -13,7 +13,7 @@ from correlations import ellipsoid
 class Loads(NamedTuple):
     """Cd, and Cl and Cm where a correlation has them."""
 
-    cd: float
+    cd: float | None
     cl: float | None = None
     cm: float | None = None
 
@@ -81,20 +81,8 @@ def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: flo
     )
 
 
-def ganser(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
-    """Ganser (Powder Technology 77, 1993): by sphericity and the area that the stream sees."""
-    sphericity = 1 / ellipsoid(aspect, flatness).surface
-    seen = math.sqrt(front(aspect, flatness, incidence))
-    stokes = 1 / (seen / 3 + 2 / 3 / math.sqrt(sphericity))
-    newton = 10 ** (1.8148 * max(-math.log10(sphericity), 0) ** 0.5743)
-    share = re * stokes * newton
-    part = 24 / share * (1 + 0.1118 * share**0.6567) + 0.4305 / (1 + 3305 / share)
-    return Loads(newton * part)
-
-
 AT_INCIDENCE = {
     "Froehlich": froehlich,
     "Zastawny": zastawny,
     "Hoelzer-Sommerfeld": hoelzer_sommerfeld,
-    "Ganser": ganser,
 }

@@ -1,15 +1,14 @@
-"""The shipped surrogate of particles beside the flow and the correlations of codes for particles."""
+"""The shipped surrogate of particles beside the flow and the correlations of particle codes."""
 
 import functools
 from collections.abc import Iterator
 
 import numpy as np
-from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY
+from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Loads
 from study import Result, Row, Run, Study, Table, columns
 from tools import mean_and_most
 
 from surrogate import Flow, Scene, load
-from surrogate.training.samples import held_out_samples
 
 SURROGATE, SEED = "pretrained:particle", 7  # the training used another seed
 KINDS = {  # what is drawn of each: prolate spheroids, oblate ones, flattened ellipsoids, others
@@ -39,15 +38,15 @@ def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) 
     """Loads by the flow, and the errors over Cd of the surrogate and of the correlations."""
     net = load(SURROGATE)
     true = np.asarray(_flow(run.tiny).loads(net.scene.family.parameters(parameters), reynolds))
-    found = {"surrogate": np.asarray(net.loads(net.scene.family.parameters(parameters), reynolds))}
-    if not parameters["beta2"]:
-        shape = (parameters[name] for name in ("aspect", "flatness", "incidence"))
-        shape = tuple(shape)
-        found |= {name: answer(*shape, reynolds) for name, answer in AT_INCIDENCE.items()}
+    loads = net.loads(net.scene.family.parameters(parameters), reynolds)
+    answers = {"surrogate": Loads(*loads.tolist())} | dict.fromkeys(AT_INCIDENCE)
+    if not parameters["beta2"]:  # they are for ellipsoids
+        shape = [parameters[name] for name in ("aspect", "flatness", "incidence")]
+        answers |= {name: answer(*shape, reynolds) for name, answer in AT_INCIDENCE.items()}
     row: Row = dict(zip(LOADS, true.tolist(), strict=True))
-    for name in ("surrogate", *AT_INCIDENCE):
-        loads = found.get(name) or (None,) * 3 if name != "surrogate" else found[name]
-        errors = [None if a is None else float((a - b) / true[0]) for a, b in zip(loads, true)]
+    for name, answer in answers.items():
+        given = zip(answer or Loads(None), true.tolist(), strict=True)
+        errors = [None if a is None else (a - b) / true[0] for a, b in given]
         row[name] = dict(zip(LOADS, errors, strict=True))
     return row
 

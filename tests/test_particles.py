@@ -1,0 +1,145 @@
+"""The shipped surrogate of particles, the correlations beside it, and a particle code's C host."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from correlations import Ellipsoid, ellipsoid, oberbeck
+from correlations_at_incidence import froehlich, hoelzer_sommerfeld, stokes_factors, zastawny
+
+from shapeopt.fall import fall, orientations
+from surrogate import Flow, Particle, export, load
+from surrogate.training.history import load_errors
+from surrogate.training.samples import held_out_samples
+
+HOST = Path(__file__).parents[1] / "scripts" / "particles" / "particles.c"
+GRAIN = Particle(1.5, 1e-6, 4e-4)
+
+
+@pytest.fixture(scope="module")
+def net():
+    return load("pretrained:particle")
+
+
+def test_golden_stokes_flow_with_oseens_correction(net):
+    """At the least Re drag and lift of ellipsoids are Oberbeck's within 2 % of Cd."""
+    for aspect, flatness in ((0.5, 1.0), (2.0, 1.0), (3.0, 1.0), (1.5, 1.8)):
+        body = ellipsoid(aspect, flatness)
+        sideways = Ellipsoid(body.height, body.width, body.length)
+        along, across = (oberbeck(one, 0.1) for one in (body, sideways))
+        for degrees in (0.0, 30.0, 60.0, 90.0):
+            c, s = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+            drag, lift = along * c**2 + across * s**2, (across - along) * s * c
+            found = net.loads([aspect, flatness, 0.0, degrees], 0.1)
+            assert found[0] == pytest.approx(drag, rel=1e-2), (aspect, flatness, degrees)
+            assert found[1] == pytest.approx(lift, abs=2e-2 * drag), (aspect, flatness, degrees)
+
+
+def test_exact_bodies_that_are_alike_fore_and_aft_have_no_torque_across_the_stream(net):
+    for aspect in (0.4, 2.0, 3.5):
+        loads = net.loads([aspect, 1.3, 0.0, 90.0], 30.0)
+        assert np.abs(loads[1:]).max() < 1e-12 * loads[0]
+
+
+def test_spheroids_turn_their_broad_side_to_the_motion(net):
+    """By inertia (Khayat and Cox 1989): spindles go across, discs edge up."""
+    for aspect, stable in ((2.0, [90.0]), (0.5, [0.0, 180.0])):
+        found = orientations(net, [aspect, 1.0, 0.0, 0.0], 10.0)
+        assert [o.incidence for o in found if o.stable] == pytest.approx(stable, abs=1e-6)
+    egg = orientations(net, [2.0, 1.0, 0.2, 0.0], 10.0)
+    assert [abs(o.incidence - 90) < 30 and abs(o.incidence - 90) > 1 for o in egg if o.stable]
+
+
+def test_golden_correlation_of_prolate_spheroids(net):
+    """Froehlich et al. fitted flows of their own: Cd within 4 % of ours, Cl within 5 % of Cd."""
+    for aspect, degrees, re in ((2.0, 45.0, 10.0), (3.0, 60.0, 30.0), (1.5, 30.0, 2.0)):
+        found, theirs = (
+            net.loads([aspect, 1.0, 0.0, degrees], re),
+            froehlich(aspect, 1, degrees, re),
+        )
+        assert theirs.cd == pytest.approx(float(found[0]), rel=0.04)
+        for ours, other in zip(found[1:], theirs[1:], strict=True):
+            assert other == pytest.approx(float(ours), abs=0.05 * float(found[0]))
+    across = float(net.loads([2.5, 1.0, 0.0, 90.0], 50.0)[0])
+    assert zastawny(2.5, 1.0, 90.0, 50.0).cd == pytest.approx(across, rel=0.12)
+
+
+@pytest.mark.parametrize("aspect", [1.2, 2.0, 5.0])
+def test_exact_stokes_factors_are_oberbecks(aspect):
+    body = ellipsoid(aspect)
+    sideways = Ellipsoid(body.height, body.width, body.length)
+    exact = [oberbeck(one, 1e-9) * 1e-9 / 24 for one in (body, sideways)]
+    factors = np.array(stokes_factors(aspect)) * 8 / 3 * aspect ** (2 / 3)
+    assert factors == pytest.approx(exact, rel=1e-6)
+
+
+def test_correlations_answer_in_their_ranges_only():
+    assert froehlich(0.5, 1.0, 40.0, 20.0) is zastawny(2.0, 1.0, 40.0, 20.0) is None
+    assert froehlich(2.0, 1.0, 40.0, 0.5) is zastawny(2.5, 1.2, 40.0, 20.0) is None
+    sphere = 24 / 20 * (1 + 0.15 * 20**0.687)
+    assert hoelzer_sommerfeld(1.0, 1.0, 40.0, 20.0).cd == pytest.approx(sphere, rel=0.15)
+    broad, edge = (hoelzer_sommerfeld(0.3, 1.0, degrees, 50.0).cd for degrees in (0.0, 90.0))
+    assert broad > 1.5 * edge
+
+
+def build(net, tmp_path):
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    export(net, tmp_path / "particle.c", "c", prefix="particle")
+    command = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O3", "-fopenmp"]
+    program = tmp_path / "particles"
+    files = ["-I", tmp_path, HOST, tmp_path / "particle.c", "-lm"]
+    subprocess.run([*command, *files, "-o", program], check=True)
+    return program
+
+
+@pytest.mark.parametrize(("aspect", "beta2"), [(2.0, 0.15), (0.6, 0.0)])
+def test_a_particle_codes_host_moves_a_particle_as_python_does(net, tmp_path, aspect, beta2):
+    """The same path and tilt within 1e-6, in a plane that is turned about the vertical."""
+    tilt, heading = np.deg2rad([50.0, 35.0])
+    found = fall(net, [aspect, 1.0, beta2, 0.0], GRAIN, 0.3, tilt=50.0)
+    nose_up = [np.cos(tilt / 2), 0.0, -np.sin(tilt / 2), 0.0]
+    about = np.cos(heading / 2), np.sin(heading / 2)
+    quaternion = [  # the product of both rotations
+        *(about[0] * nose_up[0], -about[1] * nose_up[2]),
+        *(about[0] * nose_up[2], about[1] * nose_up[0]),
+    ]
+    gravity = GRAIN.archimedes / abs(GRAIN.density_ratio - 1)
+    line = [aspect, beta2, GRAIN.density_ratio, gravity, *quaternion]
+    steps, seconds = 3000, GRAIN.size**2 / GRAIN.viscosity
+    arguments = [build(net, tmp_path), "1", str(steps), repr(0.3 / seconds / steps)]
+    text = " ".join(map(repr, map(float, line)))
+    ran = subprocess.run(arguments, input=text, capture_output=True, text=True, check=True)
+    y = np.array(ran.stdout.split(), float)
+    ours = np.array([found.x[-1], found.z[-1]]) / GRAIN.size
+    horizontal = y[0] * np.cos(heading) + y[1] * np.sin(heading)
+    assert [horizontal, y[2]] == pytest.approx(ours, abs=1e-6 * abs(ours[1]))
+    assert abs(y[1] * np.cos(heading) - y[0] * np.sin(heading)) < 1e-9  # it stays in its plane
+    q = y[6:10]
+    assert np.linalg.norm(q) == pytest.approx(1, abs=1e-9)
+    assert np.arcsin(2 * (q[1] * q[3] - q[0] * q[2])) == pytest.approx(
+        np.arcsin(np.sin(np.deg2rad(found.tilt[-1]))), abs=1e-6
+    )
+
+
+def test_a_host_says_what_it_needs(net, tmp_path):
+    program = build(net, tmp_path)
+    ran = subprocess.run([program], capture_output=True, text=True)
+    assert (ran.returncode, "COUNT STEPS TIME_STEP" in ran.stderr) == (2, True)
+    fast = "2 0 3000 1e6 1 0 0 0"
+    ran = subprocess.run([program, "1", "40", "0.1"], input=fast, capture_output=True, text=True)
+    assert ran.returncode != 0
+    assert "outside the ranges" in ran.stderr
+
+
+@pytest.mark.slow
+def test_golden_surrogate_of_particles_on_unseen_bodies(net):
+    """Loads of six bodies of another seed: 0.3 % of Cd on average, 1 % at most."""
+    samples = held_out_samples(net.scene, 987, 6)
+    loads = Flow(net.scene).solve_all(*samples).loads
+    errors = load_errors(net.network, samples, jnp.asarray(loads))
+    assert float(errors.mean()) < 0.003, errors
+    assert float(errors.max()) < 0.01, errors
