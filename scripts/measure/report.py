@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from run import PICTURES, RESULTS, keep, load_study
-from studies import lift_designs, training
+from studies import lift_designs, particle, training
 from study import Result, columns, words
 from tools import mean_and_most
 
@@ -141,7 +141,9 @@ def _space(result: Result) -> str:
     )
     names = {"sphere": "sphere", "exact": "ellipsoids", "revolved": "aspect"}
     off = {name: mean_and_most(errors(panel)) for name, panel in names.items()}
-    return words(form, count=len(errors("aspect")), **off, **load("pretrained:space").record)
+    text = words(form, count=len(errors("aspect")), **off, **load("pretrained:space").record)
+    kept = RESULTS / "particle.json"
+    return f"{text} {particle.in_short(json.loads(kept.read_text())['result'])}"
 
 
 def _payoff(result: Result) -> str:

@@ -81,6 +81,23 @@ def text(result: Result) -> str:
     )
 
 
+def in_short(result: Result) -> str:
+    """One sentence: the shipped surrogate and the best correlation."""
+
+    def means(name, rows):
+        errors = [[row[name][key] for row in rows] for key in LOADS]
+        return "/".join(f"{100 * mean_and_most(each)[0]:.2f}" for each in errors)
+
+    rows = result["rows"]
+    theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
+    return (
+        f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
+        f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
+        f"bodies; the best published correlation, Froehlich's of prolate spheroids, by "
+        f"{means('Froehlich', theirs)} % within its range."
+    )
+
+
 COLUMNS = columns(
     "kind {kind} | body {parameters[aspect]:.2f}, {parameters[flatness]:.2f}, "
     "{parameters[beta2]:+.2f} | incidence {parameters[incidence]:.1f} | Re {reynolds:.3g}"
