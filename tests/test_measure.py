@@ -44,6 +44,7 @@ LONG = {
     "onset",
     "onset_2d",
     "particle",
+    "particle_codes",
     "safeguards",
     "scenarios",
     "seeds",

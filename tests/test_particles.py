@@ -4,14 +4,17 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from correlations import Ellipsoid, ellipsoid, oberbeck
 from correlations_at_incidence import froehlich, hoelzer_sommerfeld, stokes_factors, zastawny
 
+from shapeopt import Problem, Tumbling, optimise
 from shapeopt.fall import fall, orientations
-from surrogate import Flow, Particle, export, load
+from shapeopt.problem.scenarios import model_objective
+from surrogate import Flow, InvalidInput, Particle, export, load
 from surrogate.training.history import load_errors
 from surrogate.training.samples import held_out_samples
 
@@ -83,6 +86,44 @@ def test_correlations_answer_in_their_ranges_only():
     assert hoelzer_sommerfeld(1.0, 1.0, 40.0, 20.0).cd == pytest.approx(sphere, rel=0.15)
     broad, edge = (hoelzer_sommerfeld(0.3, 1.0, degrees, 50.0).cd for degrees in (0.0, 90.0))
     assert broad > 1.5 * edge
+
+
+class StokesLoads(eqx.Module):
+    """Loads of Stokes flow past the spheroid of aspect 2."""
+
+    def loads(self, parameters, reynolds):
+        axes = ellipsoid(2.0)
+        sideways = Ellipsoid(axes.height, axes.width, axes.length)
+        along, across = (oberbeck(one, 1e-9) * 1e-9 for one in (axes, sideways))
+        c, s = jnp.cos(jnp.deg2rad(parameters[3])), jnp.sin(jnp.deg2rad(parameters[3]))
+        loads = along * c**2 + across * s**2, (across - along) * s * c, 0.0 * s
+        return jnp.stack(loads) / reynolds
+
+
+def test_exact_mean_over_orientations_in_stokes_flow(net):
+    """A third of the drag along the axis and two thirds of that across it."""
+    problem = Problem(net.scene, Tumbling(2.0))
+    body = jnp.array([2.0, 1.0, 0.0, 45.0])
+    axes = ellipsoid(2.0)
+    sideways = Ellipsoid(axes.height, axes.width, axes.length)
+    along, across = (oberbeck(one, 1e-9) * 1e-9 / 2 for one in (axes, sideways))
+    mean = float(model_objective(StokesLoads(), body, problem.scenarios))
+    assert mean == pytest.approx((along + 2 * across) / 3, rel=1e-12)
+    assert problem.limits.low[3] == problem.limits.high[3] == 45.0
+
+
+def test_designs_at_an_angle_and_over_all_orientations(net):
+    """At every fixed angle there is a better body than the best of all orientations."""
+    tumbling = optimise(Problem(net.scene, Tumbling(30.0)), net)
+    assert tumbling.kkt_residual < 1e-4
+    assert tumbling.parameters[3] == 45.0
+    fixed = optimise(Problem(net.scene, 30.0, within={"incidence": (20.0, 20.0)}), net)
+    assert fixed.parameters[3] == 20.0
+    turned = tumbling.parameters.copy()
+    turned[3] = 20.0
+    assert fixed.drag < float(net.drag(turned, 30.0))
+    with pytest.raises(InvalidInput, match="3-D bodies with the incidences 0 to 90"):
+        optimise(Problem(load("pretrained:space").scene, Tumbling(30.0)), load("pretrained:space"))
 
 
 def build(net, tmp_path):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import AtReynolds, Glide, Objective, Robust, Weighted
+from shapeopt.problem.objective import AtReynolds, Glide, Objective, Robust, Tumbling, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.problem.uncertainty import LogNormal, Uniform
@@ -35,6 +35,7 @@ METHODS_HELP = (
 )
 SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
+SINGLE = {"glide": Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
@@ -146,8 +147,9 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", required=True, help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
-    objective = "drag: least Cd (default); glide: greatest Cl / Cd"
-    add("--objective", choices=["drag", "glide"], default="drag", help=objective)
+    objective = "drag: least Cd (default); glide: greatest Cl / Cd; tumbling: least mean Cd over "
+    objective += "all orientations of a 3-D body"
+    add("--objective", choices=["drag", *SINGLE], default="drag", help=objective)
     add("--lift", type=float, help="lower bound on Cl (none)")
     add("--min-moment", type=float, help="lower bound on Cm, about the centroid, nose up (none)")
     add("--max-moment", type=float, help="upper bound on it (none)")
@@ -208,10 +210,11 @@ def _objective(arguments: argparse.Namespace) -> Objective:
     reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     uncertain = [name for name, value in given.items() if value is not None]
-    if arguments.objective == "glide":
+    if arguments.objective in SINGLE:
         if len(reynolds) > 1 or uncertain:
-            raise InvalidInput("--objective glide: goes with one Reynolds number, without spread")
-        return Glide(reynolds[0])
+            words = "goes with one Reynolds number, without spread"
+            raise InvalidInput(f"--objective {arguments.objective}: {words}")
+        return SINGLE[arguments.objective](reynolds[0])
     if len(reynolds) > 1:
         if uncertain:
             raise InvalidInput(f"--{uncertain[0]}: belongs to one Reynolds number, not to several")

@@ -1,4 +1,4 @@
-"""Objectives: drag at one Reynolds number, over several, or under uncertainty; the glide ratio.
+"""Objectives: drag at one Reynolds number, over several, uncertain or tumbling; glide ratio.
 
 An objective states its scenarios; ``shapeopt.problem.scenarios`` makes one number of their loads.
 A new objective is a subclass of ``Objective`` here, and nothing else.
@@ -16,6 +16,7 @@ from scipy import stats
 from shapeopt.problem.scenarios import Scenarios
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.arrays import AnyArray
+from surrogate.body.parameters import INCIDENCE, QUARTER_TURN
 from surrogate.checks import expect, finite_number, real_numbers, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
@@ -23,6 +24,7 @@ from surrogate.scene.scene import Scene
 # The normal changes of shape are truncated here, in standard deviations, so that they are bounded
 # and no scenario leaves the trained ranges.
 TRUNCATION = 2.0
+ORIENTATIONS = 6  # points of Gauss's rule over the cosine of the incidence
 LEAST_KEPT = 0.5 - 1e-6  # probability of the spread that must lie within the trained range of Re
 
 
@@ -69,6 +71,33 @@ class Glide(AtReynolds):
         if scene.family.body_class.symmetric:
             raise InvalidInput("glide: the bodies of this scene have no lift; camber or incidence")
         return _scenarios(scene, [scene.check_reynolds(self.reynolds)], [1.0], glide=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Tumbling(AtReynolds):
+    """Cd averaged over all orientations of a body that tumbles, at one Reynolds number.
+
+    For scenes of 3-D bodies at incidences from 0 to 90 degrees. The axis points everywhere with
+    equal probability, so that the incidence has the density sin(incidence). Bodies that are not
+    alike fore and aft are averaged over the half of the orientations with the nose ahead. The
+    incidence of the design itself is 45 degrees, about which those of the cases are spread.
+    """
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        names, middle = scene.family.names, QUARTER_TURN / 2
+        turned = dict(scene.family.ranges).get(INCIDENCE.name) == (0, QUARTER_TURN)
+        if scene.dimension != 3 or not turned:
+            raise InvalidInput(
+                "tumbling: needs a scene of 3-D bodies with the incidences 0 to 90, as that of "
+                "pretrained:particle"
+            )
+        cosines, weight = np.polynomial.legendre.leggauss(ORIENTATIONS)
+        angles = np.rad2deg(np.arccos((1 + cosines) / 2))
+        angles = np.append(angles, [0, QUARTER_TURN])  # without weight: they keep the design at 45
+        shift = np.zeros((len(angles), len(names)))
+        shift[:, names.index(INCIDENCE.name)] = angles - middle
+        reynolds = [scene.check_reynolds(self.reynolds)] * len(angles)
+        return _scenarios(scene, reynolds, np.append(weight / 2, [0, 0]), shift)
 
 
 @dataclasses.dataclass(frozen=True)

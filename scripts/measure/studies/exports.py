@@ -46,7 +46,7 @@ def measure(run: Run, surrogate: str, language: str) -> Row:
     few = np.column_stack([samples.parameters, samples.reynolds])
     many = np.tile(few, (run.pick(2, MANY // FEW), 1))
     with tempfile.TemporaryDirectory() as folder:
-        evaluate, path, dtype = _form(net, language, Path(folder))
+        evaluate, path, dtype = _language(net, language, Path(folder))
         few, many = few.astype(dtype), many.astype(dtype)
         row: Row = {"bytes": path and path.stat().st_size, "lines": path and _lines(path)}
         if language == "kriging":
@@ -66,13 +66,13 @@ def measure(run: Run, surrogate: str, language: str) -> Row:
     return row
 
 
-def _form(net: Surrogate, language: str, folder: Path) -> tuple[Evaluate, Path | None, type]:
+def _language(net: Surrogate, language: str, folder: Path) -> tuple[Evaluate, Path | None, type]:
     """A function from inputs (n, inputs) to loads, the file that it is in, and its numbers."""
     if language.startswith("C"):
         precision = language.removeprefix("C, ")
         path = export(net, folder / "net.c", "c", precision=precision)
         dtype = np.float64 if precision == "double" else np.float32
-        return _in_c(_compile(path, folder), dtype, len(plain_network(net).loads)), path, dtype
+        return _in_c(compile_c(path, folder), dtype, len(plain_network(net).loads)), path, dtype
     if language == "NumPy":
         path = export(net, folder / "net.py", "numpy")
         spec = importlib.util.spec_from_file_location("net", path)
@@ -95,10 +95,10 @@ def _jitted(function: Callable[[AnyArray], jax.Array]) -> Evaluate:
     return lambda x: jax.block_until_ready(compiled(x))
 
 
-def _compile(path: Path, folder: Path) -> ctypes.CDLL:
+def compile_c(path: Path, folder: Path, *more: str) -> ctypes.CDLL:
     library = folder / f"{path.stem}.so"
     try:
-        subprocess.run(["cc", *FLAGS, "-I", folder, "-o", library, path, "-lm"], check=True)
+        subprocess.run(["cc", *FLAGS, *more, "-I", folder, "-o", library, path, "-lm"], check=True)
     except FileNotFoundError:
         raise Unavailable("exports: a C compiler is needed") from None
     return ctypes.CDLL(str(library))
@@ -151,7 +151,7 @@ def _least(net: Surrogate, language: str, folder: Path) -> float:
     precision = language.removeprefix("C, ")
     source = export(net, folder / "source.c", "c", precision=precision, prefix="peak")
     source.rename(folder / "peak.h")
-    library = _compile(PEAK, folder)
+    library = compile_c(PEAK, folder)
     kind = ctypes.c_double if precision == "double" else ctypes.c_float
     rounds, chains = 200_000, 96
     seconds = []
