@@ -112,6 +112,7 @@ def test_exact_mean_over_orientations_in_stokes_flow(net):
     assert problem.limits.low[3] == problem.limits.high[3] == 45.0
 
 
+@pytest.mark.slow
 def test_designs_at_an_angle_and_over_all_orientations(net):
     """At every fixed angle there is a better body than the best of all orientations."""
     tumbling = optimise(Problem(net.scene, Tumbling(30.0)), net)
