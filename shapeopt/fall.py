@@ -22,7 +22,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from surrogate.arrays import Body
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
@@ -35,8 +34,6 @@ from surrogate.model.surrogate import Surrogate
 TOLERANCE = 1e-8  # relative, of the integration in time
 SAMPLES = 400  # in time, that a fall is reported at
 SLOWEST = 1e-12  # Re, of bodies at rest
-SCAN = 181  # angles at which the torque is sampled
-LEVEL = 1e-9  # moment over drag below which there is none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,19 +66,6 @@ class Fall:
         )
 
 
-@dataclasses.dataclass(frozen=True)
-class Orientation:
-    """An incidence at which a body in steady motion has no torque.
-
-    Attributes:
-      incidence: in degrees, 0 to 180.
-      stable: whether the torque turns the body back to it.
-    """
-
-    incidence: float
-    stable: bool
-
-
 def fall(
     surrogate: Surrogate,
     parameters: Body,
@@ -102,18 +86,18 @@ def fall(
       InvalidInput: an argument is invalid, or the body becomes faster than the trained range.
       NotConverged: the integration in time fails.
     """
-    body = _checked(surrogate, parameters)
+    body = checked_body(surrogate, parameters)
     expect("particle", particle, Particle, "Particle")
     seconds, tilt = finite_number("seconds", seconds), finite_number("tilt", tilt)
     if not seconds > 0:
         raise InvalidInput(f"seconds {seconds:g}: a duration above 0")
     unit = particle.size**2 / particle.viscosity
-    constants, fastest = _constants(surrogate, body, particle), surrogate.scene.reynolds[1]
+    constants, fastest = constants_of(surrogate, body, particle), surrogate.scene.reynolds[1]
 
     network, body_class = surrogate.network, surrogate.scene.family.body_class
 
     def rates(_, state):
-        return np.asarray(_rates(network, body_class, body, constants, state))
+        return np.asarray(rates_of(network, body_class, body, constants, state))
 
     def too_fast(_, state):
         return fastest * (1 + 1e-6) - float(np.hypot(*_velocity(constants, state)))
@@ -146,41 +130,7 @@ def fall(
     )
 
 
-def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> list[Orientation]:
-    """Return the incidences without torque from 0 to 180 degrees, and which are stable.
-
-    A nose-up moment increases the incidence of a body that moves straight on, so that an incidence
-    is stable where the moment falls with it.
-
-    Args:
-      surrogate: as for ``fall``.
-      parameters: as for ``fall``.
-      reynolds: Reynolds number of the motion.
-
-    Raises:
-      InvalidInput: an argument is invalid or outside the trained ranges.
-    """
-    body, body_class = _checked(surrogate, parameters), surrogate.scene.family.body_class
-    surrogate.loads(jnp.asarray(body), reynolds)  # refuses other Reynolds numbers
-
-    def moment(degrees):
-        loads = _loads(surrogate.network, body_class, body, np.deg2rad(degrees), reynolds)
-        return float(loads[2] / loads[0])
-
-    angles = np.linspace(0, 180, SCAN)
-    moments = np.array([moment(angle) for angle in angles])
-    found = [Orientation(0.0, moment(0.5) < 0)] if abs(moments[0]) < LEVEL else []
-    for k in range(1, SCAN - 1):
-        falls = moments[k - 1] > moments[k + 1]
-        if abs(moments[k]) < LEVEL:
-            found.append(Orientation(float(angles[k]), bool(falls)))
-        elif moments[k] * moments[k + 1] < 0 and min(abs(moments[k : k + 2])) >= LEVEL:
-            at = brentq(moment, angles[k], angles[k + 1], xtol=1e-9)
-            found.append(Orientation(float(at), bool(moments[k] > 0)))
-    return [*found, Orientation(180.0, moment(179.5) > 0)] if abs(moments[-1]) < LEVEL else found
-
-
-def _checked(surrogate, parameters):
+def checked_body(surrogate, parameters):
     """Return a body's parameters at incidence 0, refusing models and bodies of other kinds."""
     expect("surrogate", surrogate, Surrogate, "Surrogate")
     family = surrogate.scene.family
@@ -199,14 +149,14 @@ def _checked(surrogate, parameters):
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _loads(network, body_class, body, angle, reynolds):
+def loads_at(network, body_class, body, angle, reynolds):
     """Cd, Cl and Cm at any angle in radians."""
     turned = jnp.asarray(body).at[body_class.names.index("incidence")].set(jnp.rad2deg(angle))
     nearest, image = in_first_quarter(body_class.parameters, turned)
     return network.loads(nearest, reynolds) * jnp.stack([jnp.ones(()), image, image])
 
 
-def _constants(surrogate, body, particle):
+def constants_of(surrogate, body, particle):
     """Masses along and across the axis, inertia, resistance to rotation, weight, least Re."""
     body_class, s = surrogate.scene.family.body_class, particle.density_ratio
     aspect, flatness = (float(f(body)) for f in (body_class.aspect, body_class.flatness))
@@ -218,7 +168,7 @@ def _constants(surrogate, body, particle):
     return np.array([along, across, inertia, resistance, weight, slowest])
 
 
-def _axes(tilt) -> tuple[Array, Array]:
+def axes_of(tilt) -> tuple[Array, Array]:
     """The axis of the body, tail to nose, and the direction across it."""
     c, s = jnp.cos(tilt), jnp.sin(tilt)
     return jnp.stack([c, s]), jnp.stack([-s, c])
@@ -227,20 +177,20 @@ def _axes(tilt) -> tuple[Array, Array]:
 @jax.jit
 def _velocity(constants, state):
     """Velocity (2, ...) at states (6, ...): position, tilt, momentum, angular velocity."""
-    axis, normal = _axes(state[2])
+    axis, normal = axes_of(state[2])
     along, across = (jnp.sum(state[3:5] * e, axis=0) for e in (axis, normal))
     return along / constants[0] * axis + across / constants[1] * normal
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _rates(network, body_class, body, constants, state):
+def rates_of(network, body_class, body, constants, state):
     """Derivatives in time of position, tilt, momentum and angular velocity."""
     _, _, inertia, resistance, weight, slowest = constants
-    velocity, (axis, normal) = _velocity(constants, state), _axes(state[2])
+    velocity, (axis, normal) = _velocity(constants, state), axes_of(state[2])
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
     angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
     known = jnp.maximum(speed, slowest)  # below it Cd Re and Cl Re are those of Stokes flow
-    drag, lift, moment = _loads(network, body_class, body, angle, known)
+    drag, lift, moment = loads_at(network, body_class, body, angle, known)
     stream = -velocity / speed
     upward = jnp.stack([-stream[1], stream[0]])
     force = jnp.pi / 8 * speed * known * (drag * stream + lift * upward)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from correlations import Ellipsoid, ellipsoid, oberbeck
 
-from shapeopt.fall import Orientation, fall, orientations
+from shapeopt.fall import fall
+from shapeopt.orientation import Orientation, orientations, small_swings
 from surrogate import InvalidInput, Particle, Scene, Surrogate, load
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
 from surrogate.body.incidence import in_first_quarter
@@ -89,6 +90,21 @@ def test_a_body_turns_to_its_stable_orientation():
     assert found.tilt[-1] % 180 == pytest.approx(0.0, abs=0.1) or found.tilt[-1] % 180 > 179.9
     stable = {o.incidence: o.stable for o in orientations(surrogate(-1.0), SPINDLE, 1.0)}
     assert stable == {0.0: True, 90.0: False, 180.0: True}
+
+
+def test_heavy_bodies_swing_and_light_ones_do_not():
+    """The linear frequency is that of the last swings of the fall itself."""
+    light = dataclasses.replace(SMALL, size=20 * SMALL.size)
+    found = fall(surrogate(1.0), SPINDLE, light, 1.0, tilt=-20.0)
+    assert small_swings(surrogate(1.0), SPINDLE, light, found)[0] is None
+    heavy = Particle(1000.0, 1e-5, 1e-4)
+    found = fall(surrogate(1.0), SPINDLE, heavy, 2.0, tilt=20.0)
+    frequency, decay = small_swings(surrogate(1.0), SPINDLE, heavy, found)
+    late = fall(surrogate(1.0), SPINDLE, heavy, 12 / decay, tilt=20.0)
+    swing = late.tilt - found.tilt[-1]
+    turns = np.flatnonzero(np.diff(np.sign(swing)) != 0)[-3:]
+    at = late.time[turns] - swing[turns] * np.diff(late.time)[0] / np.diff(swing)[turns]
+    assert 0.5 / np.diff(at) == pytest.approx(frequency, rel=0.02)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from correlations import Ellipsoid, ellipsoid, oberbeck
 from correlations_at_incidence import froehlich, hoelzer_sommerfeld, stokes_factors, zastawny
 
 from shapeopt import Problem, Tumbling, optimise
-from shapeopt.fall import fall, orientations
+from shapeopt.fall import fall
+from shapeopt.orientation import orientations
 from shapeopt.problem.scenarios import model_objective
 from surrogate import Flow, InvalidInput, Particle, export, load
 from surrogate.training.history import load_errors

@@ -13,7 +13,8 @@ from shapeopt.commands.arguments import FAMILY
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.sweep import write_table
-from shapeopt.fall import Fall, fall, orientations
+from shapeopt.fall import Fall, fall
+from shapeopt.orientation import orientations
 from shapeopt.render.falls import plot_fall
 from surrogate.body.parameters import INCIDENCE, PARAMETERS
 from surrogate.errors import InvalidInput

@@ -1,10 +1,10 @@
 """Free falls of spheroids in air and in water beside what experiments and simulations report."""
 
 import numpy as np
-from scipy.signal import find_peaks
 from study import Result, Row, Run, Study, Table, cases, columns
 
-from shapeopt.fall import Fall, fall, orientations
+from shapeopt.fall import Fall, fall
+from shapeopt.orientation import orientations, small_swings
 from surrogate import Particle, load
 from surrogate.model.surrogate import Surrogate
 
@@ -12,26 +12,19 @@ SURROGATE, TILT = "pretrained:particle", 30.0  # degrees of the axis above its s
 AIR = Particle(density_ratio=1000, viscosity=1.5e-5, size=1.4e-4)
 WATER = Particle(density_ratio=1.2, viscosity=1e-6, size=4e-4)
 FLUIDS = {"air": AIR, "water": WATER}
-LEAST = 0.02  # of the first swing, down to which later ones count
 
 
 def measure(run: Run, fluid: str, aspect: float) -> Row:
-    """Final Re, and frequency, decay and sideways drift of the swings about the stable tilt."""
+    """Final Re, the sideways drift on the way, and small swings about the final motion."""
     net, particle = load(SURROGATE), FLUIDS[fluid]
     body = [aspect, 1.0, 0.0, 0.0]
     stable = 90.0 if aspect > 1 else 0.0  # incidence of the axis, to the vertical velocity
     found = _until_steady(net, body, particle, -90.0 + stable + TILT)
-    swing = found.tilt - found.tilt[-1]
+    frequency, decay = small_swings(net, body, particle, found)
     row: Row = {"reynolds": float(found.reynolds[-1]), "speed": float(-found.velocity[-1, 1])}
     row |= {"size": 1e6 * particle.size, "drift": float(np.ptp(found.x) / particle.size)}
     row["stable"] = [o.incidence for o in orientations(net, body, row["reynolds"]) if o.stable]
-    peaks = find_peaks(np.abs(swing), height=LEAST * TILT)[0]
-    row |= {"swings": len(peaks), "frequency": None, "decay": None}
-    if len(peaks) > 1:
-        period = 2 * float(np.mean(np.diff(found.time[peaks])))
-        sizes = np.log(np.abs(swing[peaks]))
-        row |= {"frequency": 1 / period}
-        row["decay"] = -float(np.polyfit(found.time[peaks], sizes, 1)[0])
+    row |= {"frequency": frequency, "decay": decay}
     return row
 
 
@@ -66,7 +59,7 @@ def text(result: Result) -> str:
 
 COLUMNS = columns(
     "fluid {fluid} | aspect {aspect:g} | size, um {size:g} | Re {reynolds:.2f}"
-    " | speed, m/s {speed:.4f} | swings {swings} | frequency, Hz {frequency:.1f}"
+    " | speed, m/s {speed:.4f} | small swings: frequency, Hz {frequency:.1f}"
     " | decay, 1/s {decay:.1f} | sideways, D {drift:.1f}"
 )
 CASES = cases(fluid=tuple(FLUIDS), aspect=(0.3, 0.5, 0.8, 1.25, 2.0, 4.0))

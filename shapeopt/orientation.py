@@ -1,0 +1,95 @@
+"""How a body lies when it falls: incidences without torque, and swings about steady motion."""
+
+import dataclasses
+import functools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.optimize import brentq
+
+from shapeopt.fall import Fall, axes_of, checked_body, constants_of, loads_at, rates_of
+from surrogate.arrays import Body
+from surrogate.flow.settling import Particle
+from surrogate.model.surrogate import Surrogate
+
+SCAN = 181  # angles at which the torque is sampled
+LEVEL = 1e-9  # moment over drag below which there is none
+REAL = 1e-9  # imaginary part over magnitude of a root, below which nothing swings
+
+
+@dataclasses.dataclass(frozen=True)
+class Orientation:
+    """An incidence at which a body in steady motion has no torque.
+
+    Attributes:
+      incidence: in degrees, 0 to 180.
+      stable: whether the torque turns the body back to it.
+    """
+
+    incidence: float
+    stable: bool
+
+
+def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> list[Orientation]:
+    """Return the incidences without torque from 0 to 180 degrees, and which are stable.
+
+    A nose-up moment increases the incidence of a body that moves straight on, so that an incidence
+    is stable where the moment falls with it.
+
+    Args:
+      surrogate: as for ``shapeopt.fall.fall``.
+      parameters: likewise.
+      reynolds: Reynolds number of the motion.
+
+    Raises:
+      InvalidInput: an argument is invalid or outside the trained ranges.
+    """
+    body, body_class = checked_body(surrogate, parameters), surrogate.scene.family.body_class
+    surrogate.loads(jnp.asarray(body), reynolds)  # refuses other Reynolds numbers
+
+    def moment(degrees):
+        loads = loads_at(surrogate.network, body_class, body, np.deg2rad(degrees), reynolds)
+        return float(loads[2] / loads[0])
+
+    angles = np.linspace(0, 180, SCAN)
+    moments = np.array([moment(angle) for angle in angles])
+    found = [Orientation(0.0, moment(0.5) < 0)] if abs(moments[0]) < LEVEL else []
+    for k in range(1, SCAN - 1):
+        falls = moments[k - 1] > moments[k + 1]
+        if abs(moments[k]) < LEVEL:
+            found.append(Orientation(float(angles[k]), bool(falls)))
+        elif moments[k] * moments[k + 1] < 0 and min(abs(moments[k : k + 2])) >= LEVEL:
+            at = brentq(moment, angles[k], angles[k + 1], xtol=1e-9)
+            found.append(Orientation(float(at), bool(moments[k] > 0)))
+    return [*found, Orientation(180.0, moment(179.5) > 0)] if abs(moments[-1]) < LEVEL else found
+
+
+def small_swings(
+    surrogate: Surrogate, parameters: Body, particle: Particle, found: Fall
+) -> tuple[float | None, float]:
+    """Return how a small disturbance of the motion at the end of a fall decays.
+
+    Args:
+      surrogate: as for ``shapeopt.fall.fall``.
+      parameters: likewise.
+      particle: likewise.
+      found: a fall of this body that ends in steady motion.
+
+    Returns:
+      The frequency in Hz of its least damped swing, None where nothing swings; and the rate in 1/s
+      at which that swing, or else the slowest disturbance, decays.
+    """
+    body = checked_body(surrogate, parameters)
+    constants, tilt = constants_of(surrogate, body, particle), math.radians(found.tilt[-1])
+    velocity = particle.size / particle.viscosity * found.velocity[-1]
+    axes = [np.asarray(axis) for axis in axes_of(tilt)]
+    momentum = sum(m * (velocity @ e) * e for m, e in zip(constants[:2], axes, strict=True))
+    state = np.concatenate([[0, 0, tilt], momentum, [0]])
+    rates = functools.partial(rates_of, surrogate.network, surrogate.scene.family.body_class)
+    change = np.asarray(jax.jacobian(lambda y: rates(body, constants, y)[2:])(state))[:, 2:]
+    roots = np.linalg.eigvals(change) * particle.viscosity / particle.size**2
+    swings = roots[np.abs(roots.imag) > REAL * np.abs(roots)]
+    slowest = max(swings if len(swings) else roots, key=lambda root: root.real)
+    return (abs(slowest.imag) / (2 * math.pi) if len(swings) else None), float(-slowest.real)
