@@ -17,7 +17,7 @@ from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
 from surrogate.training.samples import held_out_samples
 
-NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D", "with lift")
+NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D", "with lift", "at any angle")
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
 LIFT_SCENES = {
     "turned": [("set", "incidence", -3.0)],
@@ -31,6 +31,8 @@ REYNOLDS = 20.0  # where the least drag is asked for
 def surrogate_of(name):
     if name == "pretrained":
         return load("pretrained")
+    if name == "at any angle":
+        return load("pretrained:particle")
     betas = {f"beta{k}": (-0.15, 0.15) for k in (2, 3, 4, 5, 6, 7, 9, 12)}
     if name == "eight modes":
         return untrained(Scene(family=Family(aspect=(1, 4), **betas)))
@@ -149,7 +151,7 @@ def computed(name):
     return browser.compute(read(name).scripts, expression(name))
 
 
-RARE = ("eight modes", "no cylinder")  # pages that the others cover but for a few lines
+RARE = ("eight modes", "no cylinder", "at any angle")  # pages that the others cover but for a few lines
 every = pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in RARE else n for n in NAMES]
 )

@@ -83,6 +83,9 @@ def test_contour_is_saved(name):
 @every
 def test_body_that_crosses_itself_is_told(name):
     crossed, back = (visited(name)["states"][key] for key in ("crossed", "round"))
+    if name == "at any angle":  # no body of this family crosses itself
+        assert not crossed["warned"]
+        return
     assert (crossed["warned"], crossed["download"]) == (True, False)
     assert crossed["drag"] == crossed["difference"] == "\N{EN DASH}"
     assert (back["warned"], back["download"]) == (False, True)
