@@ -151,7 +151,7 @@ def computed(name):
     return browser.compute(read(name).scripts, expression(name))
 
 
-RARE = ("eight modes", "no cylinder", "at any angle")  # pages that the others cover but for a few lines
+RARE = ("eight modes", "no cylinder", "at any angle")  # the others cover most
 every = pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in RARE else n for n in NAMES]
 )
