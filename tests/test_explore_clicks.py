@@ -127,9 +127,10 @@ def test_sliders_obey_the_keyboard(name):
 
 def test_only_pages_with_lift_show_it():
     for name in NAMES:
+        lifts = name in ("with lift", "at any angle")
         state = visited(name)["states"]["opened"]
-        assert state["seen"] == (["cl", "glide", "lift"] if name == "with lift" else [])
-        assert bool(state["force"]) == bool(state["best"]) == (name == "with lift")
+        assert state["seen"] == (["cl", "glide", "lift"] if lifts else [])
+        assert bool(state["force"]) == bool(state["best"]) == lifts
 
 
 def loads_of(state):
