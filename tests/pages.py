@@ -15,7 +15,7 @@ from shapeopt.render.page.page import page
 from surrogate import Family, Scene, Surrogate, Tunnel, load
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
-from surrogate.training.samples import held_out_samples
+from surrogate.scene.samples import held_out_samples
 
 NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D", "with lift", "at any angle")
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}

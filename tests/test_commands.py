@@ -109,6 +109,7 @@ def test_a_drag_outside_the_trained_ranges_must_be_asked_for(capsys):
     assert result["cd"] > 0
     assert not result["in_trained_range"]
     assert result["confidence"] == "outside: aspect by 0.25 of its trained range"
+    assert result["cd_error_bound"] is None
 
 
 def test_solve_drag_of_contours(capsys, tmp_path):

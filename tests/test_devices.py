@@ -78,7 +78,7 @@ def test_schedulers_are_seen():
 @pytest.mark.slow
 def test_lanes_change_nothing_but_rounding(tiny_scene):
     from surrogate import Flow
-    from surrogate.training.samples import training_samples
+    from surrogate.scene.samples import training_samples
 
     samples = training_samples(tiny_scene, 0, 7)
     one, three = (Flow(tiny_scene).labels(*samples, choose_devices(1, k)) for k in (1, 3))
@@ -89,7 +89,7 @@ def test_lanes_change_nothing_but_rounding(tiny_scene):
 @pytest.mark.slow
 def test_slopes_of_many_bodies_are_those_of_each(tiny_scene):
     from surrogate import Flow
-    from surrogate.training.samples import training_samples
+    from surrogate.scene.samples import training_samples
 
     flow, (bodies, numbers) = Flow(tiny_scene), training_samples(tiny_scene, 0, 3)
     together = flow.slopes(bodies, numbers)

@@ -13,7 +13,7 @@ from surrogate import InvalidInput, Scene, Surrogate, load
 from surrogate.exports.export import export
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.network import make_network
-from surrogate.training.samples import network_key, training_samples
+from surrogate.scene.samples import network_key, training_samples
 
 CASES = 1000
 LIMITS = {"double": 1e-12, "single": 1e-5}  # of loads; of derivatives twice that

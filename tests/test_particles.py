@@ -16,8 +16,8 @@ from shapeopt.fall import fall
 from shapeopt.orientation import orientations
 from shapeopt.problem.scenarios import model_objective
 from surrogate import Flow, InvalidInput, Particle, export, load
+from surrogate.scene.samples import held_out_samples
 from surrogate.training.history import load_errors
-from surrogate.training.samples import held_out_samples
 
 HOST = Path(__file__).parents[1] / "scripts" / "particles" / "particles.c"
 GRAIN = Particle(1.5, 1e-6, 4e-4)

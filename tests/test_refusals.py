@@ -25,7 +25,7 @@ from surrogate import (
     train,
 )
 from surrogate.scene.fidelity import Fidelity
-from surrogate.training.samples import training_samples
+from surrogate.scene.samples import training_samples
 
 BODY = [2.0, 0.1, 0.0, 0.0]
 

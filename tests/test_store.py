@@ -15,10 +15,10 @@ from surrogate import Family, Flow, InvalidInput, Scene, Surrogate, load, save
 from surrogate.leaves import write_leaves
 from surrogate.model.network import blank_network
 from surrogate.model.store import BEST, CARD, PRETRAINED
+from surrogate.scene.samples import held_out_samples
 from surrogate.training.loop import load_errors
 from surrogate.training.plan import METHODS, make_plan
 from surrogate.training.record import plan_differences
-from surrogate.training.samples import held_out_samples
 
 BODY = np.array([2.0, 0.1, 0.0, 0.0])
 

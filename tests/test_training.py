@@ -10,13 +10,13 @@ import pytest
 
 from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, train
 from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.scene.samples import held_out_samples, training_samples
 from surrogate.training import train as training
 from surrogate.training.loop import load_errors, make_setup, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
 from surrogate.training.methods.sip import ScaleInvariantPhysics
 from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.record import surrogate_of
-from surrogate.training.samples import held_out_samples, training_samples
 from surrogate.training.step import compile_step, first_state
 from surrogate.training.train import checkpoint_path, train_all, train_plan
 

@@ -12,9 +12,11 @@ from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.checks import check_batch, finite_number, real_numbers, traced
 from surrogate.errors import InvalidInput
 from surrogate.model.card import SYMBOLS, model_card
+from surrogate.model.confidence import Novelty
 from surrogate.model.network import LoadNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
+from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.summary import aligned
 
@@ -119,6 +121,32 @@ class Surrogate:
             raise InvalidInput("surrogate: its weights give drags that are no numbers above 0")
         return loads
 
+    def error_bounds(self, parameters: Bodies, reynolds: Numbers) -> Float[np.ndarray, "*batch 3"]:
+        """Return the bounds within which 95 % of the errors of Cd, Cl and Cm lie, over Cd.
+
+        The errors are relative to the flow solver's loads. A bound grows with the distance to the
+        training samples, and is scaled so that it held for 95 % of the held-out bodies. Outside
+        the trained ranges nothing is known: bodies there are refused.
+
+        Args:
+          parameters: as for ``drag``.
+          reynolds: as for ``drag``.
+
+        Raises:
+          InvalidInput: as ``drag``; or the record lacks the scales, which older trainings did not
+            write.
+        """
+        parameters = self.scene.family.array(parameters)
+        parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
+        shape = np.broadcast_shapes(parameters.shape[:-1], reynolds.shape)
+        bodies = np.broadcast_to(parameters, (*shape, parameters.shape[-1]))
+        cases = np.broadcast_to(reynolds, shape)
+        novelty = np.asarray(self._novelty(bodies.reshape(-1, bodies.shape[-1]), cases.reshape(-1)))
+        scales = [self.recorded(f"{name}_error_scale") for name in LOAD_NAMES[: novelty.shape[-1]]]
+        bounds = np.zeros((len(novelty), len(LOAD_NAMES)))
+        bounds[:, : len(scales)] = novelty * np.array(scales)
+        return bounds.reshape(*shape, len(LOAD_NAMES))
+
     def knows(self, parameters: Body, reynolds: Number) -> bool:
         """Whether body and Reynolds number lie within the trained ranges.
 
@@ -183,6 +211,11 @@ class Surrogate:
         if key not in self.record:
             raise InvalidInput(f"surrogate: its record lacks {key}, which a training writes")
         return self.record[key]
+
+    @functools.cached_property
+    def _novelty(self) -> Novelty:
+        seed, count = self.recorded("seed"), self.recorded("samples")
+        return Novelty(self.network, *training_samples(self.scene, seed, count))
 
     def _checked(self, parameters, reynolds, extrapolate):
         """Return bodies and Reynolds numbers as arrays, refusing what cannot be answered."""

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.model.network import LoadNetwork
-from surrogate.training.samples import Samples
+from surrogate.scene.samples import Samples
 
 MAX_POINTS = 2000  # where the number of points is limited by time only
 

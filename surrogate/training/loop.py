@@ -17,6 +17,7 @@ from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
+from surrogate.scene.samples import Samples, held_out_samples, network_key, training_samples
 from surrogate.training.checkpoint import Checkpoints
 from surrogate.training.history import (
     HistoryPoint,
@@ -28,7 +29,6 @@ from surrogate.training.history import (
 from surrogate.training.methods.method import Batch, Method
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
-from surrogate.training.samples import Samples, held_out_samples, network_key, training_samples
 from surrogate.training.step import LearnerState, Step, compile_step, first_state
 
 # Mean relative drag error at which a training ends. A choice, not measured: untrained networks

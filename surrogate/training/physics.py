@@ -16,7 +16,7 @@ from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import Operators
 from surrogate.model.outputs import outputs_of
-from surrogate.training.samples import Samples
+from surrogate.scene.samples import Samples
 
 StoredOperators = Operators | tuple[Array, Array]  # or parameters and Reynolds number, where large
 

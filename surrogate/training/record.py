@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from surrogate.files import JsonObject
+from surrogate.model.confidence import Novelty, error_scales
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
+from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.training.history import load_errors
 from surrogate.training.loop import TrainingResult, TrainingSetup
@@ -31,7 +33,7 @@ def surrogate_of(
     record = {
         "method": plan.method,
         "trained_for": "traction" if plan.make_method().trains_traction else "drag",
-        **_errors(trained, setup),
+        **_errors(trained, setup, training_samples(plan.scene, plan.seed, plan.samples)),
         "green_applications": last.green_applications,
         "train_s": last.seconds,
         "weights": int(trained.network.weights.size),
@@ -55,14 +57,15 @@ def surrogate_of(
     return Surrogate(trained.network, plan.scene, record)
 
 
-def _errors(trained, setup):
+def _errors(trained, setup, samples):
     """Errors on held-out bodies, over Cd, of the drag and where there is lift of all loads."""
     errors = np.asarray(load_errors(trained.network, setup.held_out, setup.labels.loads))
+    scales = error_scales(errors, Novelty(trained.network, *samples)(*setup.held_out))
     return {
         f"{name}_error_{kind}": float(measure(column))
         for name, column in zip(LOAD_NAMES, errors.T, strict=False)
         for kind, measure in (("mean", np.mean), ("p95", _p95), ("max", np.max))
-    }
+    } | {f"{name}_error_scale": float(s) for name, s in zip(LOAD_NAMES, scales, strict=False)}
 
 
 def _p95(errors):

@@ -17,8 +17,8 @@ from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import single
+from surrogate.scene.samples import Samples, held_out_samples
 from surrogate.training.plan import METHODS
-from surrogate.training.samples import Samples, held_out_samples
 
 # cylinder, body-fitted finite elements with the far field removed, uncertainty about 1e-4
 REFERENCES = {

@@ -14,7 +14,7 @@ from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
 from surrogate import Family, Flow, Scene, load
 from surrogate.scene.cost import CONVOLUTIONS, Convolutions, convolution_seconds
-from surrogate.training.samples import held_out_samples
+from surrogate.scene.samples import held_out_samples
 
 ROUNDS = 3
 NUMBERS, LENGTHS = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), (1.1, 1.3, 1.6, 2.0)  # of the sheet

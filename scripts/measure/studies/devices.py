@@ -19,7 +19,7 @@ from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
 from surrogate.devices import choose_devices, partition_bodies
 from surrogate.flow.batch import batch_solver, estimated_cost
 from surrogate.processes import first, join
-from surrogate.training.samples import training_samples
+from surrogate.scene.samples import training_samples
 
 SCRIPTS = Path(__file__).parents[2]
 CHILD = ("-m", "studies.devices")  # this file as a program

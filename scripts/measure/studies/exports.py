@@ -22,7 +22,7 @@ from surrogate.arrays import AnyArray
 from surrogate.exports.plain import PlainNetwork, plain_network
 from surrogate.model.inputs import quadratic
 from surrogate.model.kriging import Observation, kriging
-from surrogate.training.samples import held_out_samples, training_samples
+from surrogate.scene.samples import held_out_samples, training_samples
 
 SURROGATES = ("pretrained", "pretrained:particle")
 LANGUAGES = ("C, double", "C, single", "NumPy", "ONNX", "JAX", "kriging", "polynomial")

@@ -26,7 +26,7 @@ from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
 from tools import cold_cache, medians, megabytes, power_of, solved
 
 from surrogate import Family, Fidelity, Flow, Scene, load
-from surrogate.training.samples import held_out_samples
+from surrogate.scene.samples import held_out_samples
 
 REYNOLDS = (1.0, 10.0, 40.0)
 RE = 10.0  # of the grids, and of the flattened body

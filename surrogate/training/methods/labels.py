@@ -25,9 +25,9 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import coupled_step
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
+from surrogate.scene.samples import Samples
 from surrogate.training.methods.method import Batch, EvaluationCost, evaluation_cost, predict
 from surrogate.training.physics import Physics, Sample
-from surrogate.training.samples import Samples
 
 LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
 

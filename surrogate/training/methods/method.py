@@ -16,8 +16,8 @@ from surrogate.arrays import AnyArray
 from surrogate.devices import Evaluated, Sharded
 from surrogate.flow.loads import drag_coefficient, moment
 from surrogate.model.network import LoadNetwork
+from surrogate.scene.samples import Samples
 from surrogate.training.physics import Physics
-from surrogate.training.samples import Samples
 
 MOMENT_NODES = 128  # of the contour on which the moment of a traction is integrated, exactly
 Batch = Int[AnyArray, " batch"]  # indices of samples
