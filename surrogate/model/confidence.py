@@ -1,7 +1,6 @@
 """The expected error of a surrogate's answer, from its distance to the training samples."""
 
 import dataclasses
-import functools
 
 import jax
 import jax.numpy as jnp
@@ -10,14 +9,17 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.model.network import LoadNetwork
+from surrogate.scene.samples import training_samples
+from surrogate.scene.scene import Scene
 
 RIDGE = 1e-4  # over the mean square of the training samples' gradients; 1e-6 to 1e-2 serve as well
 COVERED = 0.95  # share of the bodies whose errors lie within the bounds
 
 
+@jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True, eq=False)
 class Novelty:
-    """How little the training samples say about a network's loads at other bodies and Re.
+    """How little the training samples say about a network's loads at another body and Re.
 
     The network is linearised in its weights w. The novelty of a load is the norm of the part of
     its gradient d(load)/dw / Cd that no combination of the gradients at the training samples
@@ -26,25 +28,33 @@ class Novelty:
     """
 
     network: LoadNetwork
-    parameters: Float[AnyArray, "samples parameters"]  # of the training samples
-    reynolds: Float[AnyArray, " samples"]
+    known: Float[Array, "outputs weights"]  # gradients of all loads at all training samples
+    factor: Float[Array, "outputs outputs"]  # Cholesky factor of their regularised Gram matrix
 
+    @classmethod
+    def of(cls, network: LoadNetwork, scene: Scene, seed: int, count: int) -> "Novelty":
+        """Return the novelty to the samples on which a network was trained.
+
+        Args:
+          network: the trained network.
+          scene: on which it was trained.
+          seed: of the training.
+          count: number of training samples.
+        """
+        return cls(network, *_known(network, *training_samples(scene, seed, count)))
+
+    @jax.jit
     def __call__(
-        self, parameters: Float[AnyArray, "bodies parameters"], reynolds: Float[AnyArray, " bodies"]
-    ) -> Float[Array, "bodies loads"]:
-        """Return the novelty of each load of bodies at Reynolds numbers."""
-        known, factor = self._known
-        return _novelty(self.network, known, factor, jnp.asarray(parameters), jnp.asarray(reynolds))
-
-    @functools.cached_property
-    def _known(self):
-        """Gradients at the training samples, and the Cholesky factor of their regularised Gram."""
-        gradients = _gradients(self.network, self.parameters, self.reynolds)
-        known = gradients.reshape(-1, gradients.shape[-1])
-        gram = known @ known.T
-        return known, jnp.linalg.cholesky(
-            gram + RIDGE * jnp.mean(jnp.diag(gram)) * jnp.eye(len(gram))
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Float[Array, " loads"]:
+        """Return the novelty of each load of a body at a Reynolds number."""
+        gradients = _gradients(self.network, parameters, reynolds)
+        explained = jax.scipy.linalg.solve_triangular(
+            self.factor, self.known @ gradients.T, lower=True
         )
+        # the ridge keeps the difference positive; rounding may not
+        left = jnp.sum(gradients**2, axis=-1) - jnp.sum(explained**2, axis=0)
+        return jnp.sqrt(jnp.maximum(left, 0.0))
 
 
 def error_scales(
@@ -65,24 +75,19 @@ def error_scales(
 
 
 @jax.jit
-def _novelty(network, known, factor, parameters, reynolds):
-    gradients = _gradients(network, parameters, reynolds)
-    explained = jax.scipy.linalg.solve_triangular(
-        factor, known @ gradients.reshape(-1, gradients.shape[-1]).T, lower=True
-    )
-    explained = jnp.sum(explained**2, axis=0).reshape(gradients.shape[:-1])
-    # the ridge keeps the difference positive; rounding may not
-    return jnp.sqrt(jnp.maximum(jnp.sum(gradients**2, axis=-1) - explained, 0.0))
+def _known(network, parameters, reynolds):
+    """Gradients at samples, and the Cholesky factor of their regularised Gram matrix."""
+    gradients = jax.vmap(_gradients, (None, 0, 0))(network, parameters, reynolds)
+    known = gradients.reshape(-1, gradients.shape[-1])
+    gram = known @ known.T
+    ridge = RIDGE * jnp.mean(jnp.diag(gram))
+    return known, jnp.linalg.cholesky(gram + ridge * jnp.eye(len(gram)))
 
 
-@jax.jit
-def _gradients(network, parameters, reynolds):
-    """Gradients of the loads in the weights, over Cd, for each body."""
+def _gradients(network, *sample):
+    """Gradients of the loads of a body in the weights, over Cd."""
 
-    def loads(weights, *sample):
+    def loads(weights):
         return network.with_load_weights(weights).loads(*sample)
 
-    def gradient(*sample):
-        return jax.jacrev(loads)(network.load_weights, *sample) / network.loads(*sample)[0]
-
-    return jax.vmap(gradient)(jnp.asarray(parameters), jnp.asarray(reynolds))
+    return jax.jacrev(loads)(network.load_weights) / network.loads(*sample)[0]

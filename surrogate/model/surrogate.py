@@ -16,7 +16,6 @@ from surrogate.model.confidence import Novelty
 from surrogate.model.network import LoadNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
-from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.summary import aligned
 
@@ -110,9 +109,7 @@ class Surrogate:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        known = jnp.vectorize(self.network.loads, signature=ONE_BODY + "(loads)")(*at)
-        missing = len(LOAD_NAMES) - known.shape[-1]
-        loads = jnp.concatenate([known, jnp.zeros((*known.shape[:-1], missing))], axis=-1)
+        loads = _of_each_load(self.network.loads, *at)
         if given:
             answers = functools.partial(self._answers, extrapolate=extrapolate)
             valid = jnp.vectorize(answers, signature=ONE_BODY + "()")(*at)
@@ -138,14 +135,13 @@ class Surrogate:
         """
         parameters = self.scene.family.array(parameters)
         parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
-        shape = np.broadcast_shapes(parameters.shape[:-1], reynolds.shape)
-        bodies = np.broadcast_to(parameters, (*shape, parameters.shape[-1]))
-        cases = np.broadcast_to(reynolds, shape)
-        novelty = np.asarray(self._novelty(bodies.reshape(-1, bodies.shape[-1]), cases.reshape(-1)))
-        scales = [self.recorded(f"{name}_error_scale") for name in LOAD_NAMES[: novelty.shape[-1]]]
-        bounds = np.zeros((len(novelty), len(LOAD_NAMES)))
-        bounds[:, : len(scales)] = novelty * np.array(scales)
-        return bounds.reshape(*shape, len(LOAD_NAMES))
+        known = LOAD_NAMES[:1] if self.scene.family.body_class.symmetric else LOAD_NAMES
+        scales = jnp.array([self.recorded(f"{name}_error_scale") for name in known])
+
+        def bounds(*body):
+            return scales * self._novelty(*body)
+
+        return np.asarray(_of_each_load(bounds, parameters, reynolds))
 
     def knows(self, parameters: Body, reynolds: Number) -> bool:
         """Whether body and Reynolds number lie within the trained ranges.
@@ -215,7 +211,7 @@ class Surrogate:
     @functools.cached_property
     def _novelty(self) -> Novelty:
         seed, count = self.recorded("seed"), self.recorded("samples")
-        return Novelty(self.network, *training_samples(self.scene, seed, count))
+        return Novelty.of(self.network, self.scene, seed, count)
 
     def _checked(self, parameters, reynolds, extrapolate):
         """Return bodies and Reynolds numbers as arrays, refusing what cannot be answered."""
@@ -244,3 +240,10 @@ class Surrogate:
         valid &= (reynolds >= lowest * (1 - ROUNDING)) & (reynolds <= highest * (1 + ROUNDING))
         inside = jnp.all(self.ranges.excess(parameters, reynolds) == 0)
         return valid & (inside | bool(extrapolate))
+
+
+def _of_each_load(function, parameters, reynolds):
+    """Apply a function of one body to many; a load of which it returns nothing is 0."""
+    known = jnp.vectorize(function, signature=ONE_BODY + "(loads)")(parameters, reynolds)
+    missing = len(LOAD_NAMES) - known.shape[-1]
+    return jnp.concatenate([known, jnp.zeros((*known.shape[:-1], missing))], axis=-1)

@@ -3,13 +3,13 @@
 import sys
 from pathlib import Path
 
+import jax
 import numpy as np
 
 from surrogate.files import JsonObject
 from surrogate.model.confidence import Novelty, error_scales
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
-from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.training.history import load_errors
 from surrogate.training.loop import TrainingResult, TrainingSetup
@@ -33,7 +33,7 @@ def surrogate_of(
     record = {
         "method": plan.method,
         "trained_for": "traction" if plan.make_method().trains_traction else "drag",
-        **_errors(trained, setup, training_samples(plan.scene, plan.seed, plan.samples)),
+        **_errors(plan, trained, setup),
         "green_applications": last.green_applications,
         "train_s": last.seconds,
         "weights": int(trained.network.weights.size),
@@ -57,19 +57,18 @@ def surrogate_of(
     return Surrogate(trained.network, plan.scene, record)
 
 
-def _errors(trained, setup, samples):
-    """Errors on held-out bodies, over Cd, of the drag and where there is lift of all loads."""
+def _errors(plan, trained, setup):
+    """Errors of all loads on held-out bodies, over Cd, and the scales of the bounds for them."""
     errors = np.asarray(load_errors(trained.network, setup.held_out, setup.labels.loads))
-    scales = error_scales(errors, Novelty(trained.network, *samples)(*setup.held_out))
+    novelty = Novelty.of(trained.network, plan.scene, plan.seed, plan.samples)
+    scales = error_scales(errors, jax.vmap(novelty)(*setup.held_out))
+    p95 = np.percentile(errors, 95, axis=0)
+    measures = {"mean": errors.mean(0), "p95": p95, "max": errors.max(0), "scale": scales}
     return {
-        f"{name}_error_{kind}": float(measure(column))
-        for name, column in zip(LOAD_NAMES, errors.T, strict=False)
-        for kind, measure in (("mean", np.mean), ("p95", _p95), ("max", np.max))
-    } | {f"{name}_error_scale": float(s) for name, s in zip(LOAD_NAMES, scales, strict=False)}
-
-
-def _p95(errors):
-    return np.percentile(errors, 95)
+        f"{name}_error_{kind}": float(value)
+        for kind, values in measures.items()
+        for name, value in zip(LOAD_NAMES, values, strict=False)
+    }
 
 
 def plan_differences(plan: Plan, record: JsonObject) -> str:
