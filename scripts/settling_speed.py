@@ -3,8 +3,7 @@
 python scripts/settling_speed.py --archimedes 1000
 
 A body falls where weight and drag balance, 4/3 Ar = Cd(shape, Re) Re^2, with the Archimedes number
-Ar = (rho_body / rho - 1) g D^3 / nu^2. Cd depends on Re and Re on Cd, a cycle that is iterated to
-convergence. The fastest body has the least drag at its own Re: ``optimise`` finds the same there.
+Ar = (rho_body / rho - 1) g D^3 / nu^2. The fastest body has the least drag at its own Re.
 """
 
 import sys
@@ -18,8 +17,6 @@ from shapeopt.openmdao import LoadsComponent
 from surrogate import InvalidInput, load
 from surrogate.files import JsonObject
 
-BALANCE = "reynolds = (4 * weight / (3 * cd)) ** 0.5"
-
 
 def fastest(archimedes: float) -> om.Problem:
     """Return the solved problem, whose outputs are the shape, ``cd`` and ``reynolds``."""
@@ -27,7 +24,9 @@ def fastest(archimedes: float) -> om.Problem:
     body, model = LoadsComponent(model=surrogate), problem.model
     cycle = model.add_subsystem("cycle", om.Group(), promotes=["*"])
     cycle.add_subsystem("body", body, promotes=["*"])
-    cycle.add_subsystem("fall", om.ExecComp(BALANCE, reynolds=20.0, cd=2.0), promotes=["*"])
+    balance = "reynolds = (4 * weight / (3 * cd)) ** 0.5"
+    fall = om.ExecComp(balance, weight=archimedes, reynolds=20.0, cd=2.0)
+    cycle.add_subsystem("fall", fall, promotes=["*"])
     cycle.nonlinear_solver = om.NonlinearBlockGS(maxiter=60, rtol=1e-12, iprint=-1)
     cycle.linear_solver = om.DirectSolver()
     for name in surrogate.scene.family.names:
@@ -35,7 +34,6 @@ def fastest(archimedes: float) -> om.Problem:
     model.add_objective("reynolds", scaler=-0.05)
     problem.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", tol=1e-9, disp=False)
     problem.setup()
-    problem.set_val("weight", archimedes)
     problem.run_driver()
     return problem
 
@@ -53,8 +51,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     least = optimise(Problem(surrogate.scene, reynolds), surrogate).drag
     body = {name: found.get_val(name).item() for name in surrogate.scene.family.names}
     result = {"reynolds": reynolds, "drag": drag, "body": body, "drag_by_optimise": least}
-    text = f"the fastest falls at Re {reynolds:.4g}, Cd {drag:.4f} (by optimise {least:.4f})"
-    return emit(result, arguments.json, "\n".join([text, *(f"{n:>9} {body[n]:.4f}" for n in body)]))
+    text = f"falls fastest at Re {reynolds:.4g}, Cd {drag:.4f} (by optimise {least:.4f}): "
+    return emit(result, arguments.json, text + ", ".join(f"{n} {body[n]:.4f}" for n in body))
 
 
 if __name__ == "__main__":

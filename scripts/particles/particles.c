@@ -2,9 +2,9 @@
  *   python scripts/export_surrogate.py --surrogate pretrained:particle --prefix particle --out particle.c
  *   cc -std=c99 -O3 -march=native -fopenmp particles.c particle.c -lm -o particles
  *   ./particles COUNT STEPS TIME_STEP < particles.txt > moved.txt
- * Lengths are in D, velocities in nu / D. A line of input: aspect, beta2, density ratio, g D^3 / nu^2, and
- * the quaternion w x y z from the x axis to the particle's. A line of output: position, momentum, quaternion,
- * angular velocity. The model is that of shapeopt/fall.py in three dimensions, the scheme Runge-Kutta's. */
+ * Lengths in D, velocities in nu / D. A line of input: aspect, beta2, density ratio, g D^3 / nu^2, quaternion
+ * w x y z from the x axis to the particle's. A line of output: position, momentum, quaternion, angular velocity.
+ * The model is that of shapeopt/fall.py in three dimensions, the scheme Runge-Kutta's. */
 #define PARTICLE_DECLARATIONS
 #include "particle.c"
 #include <math.h>
@@ -15,10 +15,10 @@
 enum { BLOCK = 64, STATE = 13, MOMENTUM = 3, QUATERNION = 6, SPIN = 10 };
 static const double PI = 3.14159265358979323846, SLOWEST = 0.1; /* least Re of the training */
 typedef struct { double aspect, beta2, along, across, inertia, resistance, weight; } Body;
+static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* Masses, inertia and resistance to rotation of the spheroid of the same aspect, by its potentials. */
-static Body body(double aspect, double beta2, double ratio, double galilei)
-{
+static Body body(double aspect, double beta2, double ratio, double galilei) {
     const double volume = PI / 6, a = pow(aspect, 2.0 / 3) / 2, c = pow(aspect, -1.0 / 3) / 2;
     const double b = aspect > 1 ? 1 / aspect : aspect, e = sqrt(1 - b * b);
     const double prolate = 2 * b * b / (e * e * e) * (atanh(e) - e), oblate = 2 / (e * e) * (1 - b / e * asin(e));
@@ -30,18 +30,14 @@ static Body body(double aspect, double beta2, double ratio, double galilei)
                    16 * PI * a * c * c * sum / (3 * (a * a * axial + c * c * side)), volume * (ratio - 1) * galilei };
 }
 
-static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 /* Derivatives in time of the states of up to BLOCK particles; the status of the surrogate. */
-static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)[STATE])
-{
+static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)[STATE]) {
     double inputs[BLOCK][PARTICLE_INPUTS], loads[BLOCK][PARTICLE_LOADS];
     double along[BLOCK][3], up[BLOCK][3], speed[BLOCK], known[BLOCK], image[BLOCK];
     for (int i = 0; i < count; i++) { /* from the quaternion to the incidence */
         const double *q = y[i] + QUATERNION, *p = y[i] + MOMENTUM, tiny = 1e-24;
         const double axis[3] = { q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3],
-                                 2 * (q[1] * q[2] + q[0] * q[3]), 2 * (q[1] * q[3] - q[0] * q[2]) };
-        const double axial = dot(p, axis);
+                                 2 * (q[1] * q[2] + q[0] * q[3]), 2 * (q[1] * q[3] - q[0] * q[2]) }, axial = dot(p, axis);
         for (int k = 0; k < 3; k++)
             by[i][k] = axial / bodies[i].along * axis[k] + (p[k] - axial * axis[k]) / bodies[i].across;
         speed[i] = sqrt(dot(by[i], by[i]) + tiny);
@@ -52,9 +48,8 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
         for (int k = 0; k < 3; k++) up[i][k] /= sine;
         known[i] = fmax(speed[i], SLOWEST); /* below, Cd Re and Cl Re are those of Stokes flow */
         image[i] = cosine < 0 ? -1 : 1;     /* nose and tail change their names */
-        const double own[] = { bodies[i].aspect, 1, image[i] * bodies[i].beta2,
-                               atan2(sine, fabs(cosine)) * 180 / PI, known[i] };
-        for (int k = 0; k < PARTICLE_INPUTS; k++) inputs[i][k] = own[k];
+        memcpy(inputs[i], (double[]){ bodies[i].aspect, 1, image[i] * bodies[i].beta2,
+                                      atan2(sine, fabs(cosine)) * 180 / PI, known[i] }, sizeof *inputs);
     }
     const int status = particle_loads_batch((size_t)count, inputs[0], loads[0], NULL, NULL);
     for (int i = 0; i < count; i++) { /* from the loads to force and torque */
@@ -62,23 +57,21 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
         for (int k = 0; k < 3; k++) {
             const int m = (k + 1) % 3, n = (k + 2) % 3;
             const double torque = force * speed[i] * image[i] * loads[i][2] * (u[m] * s[n] - u[n] * s[m]);
-            by[i][MOMENTUM + k] = force * known[i] * (loads[i][0] * s[k] + image[i] * loads[i][1] * u[k]);
+            by[i][MOMENTUM + k] = force * known[i] * (loads[i][0] * s[k] + image[i] * loads[i][1] * u[k])
+                                  - (k == 2) * bodies[i].weight;
             by[i][SPIN + k] = (torque - bodies[i].resistance * w[k]) / bodies[i].inertia;
             by[i][QUATERNION + 1 + k] = (w[k] * q[0] + w[m] * q[1 + n] - w[n] * q[1 + m]) / 2;
         }
         by[i][QUATERNION] = -(w[0] * q[1] + w[1] * q[2] + w[2] * q[3]) / 2;
-        by[i][MOMENTUM + 2] -= bodies[i].weight;
     }
     return status;
 }
 
-static int step(int count, const Body *bodies, double (*y)[STATE], double time_step)
-{
+static int step(int count, const Body *bodies, double (*y)[STATE], double time_step) {
     static const double nodes[] = { 0, 0.5, 0.5, 1 }, weights[] = { 1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6 };
     double start[BLOCK][STATE], at[BLOCK][STATE], by[BLOCK][STATE] = { { 0 } };
-    int status = 0;
-    memcpy(start, y, (size_t)count * sizeof *y);
-    for (int stage = 0; stage < 4; stage++) {
+    int status = 0, stage = 0;
+    for (memcpy(start, y, (size_t)count * sizeof *y); stage < 4; stage++) {
         for (int k = 0; k < count * STATE; k++) at[0][k] = start[0][k] + nodes[stage] * time_step * by[0][k];
         status |= rates(count, bodies, at, by);
         for (int k = 0; k < count * STATE; k++) y[0][k] += weights[stage] * time_step * by[0][k];
@@ -86,14 +79,12 @@ static int step(int count, const Body *bodies, double (*y)[STATE], double time_s
     return status;
 }
 
-int main(int words, char **word)
-{
-    const int count = words == 4 ? atoi(word[1]) : 0, steps = count ? atoi(word[2]) : 0;
+int main(int words, char **word) {
+    int status = 0, read = 8, count = words == 4 ? atoi(word[1]) : 0, steps = count ? atoi(word[2]) : 0;
     Body *bodies = malloc((size_t)count * sizeof *bodies);
-    double (*y)[STATE] = calloc((size_t)count, sizeof *y), v[4], *q, time_step = count ? atof(word[3]) : 0;
-    int status = 0, read = 8;
+    double (*y)[STATE] = calloc((size_t)count, sizeof *y), v[4], time_step = count ? atof(word[3]) : 0;
     for (int i = 0; i < count && read == 8; i++) {
-        q = y[i] + QUATERNION;
+        double *q = y[i] + QUATERNION;
         read = scanf("%lf%lf%lf%lf%lf%lf%lf%lf", v, v + 1, v + 2, v + 3, q, q + 1, q + 2, q + 3);
         bodies[i] = body(v[0], v[1], v[2], v[3]);
     }
@@ -104,6 +95,5 @@ int main(int words, char **word)
             status |= step(count - from < BLOCK ? count - from : BLOCK, bodies + from, y + from, time_step);
     for (int i = 0; i < count; i++)
         for (int k = 0; k < STATE; k++) printf("%.12g%c", y[i][k], k < STATE - 1 ? ' ' : '\n');
-    if (status) fprintf(stderr, "particles: some were outside the ranges of the surrogate\n");
-    return status;
+    return status ? fprintf(stderr, "particles: some were outside the ranges of the surrogate\n"), status : 0;
 }

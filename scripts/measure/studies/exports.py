@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import jax
+import jax.export
 import numpy as np
 from study import Result, Row, Run, Study, Table, Unavailable, columns
 from tools import medians
@@ -22,6 +23,7 @@ from surrogate.arrays import AnyArray
 from surrogate.exports.plain import PlainNetwork, plain_network
 from surrogate.model.inputs import quadratic
 from surrogate.model.kriging import Observation, kriging
+from surrogate.model.outputs import OutputModel
 from surrogate.scene.samples import held_out_samples, training_samples
 
 SURROGATES = ("pretrained", "pretrained:particle")
@@ -82,11 +84,10 @@ def _language(net: Surrogate, language: str, folder: Path) -> tuple[Evaluate, Pa
     if language == "ONNX":
         path = export(net, folder / "net.onnx", "onnx")
         return _in_onnx(path), path, np.float64
-    if language == "JAX":
-        return _jitted(jax.vmap(lambda x: net.network.loads(x[:-1], x[-1]))), None, np.float64
-    if language == "kriging":
-        model = _kriging(net)
-        return _jitted(jax.vmap(lambda x: model.loads(x[:-1], x[-1]))), None, np.float64
+    if language in ("JAX", "kriging"):
+        model = net.network if language == "JAX" else _kriging(net)
+        path = _in_stablehlo(model, folder / "net.stablehlo", len(plain_network(net).inputs))
+        return _jitted(jax.export.deserialize(bytearray(path.read_bytes())).call), path, np.float64
     return _polynomial(net), None, np.float64
 
 
@@ -123,7 +124,16 @@ def _in_onnx(path: Path) -> Evaluate:
     return lambda x: session.run(["loads"], {"inputs": x})
 
 
-def _kriging(net: Surrogate):
+def _in_stablehlo(model: OutputModel, path: Path, inputs: int) -> Path:
+    """The file that ``jax.export`` writes of a model's loads, for any number of inputs."""
+    answers = jax.jit(jax.vmap(lambda x: model.loads(x[:-1], x[-1])))
+    (cases,) = jax.export.symbolic_shape("cases")
+    shape = jax.ShapeDtypeStruct((cases, inputs), np.float64)
+    path.write_bytes(jax.export.export(answers)(shape).serialize())
+    return path
+
+
+def _kriging(net: Surrogate) -> OutputModel:
     """Kriging of as many flows as a design study has, here with the network's own answers."""
     samples = training_samples(net.scene, 0, FLOWS)
 
@@ -189,7 +199,7 @@ def _pin(cores: set[int]) -> None:
 
 
 def _lines(path: Path) -> int | None:
-    return None if path.suffix == ".onnx" else len(path.read_text().splitlines())
+    return len(path.read_text().splitlines()) if path.suffix in (".c", ".py") else None
 
 
 def text(result: Result) -> str:
