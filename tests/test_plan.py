@@ -18,6 +18,7 @@ from surrogate.training.plan import METHODS, make_plan
         ({"method": "dp", "budget_seconds": "60"}, "must be one number"),
         ({"method": "dp", "samples": 2}, "a whole number from 4"),
         ({"method": "dp", "samples": 8.5}, "a whole number from 4"),
+        ({"method": "dp", "held_out": 3}, "held-out bodies 3: a whole number from 4"),
         ({"method": "dp", "seed": -1}, "a whole number from 0"),
         ({"method": "dp", "scene": "scene.toml"}, "is no Scene"),
     ],

@@ -12,7 +12,7 @@ from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, t
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.scene.samples import held_out_samples, training_samples
 from surrogate.training import train as training
-from surrogate.training.loop import load_errors, make_setup, run_training
+from surrogate.training.loop import load_errors, make_setup, run_training, solve_held_out
 from surrogate.training.methods.hig import HalfInverseGradients
 from surrogate.training.methods.sip import ScaleInvariantPhysics
 from surrogate.training.plan import METHODS, Plan, make_plan
@@ -319,6 +319,25 @@ def test_another_training_into_the_folder_of_one_must_be_asked_for(
     assert not np.array_equal(replaced.network.weights, surrogate.network.weights)
     assert (out / "notes.txt").read_text() == "mine"
     assert train_plan(other, out, progress=False).recorded("seed") == other.seed
+
+
+def test_more_held_out_bodies_measure_a_finished_training_anew(plan, stored, monkeypatch):
+    surrogate, out = stored
+    more = dataclasses.replace(plan, held_out=plan.held_out + 3)
+    monkeypatch.setattr(training, "run_training", refuse_to_work)
+    again = train_plan(more, out, progress=False)
+    assert np.array_equal(again.network.weights, surrogate.network.weights)
+    assert again.recorded("held_out") == more.held_out
+    held_out, labels = solve_held_out(Flow(more.scene), more, devices.choose_devices())
+    errors = load_errors(again.network, held_out, labels.loads)[:, 0]
+    for found in (again, load(out)):
+        assert found.recorded("drag_error_max") == pytest.approx(float(errors.max()), rel=1e-9)
+        assert found.recorded("drag_error_mean") == pytest.approx(float(errors.mean()), rel=1e-9)
+    assert again.recorded("drag_error_mean") != surrogate.recorded("drag_error_mean")
+    assert train_plan(more, out, progress=False).record.items() >= again.record.items()
+    assert train_plan(plan, out, progress=False).recorded("drag_error_mean") == pytest.approx(
+        surrogate.recorded("drag_error_mean"), rel=1e-9
+    )
 
 
 def test_to_overwrite_repeats_the_same_training_too(plan, stored, setup, monkeypatch):

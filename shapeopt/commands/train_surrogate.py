@@ -33,9 +33,9 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.scene.scene import Scene
 from surrogate.training.forecast import forecast
-from surrogate.training.plan import METHODS, PRESETS, SAMPLES_HELP, Plan, make_plan
+from surrogate.training.plan import HELD_OUT_HELP, METHODS, PRESETS, SAMPLES_HELP, Plan, make_plan
 from surrogate.training.stored import stored_training
-from surrogate.training.train import train_plan
+from surrogate.training.train import is_measured, train_plan
 
 KEYS = (
     *("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s", "weights"),
@@ -51,14 +51,17 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         return {}
     count = initialise(a)
     scene = Scene.read(a.scene) if a.scene else None
-    plan = make_plan(scene, a.method, a.preset, a.samples, a.seed, a.budget_seconds, a.published)
+    numbers = a.preset, a.samples, a.seed, a.budget_seconds, a.published, a.held_out
+    plan = make_plan(scene, a.method, *numbers)
     out, devices = Path(a.out), choose_devices(count, a.lanes)
     with exit_when_disconnected():
         stored = stored_training(plan, out, a.overwrite)
         if stored is None or a.overwrite:
             surrogate = _train(plan, out, devices, a.overwrite)
-        else:
+        elif is_measured(stored, plan):
             surrogate = stored
+        else:
+            surrogate = train_plan(plan, out, first(), devices)
     if not first():
         return {}
     if surrogate is stored:
@@ -102,6 +105,7 @@ def _parser() -> Parser:
     add("--method", required=True, help=f"{', '.join(METHODS)} (explained below)")
     add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
     add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
+    add("--held-out", type=int, help=f"unseen bodies that give the errors ({HELD_OUT_HELP})")
     add("--preset", default="quick", choices=list(PRESETS), help="samples and iterations (quick)")
     add("--budget-seconds", type=float, help="train for this time instead, from 1 s")
     add("--published", action="store_true", help="the method as published, not at its best")

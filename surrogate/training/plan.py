@@ -62,6 +62,7 @@ PRESETS = {
     ),
 }
 SAMPLES_HELP = ", ".join(f"{name}: {preset.samples}" for name, preset in PRESETS.items())
+HELD_OUT_HELP = ", ".join(f"{name}: {preset.held_out}" for name, preset in PRESETS.items())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -103,8 +104,9 @@ def make_plan(
     seed: int = 0,
     budget_seconds: float | None = None,
     published: bool = False,
+    held_out: int | None = None,
 ) -> Plan:
-    """The plan of a preset; ``samples`` and ``budget_seconds`` replace the preset's where given.
+    """The plan of a preset, whose numbers are replaced by those that are given.
 
     Raises:
       InvalidInput: no such method or preset, or a number is out of range.
@@ -128,7 +130,9 @@ def make_plan(
         method=method,
         scene=scene,
         samples=whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6),
-        held_out=chosen.held_out,
+        held_out=whole_number(
+            "held-out bodies", chosen.held_out if held_out is None else held_out, 4, 10**6
+        ),
         iterations=10**6 if budget_seconds else iterations,
         seed=whole_number("seed", seed, 0, 2**31 - 1),
         budget_s=budget_seconds,

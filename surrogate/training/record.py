@@ -6,13 +6,15 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from surrogate.devices import Devices
 from surrogate.files import JsonObject
+from surrogate.flow.flow import Flow
 from surrogate.model.confidence import Novelty, error_scales
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.scene import Scene
 from surrogate.training.history import load_errors
-from surrogate.training.loop import TrainingResult, TrainingSetup
+from surrogate.training.loop import TrainingResult, TrainingSetup, solve_held_out
 from surrogate.training.plan import Plan
 
 SETTINGS = {  # of a plan and of a record, as messages call them
@@ -33,7 +35,7 @@ def surrogate_of(
     record = {
         "method": plan.method,
         "trained_for": "traction" if plan.make_method().trains_traction else "drag",
-        **_errors(plan, trained, setup),
+        **_errors(plan, trained.network, setup.held_out, setup.labels.loads),
         "green_applications": last.green_applications,
         "train_s": last.seconds,
         "weights": int(trained.network.weights.size),
@@ -57,11 +59,28 @@ def surrogate_of(
     return Surrogate(trained.network, plan.scene, record)
 
 
-def _errors(plan, trained, setup):
+def measured_anew(plan: Plan, surrogate: Surrogate, devices: Devices) -> Surrogate:
+    """Return a surrogate with its errors, and their bounds, on the held-out bodies of a plan.
+
+    Args:
+      plan: of its training, but for the number of held-out bodies.
+      surrogate: what was trained.
+      devices: over which the flows are distributed.
+
+    Raises:
+      NotConverged: more than a tenth of the held-out flows were not found.
+    """
+    held_out, labels = solve_held_out(Flow(plan.scene), plan, devices)
+    record = surrogate.record | _errors(plan, surrogate.network, held_out, labels.loads)
+    record |= {"held_out": plan.held_out, "held_out_failed": plan.held_out - held_out.count}
+    return Surrogate(surrogate.network, plan.scene, record | {"errors_command": command_line()})
+
+
+def _errors(plan, network, held_out, loads):
     """Errors of all loads on held-out bodies, over Cd, and the scales of the bounds for them."""
-    errors = np.asarray(load_errors(trained.network, setup.held_out, setup.labels.loads))
-    novelty = Novelty.of(trained.network, plan.scene, plan.seed, plan.samples)
-    scales = error_scales(errors, jax.vmap(novelty)(*setup.held_out))
+    errors = np.asarray(load_errors(network, held_out, loads))
+    novelty = Novelty.of(network, plan.scene, plan.seed, plan.samples)
+    scales = error_scales(errors, jax.vmap(novelty)(*held_out))
     p95 = np.percentile(errors, 95, axis=0)
     measures = {"mean": errors.mean(0), "p95": p95, "max": errors.max(0), "scale": scales}
     return {

@@ -1,6 +1,7 @@
 """Trainings that are stored already: the same one is not repeated, another one is not replaced."""
 
 import contextlib
+import dataclasses
 from pathlib import Path
 
 import jax
@@ -20,7 +21,8 @@ from surrogate.training.record import plan_differences
 def stored_training(plan: Plan, folder: str | Path, overwrite: bool = False) -> Surrogate | None:
     """Return the surrogate that a folder holds if this plan's training is done there, else None.
 
-    In a multi-process run the first process reads the files.
+    Its errors may have been measured on another number of held-out bodies than the plan's. In a
+    multi-process run the first process reads the files.
 
     Args:
       plan: the training that is asked for.
@@ -76,7 +78,9 @@ def _finished(plan, folder, overwrite):
     if not (folder / RECORD).is_file():
         return None
     try:
-        different = plan_differences(plan, read_record(folder))
+        record = read_record(folder)
+        measured = dataclasses.replace(plan, held_out=record.get("held_out"))
+        different = plan_differences(measured, record)
     except InvalidInput as problem:  # damaged, or of another version
         different = str(problem)
     if different and not overwrite:

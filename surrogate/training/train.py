@@ -14,7 +14,7 @@ from surrogate.training.history import HistoryPoint
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.method import Method
 from surrogate.training.plan import Plan, make_plan
-from surrogate.training.record import surrogate_of
+from surrogate.training.record import measured_anew, surrogate_of
 from surrogate.training.stored import checkpoint_path, stored_training
 
 
@@ -23,6 +23,7 @@ def train(
     method: str = "hig",
     *,
     samples: int | None = None,
+    held_out: int | None = None,
     preset: str = "full",
     seed: int = 0,
     budget_seconds: float | None = None,
@@ -57,6 +58,8 @@ def train(
       scene: stream, Reynolds numbers, fidelity and family of bodies; ``Scene()`` if None.
       method: "dp", "sip", "hig" or "supervised".
       samples: number of training bodies, in place of the preset's.
+      held_out: number of held-out bodies, on which errors and their bounds are measured, in place
+        of the preset's.
       preset: "quick" (64 bodies) or "full" (256 bodies and more steps).
       seed: of samples, held-out bodies and initial weights.
       budget_seconds: train for this many seconds, in place of the preset's steps.
@@ -77,7 +80,7 @@ def train(
       InvalidInput: an argument is invalid, or the folder holds another training or something else.
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
-    plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published)
+    plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published, held_out)
     chosen = choose_devices(devices, lanes)
     surrogate = train_plan(plan, out, progress, chosen, overwrite=overwrite)
     warn_of_inaccuracy(surrogate, f"training by {method}", stacklevel=3)
@@ -96,13 +99,22 @@ def train_plan(
 ) -> Surrogate:
     """``train`` by a plan, without warning, with a setup that is shared, if one is given.
 
-    In a multi-process run the first process writes. ``notes`` are added to the record.
+    Of a finished training that differs in the number of held-out bodies alone the errors are
+    measured anew. In a multi-process run the first process writes. ``notes`` are added to the
+    record.
     """
     stored = None if out is None else stored_training(plan, out, overwrite)
     if stored is not None and not overwrite:
         with progress_bar(f"training {title or plan.method}", progress) as update:
-            update(1.0, f"already done in {out}")
-        return stored
+            if is_measured(stored, plan):
+                update(1.0, f"already done in {out}")
+                return stored
+            update(0.0, f"done in {out}; its errors are measured on {plan.held_out} bodies")
+            surrogate = measured_anew(plan, stored, devices or choose_devices())
+            if first():
+                save(out, surrogate)
+            update(1.0, "")
+        return surrogate
     checkpoint = None if out is None else checkpoint_path(out)
     setup = setup or setup_with_bar(plan, progress, devices)
     trained = train_with_bar(plan, setup, checkpoint, title=title, progress=progress)
@@ -132,14 +144,22 @@ def train_all(
     }
     setups: dict[tuple, TrainingSetup] = {}
     for name, plan in plans.items():
-        if surrogates[name] is None:
-            key = plan.scene, plan.seed, plan.samples, plan.held_out
-            setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
+        found = surrogates[name]
+        if found is None or not is_measured(found, plan):
+            setup = None
+            if found is None:
+                key = plan.scene, plan.seed, plan.samples, plan.held_out
+                setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
             surrogates[name] = train_plan(
                 plan, out / name, devices=devices, setup=setup, title=name, overwrite=overwrite
             )
         warn_of_inaccuracy(surrogates[name], f"surrogate {out / name}", stacklevel=3)
     return surrogates
+
+
+def is_measured(surrogate: Surrogate, plan: Plan) -> bool:
+    """Whether the errors of a plan's surrogate are those on the plan's held-out bodies."""
+    return surrogate.record.get("held_out") == plan.held_out
 
 
 def setup_with_bar(
