@@ -10,6 +10,7 @@
 typedef REAL real;
 enum { INPUTS = 5, LOADS = 3 };
 static const real RADIAN = (real)0.017453292519943295, HALF_PI = (real)1.5707963267948966;
+static const real LOG_10 = (real)2.302585092994046;
 
 /* Froehlich et al. 2020, prolate spheroids. */
 void froehlich(size_t count, const real *inputs, real *loads)
@@ -38,17 +39,50 @@ void froehlich(size_t count, const real *inputs, real *loads)
     }
 }
 
+/* Area of an ellipsoid as the stream sees it, over the cross-section of the sphere. */
+static real front(const real *input)
+{
+    const real phi = RADIAN * input[3], c = cos(phi), s = input[0] * sin(phi);
+    return exp(log(input[0]) * (real)(-2.0 / 3)) * sqrt(c * c + input[1] * s * s);
+}
+
 /* Hoelzer, Sommerfeld 2008 with the crosswise sphericity; each particle's sphericity is known. */
 void hoelzer_sommerfeld(size_t count, const real *inputs, const real *sphericity, real *loads)
 {
     for (size_t i = 0; i < count; i++) {
-        const real b = inputs[i * INPUTS], flat = inputs[i * INPUTS + 1], p = sphericity[i];
-        const real phi = RADIAN * inputs[i * INPUTS + 3], re = inputs[i * INPUTS + 4];
-        const real height = exp(log(b) * (real)(-1.0 / 3)) / sqrt(flat), s = b * sqrt(flat) * sin(phi);
-        const real c = cos(phi), front = height * height * flat * sqrt(c * c + s * s);
-        loads[i * LOADS] = 8 * sqrt(front) / re + 16 / (re * sqrt(p))
+        const real seen = front(inputs + i * INPUTS), re = inputs[i * INPUTS + 4], p = sphericity[i];
+        loads[i * LOADS] = 8 * sqrt(seen) / re + 16 / (re * sqrt(p))
             + 3 / (sqrt(re) * exp((real)0.75 * log(p)))
-            + (real)0.42 * exp((real)0.92103404 * pow(fmax(-log10(p), (real)0), (real)0.2)) * front;
+            + (real)0.42 * exp((real)0.4 * LOG_10 * pow(fmax(-log10(p), (real)0), (real)0.2)) * seen;
+        loads[i * LOADS + 1] = loads[i * LOADS + 2] = 0;
+    }
+}
+
+/* Ganser 1993 with the area that the stream sees; each particle's sphericity is known. */
+void ganser(size_t count, const real *inputs, const real *sphericity, real *loads)
+{
+    for (size_t i = 0; i < count; i++) {
+        const real seen = front(inputs + i * INPUTS), re = inputs[i * INPUTS + 4], p = sphericity[i];
+        const real stokes = 3 / (sqrt(seen) + 2 / sqrt(p));
+        const real power = (real)1.8148 * pow(fmax(-log10(p), (real)0), (real)0.5743);
+        const real newton = exp(LOG_10 * power), share = re * stokes * newton;
+        loads[i * LOADS] = newton * (24 / share * (1 + (real)0.1118 * exp((real)0.6567 * log(share)))
+            + (real)0.4305 / (1 + 3305 / share));
+        loads[i * LOADS + 1] = loads[i * LOADS + 2] = 0;
+    }
+}
+
+/* Bagheri, Bonadonna 2016, over random orientations: the incidence is not looked at. */
+void bagheri_bonadonna(size_t count, const real *inputs, real *loads)
+{
+    for (size_t i = 0; i < count; i++) {
+        const real b = inputs[i * INPUTS], wide = sqrt(inputs[i * INPUTS + 1]);
+        const real re = inputs[i * INPUTS + 4], least = fmin(b, 1 / wide), most = fmax(b, wide);
+        const real middle = b / (least * most), flat = log(least / middle), slim = log(middle / most);
+        const real root = exp((flat + (real)1.3 * slim) / 3), slow = (root + 1 / root) / 2;
+        const real fast = exp((real)-0.45 * (2 * flat + slim)), share = re * fast / slow;
+        loads[i * LOADS] = 24 * slow / re * (1 + (real)0.125 * exp(log(share) * 2 / 3))
+            + (real)0.46 * fast / (1 + 5330 / share);
         loads[i * LOADS + 1] = loads[i * LOADS + 2] = 0;
     }
 }
