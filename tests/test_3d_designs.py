@@ -10,7 +10,7 @@ from pictures import pixels
 
 from shapeopt import Problem, load_run, optimise, save_run
 from shapeopt.problem.conflicts import candidates
-from shapeopt.render.bodies_3d import TURNS, render_bodies
+from shapeopt.render.bodies_3d import TURNS, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel
 from surrogate import Family, Flow, InvalidInput, Scene, load, train
 from surrogate.flow.output.meshes import pv
@@ -87,7 +87,7 @@ def test_every_row_of_bodies_has_its_own_colour_scale(slender, tmp_path):
     """Cp at Re 0.5 is a hundred times that at Re 20: one scale would hide a row."""
     flow = Flow(slender)
     found = [flow.solve(slender.family.ellipse(1.0), re, estimate=False) for re in (0.5, 20.0)]
-    rows = [[Panel(solution, f"Re {solution.reynolds:g}")] for solution in found]
+    rows = [[solved_panel(Panel(flow, f"Re {flow.reynolds:g}"))] for flow in found]
     (width, height), colours = pixels(render_bodies(rows, tmp_path / "rows.png"))
     reds = colours.reshape(height, width, 3).astype(int)
     reds = np.sum((reds[..., 0] > 150) & (reds[..., 2] < 90), axis=1)

@@ -2,18 +2,21 @@
 
 import json
 
+import imageio.v3 as imageio
 import numpy as np
 import pytest
 import render_shapes
 import solve_drag
 from conftest import ROUGH_3D
+from matplotlib.figure import Figure
 from pictures import pixels
 from scipy.interpolate import RegularGridInterpolator
 
 from shapeopt.commands.cli import run
 from surrogate import Flow, InvalidInput, Scene, contour_shape, family_shape, naca4
-from surrogate.flow.output.folder import read_flow
+from surrogate.flow.output.folder import read_flow, read_surface
 from surrogate.flow.output.meshes import pv
+from surrogate.flow.output.picture import _draw_eddies, _Plane
 
 FILES = {"flow.json", "contour.csv", "contour.vtp", "fields.npz", "fields.vti", "flow.png"}
 
@@ -28,6 +31,14 @@ def cylinder():
 def ellipsoid():
     body = family_shape({"aspect": 1.6, "flatness": 1.4}, dimension=3)
     return Flow(Scene(dimension=3, fidelity=ROUGH_3D)).solve(body, 20.0, estimate=False)
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """The folder of a 3-D flow at incidence."""
+    body = family_shape({"aspect": 1.8, "incidence": 40.0}, dimension=3)
+    solution = Flow(Scene(dimension=3, fidelity=ROUGH_3D)).solve(body, 40.0, estimate=False)
+    return solution.write(tmp_path_factory.mktemp("turned") / "flow")
 
 
 def test_divergence_of_the_faces_velocity_vanishes_near_the_body(cylinder):
@@ -114,6 +125,60 @@ def test_a_3d_flow_is_written_and_read_back(ellipsoid, tmp_path):
     pixels(tmp_path / "flow" / "flow.png")
 
 
+@pytest.mark.slow
+def test_a_3d_flow_at_incidence_is_written_with_its_body_nose_up(turned):
+    stored = read_flow(turned)
+    x, z = stored.contour[:, :2].T
+    nose = np.argmax(np.where(x < 0, np.hypot(x, z), 0.0))  # the farthest point ahead
+    assert np.rad2deg(np.arctan2(z[nose], -x[nose])) == pytest.approx(40, abs=1)
+    assert stored.picture.title.startswith("Re 40    incidence 40    Cd ")
+    ahead = read_surface(turned)
+    front = ahead["Cp"][ahead.points @ [-1, 0, -0.5] > 0.4]  # below the nose, to the stream
+    assert front.mean() > 0.3 > 0 > ahead["Cp"][ahead.points @ [1, 0, 0.5] > 0.4].mean()
+    pixels(turned / "flow.png")
+
+
+@pytest.mark.slow
+def test_pictures_of_a_3d_flow_at_incidence(turned, tmp_path, monkeypatch):
+    """The body by pressure and by friction, its plane of symmetry, and turned around."""
+    monkeypatch.setattr("shapeopt.render.bodies_3d.TURNS", 3)
+    shown = []
+    for words in ([], ["--surface"], ["--plane"]):
+        out = tmp_path / "picture.png"
+        assert run(render_shapes.main, ["--runs", str(turned), *words, "--out", str(out)]) == 0
+        shown.append(pixels(out))
+    assert np.any(shown[0][1] != shown[1][1], axis=1).mean() > 0.01
+    assert shown[2][0] != shown[0][0]
+    out = tmp_path / "turning.gif"
+    assert run(render_shapes.main, ["--runs", str(turned), "--out", str(out)]) == 0
+    frames = imageio.imread(out)
+    assert len(frames) == 3
+    assert min(np.mean(frames[0] != frame) for frame in frames[1:]) > 0.02
+    (turned / "contour.vtp").rename(tmp_path / "away.vtp")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        read_surface(turned)
+    (tmp_path / "away.vtp").rename(turned / "contour.vtp")
+
+
+def test_both_eddies_of_a_wake_above_the_axis_are_drawn():
+    """Reversed flow between two vortices at y = 0.5 and 1.1, as behind a body at incidence."""
+    x, y = np.linspace(-1, 3, 81), np.linspace(-1.4, 2.4, 77)
+    at = np.meshgrid(x, y, indexing="ij")
+    u, v, spin = np.full_like(at[0], 0.02), np.zeros_like(at[0]), np.zeros_like(at[0])
+    for centre, turning in ((0.5, 1.0), (1.1, -1.0)):
+        east, north = at[0] - 1.2, at[1] - centre
+        near = turning * np.exp(-(east**2 + north**2) / 0.1)
+        u, v, spin = u - north * near, v + east * near, spin + near
+    body, figure = 0.1 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]]), Figure()
+    axis = figure.subplots()
+    _draw_eddies(axis, _Plane(x, y, u, v, spin, spin), body, (-1, 3, -1.4, 2.4))
+    points = np.concatenate([p for line in axis.collections for p in line.get_segments()])
+    heights = points[:, 1]
+    assert heights.min() < 0.5 < 0.75 < heights.max()
+    assert np.mean(heights < 0.8) > 0.2
+    assert np.mean(heights > 0.8) > 0.2
+
+
 def test_forces_in_newtons(cylinder, ellipsoid):
     air = {"speed": 0.3, "diameter": 1e-3, "density": 1.2}
     forces = cylinder.forces(**air, viscosity=1.5e-5)
@@ -147,7 +212,11 @@ def test_flows_by_the_commands(tmp_path, capsys):
     runs = [str(out / "re5"), str(out / "re20")]
     assert run(render_shapes.main, ["--runs", *runs, "--out", str(sheet)]) == 0
     pixels(sheet)
-    assert run(render_shapes.main, ["--runs", *runs, "--family", "--out", str(sheet)]) == 2
+    for words in (["--family"], ["--surface"]):
+        assert run(render_shapes.main, ["--runs", *runs, *words, "--out", str(sheet)]) == 2
+    gif = ["--runs", runs[0], "--out", str(tmp_path / "x.gif")]
+    assert run(render_shapes.main, gif) == 2
+    assert "2-D flows are drawn as a .png" in capsys.readouterr().err
     wrong = ["--aspect", "1", "--reynolds", "5", "--fluid", "0.3,0.001,1.2,1.5e-5"]
     assert run(solve_drag.main, wrong) == 2
     assert "U D / nu = 20" in capsys.readouterr().err

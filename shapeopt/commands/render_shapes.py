@@ -1,10 +1,13 @@
-"""Pictures of optimised shapes: reference body and optimum (.png), or the search's path (.gif).
+"""Pictures of optimised shapes, reference body and optimum, and of flows of solve_drag.py --out.
 
-Of a 3-D run the .gif is a turntable of the optimum in its flow, and bodies are coloured by
-pressure, with --surface by friction.
+3-D bodies are coloured by pressure, with --surface by friction, and the .gif is a turntable of
+the optimum, or of the flow's body. In 2-D the .gif is the search's path. --plane draws vorticity,
+pressure and streamlines with eddies, in 3-D in the plane of symmetry.
 
 python scripts/render_shapes.py --runs out/re1 out/re40 --out out/shapes.png
-python scripts/render_shapes.py --runs out/flow --out out/flow.png  # of solve_drag.py --out
+python scripts/render_shapes.py --runs out/flow --out out/body.png  # of solve_drag.py --out
+python scripts/render_shapes.py --runs out/flow --out out/turning.gif
+python scripts/render_shapes.py --runs out/flow out/other --plane --out out/planes.png
 python scripts/render_shapes.py --runs out/re40 --out out/re40.gif
 python scripts/render_shapes.py --runs out/re1 out/re40 --surface --out out/loads.png
 python scripts/render_shapes.py --runs out/re1 out/re10 out/re40 --family --out out/family.png
@@ -19,14 +22,21 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.render.bodies_3d import FRICTION, PRESSURE, render_turntable
+from shapeopt.render.bodies_3d import (
+    FRICTION,
+    PRESSURE,
+    render_bodies,
+    render_turntable,
+    solved_panel,
+    stored_panel,
+)
 from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import before_and_after, render_panels, solve_run
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
-from surrogate.flow.output.folder import is_flow, read_flow
+from surrogate.flow.output.folder import flow_as_stored, is_flow, read_flow
 from surrogate.flow.output.picture import draw_flows
 from surrogate.model.store import load
 from surrogate.progress import Update, progress_bar
@@ -45,18 +55,22 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         raise InvalidInput("--runs: some are 2-D, some 3-D; render them separately")
     dimension = dimensions.pop()
     gif = out.suffix == ".gif"
-    if gif and (arguments.family or (arguments.surface and dimension == 2)):
-        raise InvalidInput(f"{out}: --family, and in 2-D --surface, need a .png")
+    if gif and (arguments.family or arguments.plane or (arguments.surface and dimension == 2)):
+        raise InvalidInput(f"{out}: --family, --plane, and in 2-D --surface, need a .png")
     if gif and len(records) > 1:
         raise InvalidInput(f"{out}: a .gif shows one run; give one --runs folder")
     load_shown = FRICTION if arguments.surface else PRESSURE
     with progress_bar("rendering") as progress:
         if gif and dimension == 3:
-            render_turntable(before_and_after(records[0])[1], out, load_shown)
+            render_turntable(solved_panel(before_and_after(records[0])[1]), out, load_shown)
         elif gif:
             _evolution(records[0], out)
         elif arguments.family:
             plot_family(_verified(records), out)
+        elif arguments.plane:
+            panels = [p for r in _tracked(records, progress) for p in before_and_after(r)]
+            pictures = [flow_as_stored(p.solution).picture._replace(title=p.title) for p in panels]
+            draw_flows(pictures, out)
         elif arguments.surface and dimension == 2:
             surfaces = [[s.surface() for s in solve_run(r)] for r in _tracked(records, progress)]
             plot_surfaces(list(zip(records, surfaces, strict=True)), out)
@@ -68,12 +82,24 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:
-    """Draw folders of solved flows, one row each."""
+    """Draw folders of solved flows, one row each: bodies in 3-D, or the plane of the flow."""
     if not all_flows:
         raise InvalidInput("--runs: some are flows, some runs; render them separately")
-    if arguments.surface or arguments.family or out.suffix == ".gif":
-        raise InvalidInput(f"{out}: flows are drawn as a .png, without --surface and --family")
-    draw_flows([read_flow(folder).picture for folder in arguments.runs], out)
+    flows, gif = [read_flow(folder) for folder in arguments.runs], out.suffix == ".gif"
+    in_3d = all(flow.record["dimension"] == 3 for flow in flows)
+    if arguments.family:
+        raise InvalidInput("--family: is of runs of optimize_shape.py")
+    if (arguments.surface or gif) and not in_3d:
+        raise InvalidInput(f"{out}: 2-D flows are drawn as a .png without --surface")
+    if gif and (arguments.plane or len(flows) > 1):
+        raise InvalidInput(f"{out}: a .gif shows one flow without --plane")
+    shown = FRICTION if arguments.surface else PRESSURE
+    if gif:
+        render_turntable(stored_panel(arguments.runs[0]), out, shown)
+    elif in_3d and not arguments.plane:
+        render_bodies([[stored_panel(folder)] for folder in arguments.runs], out, shown)
+    else:
+        draw_flows([flow.picture for flow in flows], out)
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
 
 
@@ -119,4 +145,6 @@ def _parser() -> Parser:
     surface = "pressure and friction along the contour; 3-D: colour by friction"
     add("--surface", action="store_true", help=surface)
     add("--family", action="store_true", help="the optima of several runs over Re")
+    plane = "vorticity, pressure and streamlines; 3-D: in the plane of symmetry"
+    add("--plane", action="store_true", help=plane)
     return parser

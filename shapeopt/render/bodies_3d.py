@@ -7,9 +7,9 @@ import numpy as np
 
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
 from surrogate.files import whole_file
+from surrogate.flow.fields import Fields
+from surrogate.flow.output.folder import fields_mesh, read_flow, read_surface
 from surrogate.flow.output.meshes import pv, skin_mesh
-from surrogate.flow.solution import Solution
-from surrogate.flow.surface.forces_3d import curl
 
 VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # x, y and z range shown, in D
 SIZE = 820, 560  # pixels of a panel
@@ -18,6 +18,7 @@ ONWARD = 0.7  # distance behind the body in D that the camera looks at, to show 
 TURNS, TURNING = 36, (640, 440)  # frames of a turntable, pixels
 SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlines start, in D
 AROUND = 9  # streamlines at each distance
+LONGEST, SHORT = 12.0, 3.8  # lengths of streamlines in D; short ones leave a turntable's captions
 PERCENTILES = 2, 99.5  # of the surface values, ends of the colour scale
 
 
@@ -33,8 +34,51 @@ PRESSURE = Load("Cp", "pressure coefficient", "coolwarm")
 FRICTION = Load("friction", "friction coefficient", "inferno")
 
 
+class BodyPanel(NamedTuple):
+    """One picture of a sheet: a body in its flow, with a title and a note above it.
+
+    Attributes:
+      skin: the surface with arrays Cp, Cf (vectors) and friction = |Cf|.
+      flow: velocity over U and |vorticity| over U / D at cell centres within VIEW.
+      title: of the picture.
+      note: in small print below it.
+    """
+
+    skin: pv.PolyData
+    flow: pv.ImageData
+    title: str
+    note: str = ""
+
+
+def solved_panel(panel: Panel) -> BodyPanel:
+    """Return the picture of a solved 3-D flow."""
+    solution = panel.solution
+    skin, areas = skin_mesh(solution.shape)
+    skin["Cp"], skin["Cf"] = solution.skin_loads(skin.points.astype(float), areas)
+    return _panel(skin, solution.fields, panel.title, panel.note)
+
+
+def stored_panel(folder: str | Path) -> BodyPanel:
+    """Return the picture of a 3-D flow that ``Solution.write`` left in a folder.
+
+    Raises:
+      InvalidInput: there is no readable one.
+    """
+    stored = read_flow(folder)
+    return _panel(read_surface(folder), stored.fields, stored.picture.title)
+
+
+def _panel(skin: pv.PolyData, fields: Fields, title: str, note: str = "") -> BodyPanel:
+    skin["friction"] = np.linalg.norm(skin["Cf"], axis=1)
+    ends = zip(fields.axes, np.reshape(VIEW, (3, 2)), strict=True)
+    seen = [np.flatnonzero((x > low) & (x < high))[[0, -1]] for x, (low, high) in ends]
+    flow = fields_mesh(fields).extract_subset(np.concatenate(seen))
+    flow["vorticity"] = np.linalg.norm(flow["vorticity"], axis=1)
+    return BodyPanel(skin, flow, title, note)
+
+
 def render_bodies(
-    rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE, azimuth: float = ASIDE
+    rows: list[list[BodyPanel]], path: str | Path, load: Load = PRESSURE, azimuth: float = ASIDE
 ) -> Path:
     """Draw bodies and their flows as a PNG, with one colour scale in each row.
 
@@ -47,14 +91,13 @@ def render_bodies(
     )
     plotter.set_background("white", all_renderers=True)
     for i, row in enumerate(rows):
-        skins = [loaded_skin(panel.solution) for panel in row]
-        ends = np.percentile(np.concatenate([skin[load.array] for skin in skins]), PERCENTILES)
-        for j, (panel, skin) in enumerate(zip(row, skins, strict=True)):
+        loads = np.concatenate([panel.skin[load.array] for panel in row])
+        ends = np.percentile(loads, PERCENTILES)
+        for j, panel in enumerate(row):
             plotter.subplot(i, j)
-            flow = space_mesh(panel.solution)
-            _draw_cut(plotter, flow)
-            _draw_tubes(plotter, _streamlines(flow))
-            _draw_body(plotter, skin, ends, load, i)
+            _draw_cut(plotter, panel.flow)
+            _draw_tubes(plotter, _streamlines(panel.flow))
+            _draw_body(plotter, panel.skin, ends, load, i)
             write_caption(plotter, panel.title, (0.03, 0.93), 13)
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(azimuth, ONWARD)
@@ -64,17 +107,17 @@ def render_bodies(
     return Path(path)
 
 
-def render_turntable(panel: Panel, path: str | Path, load: Load = PRESSURE) -> Path:
+def render_turntable(panel: BodyPanel, path: str | Path, load: Load = PRESSURE) -> Path:
     """Draw a GIF of a body and its flow, turned around the vertical axis; returns its path.
 
     Stream tubes are drawn behind the body only; by symmetry those in front look the same.
     """
-    skin = loaded_skin(panel.solution)
+    skin = panel.skin
     plotter = pv.Plotter(off_screen=True, window_size=TURNING)
     plotter.set_background("white")
     with whole_file(path) as part:
         plotter.open_gif(str(part), fps=10, loop=0)
-        lines = _streamlines(space_mesh(panel.solution))
+        lines = _streamlines(panel.flow, SHORT)
         _draw_body(plotter, skin, np.percentile(skin[load.array], PERCENTILES), load)
         far, near = (_draw_tubes(plotter, side) for side in (lines, lines.reflect((0, 1, 0))))
         write_caption(plotter, panel.title, (0.03, 0.93), 10)
@@ -85,46 +128,6 @@ def render_turntable(panel: Panel, path: str | Path, load: Load = PRESSURE) -> P
             plotter.write_frame()
         plotter.close()
     return Path(path)
-
-
-def loaded_skin(solution: Solution) -> pv.PolyData:
-    """The closed surface mesh of a solved body with arrays Cp, Cf (vectors) and friction = |Cf|."""
-    mesh, areas = skin_mesh(solution.shape)
-    mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
-    mesh["friction"] = np.linalg.norm(mesh["Cf"], axis=1)
-    return mesh
-
-
-def space_mesh(solution: Solution) -> pv.ImageData:
-    """Velocity over U and |vorticity| over U / D at cell centres within VIEW."""
-    lattice = solution.domain.lattice.unfolded
-    velocity = solution.velocity
-    spin = np.asarray(curl(velocity, lattice.step[0]))
-    middles = [
-        (component + np.roll(component, 1, own)) / 2 for own, component in enumerate(velocity)
-    ]
-    edges = []
-    for own, part in enumerate(spin):
-        for axis in {0, 1, 2} - {own}:
-            part = (part + np.roll(part, 1, axis)) / 2
-        edges.append(part)
-    centres = [
-        low + (np.arange(cells) + 0.5) * step
-        for (low, _), cells, step in zip(
-            lattice.grid.domain, lattice.shape, lattice.step, strict=True
-        )
-    ]
-    ends = np.reshape(VIEW, (3, 2))
-    keep = [np.flatnonzero((x > a) & (x < b)) for x, (a, b) in zip(centres, ends, strict=True)]
-    box = tuple(slice(k[0], k[-1] + 1) for k in keep)
-    mesh = pv.ImageData(
-        dimensions=tuple(map(len, keep)),
-        spacing=lattice.step,
-        origin=[x[k[0]] for x, k in zip(centres, keep, strict=True)],
-    )
-    mesh["velocity"] = np.stack([m[box].ravel(order="F") for m in middles], axis=1)
-    mesh["vorticity"] = np.linalg.norm([e[box].ravel(order="F") for e in edges], axis=0)
-    return mesh
 
 
 def _draw_cut(plotter: pv.Plotter, flow: pv.ImageData) -> None:
@@ -181,7 +184,7 @@ def _draw_body(
     )
 
 
-def _streamlines(flow: pv.ImageData) -> pv.PolyData:
+def _streamlines(flow: pv.ImageData, length: float = LONGEST) -> pv.PolyData:
     """Streamlines with their speed, from half circles upstream on the side behind the body."""
     angles = np.pi * (np.arange(AROUND) + 0.5) / AROUND
     starts = [
@@ -193,7 +196,7 @@ def _streamlines(flow: pv.ImageData) -> pv.PolyData:
         pv.PolyData(np.array(starts)),
         vectors="velocity",
         integration_direction="forward",
-        max_length=12.0,
+        max_length=length,
         initial_step_length=0.2,
         terminal_speed=5e-3,
     )

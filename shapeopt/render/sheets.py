@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from shapeopt.problem.scenarios import LOAD_BOUNDS
-from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies
+from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel, render_flows
 from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
@@ -77,7 +77,7 @@ def _coefficients(solution: Solution, lifting: bool) -> list[str]:
 def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:
     """Draw flows, 2-D or 3-D, as a PNG and return its path; 3-D bodies are coloured by ``load``."""
     if rows[0][0].solution.shape.dimension == 3:
-        return render_bodies(rows, path, load)
+        return render_bodies([[solved_panel(one) for one in row] for row in rows], path, load)
     return render_flows(rows, path)
 
 

@@ -16,7 +16,14 @@ from study import Result, Row, Run, Study, Table, cases, columns, words
 from tools import name_of, solved
 
 from shapeopt import Problem, optimise
-from shapeopt.render.bodies_3d import AHEAD, FRICTION, render_bodies, render_turntable
+from shapeopt.render.bodies_3d import (
+    AHEAD,
+    FRICTION,
+    BodyPanel,
+    render_bodies,
+    render_turntable,
+    solved_panel,
+)
 from shapeopt.render.pictures import Panel
 from surrogate import Family, Fidelity, Flow, NotConverged, Scene, Solution, Tunnel, family_shape
 from surrogate.flow.check.error_estimate import ERROR_MODELS
@@ -224,14 +231,15 @@ def draw(result: Result, path: Path) -> None:
     render_bodies(over_re, path.with_name(f"{path.stem}_over_re.png"))
 
 
-def _panels(reynolds: float, bodies: dict[str, Row]) -> list[Panel]:
+def _panels(reynolds: float, bodies: dict[str, Row]) -> list[BodyPanel]:
     """The sphere and other bodies in their flows."""
     panels, sphere = [], None
     for name, body in {"sphere": {"aspect": 1.0}, **bodies}.items():
         found = solved(body, reynolds, SPACE_FIDELITIES["standard"], 3)
         sphere = sphere or found.drag
         change = "" if name == "sphere" else f"    {100 * (found.drag / sphere - 1):+.1f} %"
-        panels.append(Panel(found, f"Re {reynolds:g}    {name}    Cd {found.drag:.4g}{change}"))
+        title = f"Re {reynolds:g}    {name}    Cd {found.drag:.4g}{change}"
+        panels.append(solved_panel(Panel(found, title)))
     return panels
 
 

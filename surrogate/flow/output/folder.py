@@ -33,7 +33,8 @@ class StoredFlow(NamedTuple):
     def picture(self) -> Picture:
         """The flow as it is drawn."""
         r = self.record
-        title = f"Re {r['reynolds']:g}    Cd {r['cd']:.4f}"
+        turned = f"    incidence {r['incidence']:g}" if r.get("incidence") else ""
+        title = f"Re {r['reynolds']:g}{turned}    Cd {r['cd']:.4f}"
         if r["cl"] or r["cm"]:
             title += f"    Cl {r['cl']:.4f}    Cm {r['cm']:.4f}"
         return Picture(title, self.fields, self.contour[:, :2])
@@ -51,7 +52,7 @@ def write_flow(solution: Solution, folder: str | Path) -> Path:
       InvalidInput: the folder holds something else, or is not writable.
     """
     check_flow_folder(folder)
-    stored = StoredFlow(_record(solution), solution.fields, _contour(solution))
+    stored = flow_as_stored(solution)
     with whole_files(folder, RECORD) as part:
         np.savetxt(part / "contour.csv", stored.contour, "%.9g", ",", header=HEADER, comments="")
         _surface_mesh(solution, stored.contour).save(part / "contour.vtp")
@@ -61,6 +62,11 @@ def write_flow(solution: Solution, folder: str | Path) -> Path:
         draw_flows([stored.picture], part / "flow.png")
         (part / RECORD).write_text(json.dumps(stored.record, indent=1) + "\n")
     return Path(folder)
+
+
+def flow_as_stored(solution: Solution) -> StoredFlow:
+    """Return what a folder holds of a solved flow, without writing it."""
+    return StoredFlow(_record(solution), solution.fields, _contour(solution))
 
 
 def is_flow(folder: str | Path) -> bool:
@@ -87,9 +93,26 @@ def read_flow(folder: str | Path) -> StoredFlow:
         contour = np.loadtxt(folder / "contour.csv", delimiter=",", skiprows=1)
         return StoredFlow(record, fields, contour)
     except (OSError, ValueError, KeyError, TypeError, EOFError) as problem:
-        raise InvalidInput(
-            f"flow {folder}: cannot be read ({' '.join(str(problem).split())})"
-        ) from None
+        raise _unreadable(folder, problem) from None
+
+
+def read_surface(folder: str | Path) -> pv.PolyData:
+    """Return the contour, or the skin of a 3-D body, with Cp and Cf that ``write_flow`` stored.
+
+    Raises:
+      InvalidInput: the folder has no readable one.
+    """
+    try:
+        surface = pv.read(path_of(folder) / "contour.vtp")
+        if not {"Cp", "Cf"} <= set(surface.point_data):
+            raise ValueError("contour.vtp has no Cp and Cf")
+    except (OSError, ValueError) as problem:
+        raise _unreadable(folder, problem) from None
+    return surface
+
+
+def _unreadable(folder: str | Path, problem: Exception) -> InvalidInput:
+    return InvalidInput(f"flow {folder}: cannot be read ({' '.join(str(problem).split())})")
 
 
 def fields_mesh(fields: Fields) -> pv.ImageData:

@@ -95,14 +95,18 @@ def _panel(
 
 
 def _draw_eddies(axis: Axes, plane: _Plane, contour: np.ndarray, view: tuple) -> None:
-    """Draw streamlines from within the region of reversed flow behind the body."""
+    """Draw streamlines from within the regions of reversed flow behind the body.
+
+    The sense of rotation tells one eddy from another: that on the upper side turns clockwise. In a
+    wake that is not symmetric neither lies on a side of y = 0.
+    """
     x, y = np.meshgrid(plane.x, plane.y, indexing="ij")
     reversed_flow = (plane.u < -2e-3) & (x > contour[:, 0].mean()) & (x < view[1])
     reversed_flow &= (y > view[2]) & (y < view[3])
     if not np.any(reversed_flow):
         return
-    for side in (y > 0, y < 0):
-        places = np.argwhere(reversed_flow & side)
+    for turning in (plane.vorticity < 0, plane.vorticity > 0):
+        places = np.argwhere(reversed_flow & turning)
         if len(places) < 4:
             continue
         column = places[places[:, 0] == int(np.median(places[:, 0]))]
