@@ -1,14 +1,18 @@
 """The shipped surrogate of particles beside the flow and the correlations of particle codes."""
 
+import dataclasses
 import functools
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Loads
-from study import Result, Row, Run, Study, Table, columns
+from study import Result, Row, Run, Study, Table, cases, columns, values
 from tools import mean_and_most
 
-from surrogate import Flow, Scene, load
+from shapeopt.render.figures import INK, STYLE, plt, save_figure
+from shapeopt.render.polar import LABELS
+from surrogate import Flow, load
 
 SURROGATE, SEED = "pretrained:particle", 7  # the training used another seed
 KINDS = {  # what is drawn of each: prolate spheroids, oblate ones, flattened ellipsoids, others
@@ -18,6 +22,15 @@ KINDS = {  # what is drawn of each: prolate spheroids, oblate ones, flattened el
     "fore and aft unlike": {"aspect": (0.5, 3.0), "beta2": (-0.3, 0.3)},
 }
 LOADS = ("cd", "cl", "cm")
+POLARS = cases(aspect=(2.5, 0.5), incidence=range(0, 91, 15))  # a prolate and an oblate spheroid
+POLAR_REYNOLDS = 20.0
+LINES = (
+    "-",
+    "--",
+    "-.",
+    ":",
+    (0, (6, 2, 1, 2, 1, 2)),
+)  # of the surrogate and the correlations in the picture
 
 
 def bodies(run: Run) -> Iterator[Row]:
@@ -27,11 +40,11 @@ def bodies(run: Run) -> Iterator[Row]:
         family = {"aspect": (1, 1), "flatness": (1, 1), "beta2": (0, 0), "incidence": (0, 90)}
         drawn = np.random.default_rng([SEED, *map(ord, kind)])
         for k in range(10):
-            values = {n: drawn.uniform(*r) for n, r in (family | ranges).items()}
+            body = {n: drawn.uniform(*r) for n, r in (family | ranges).items()}
             if kind == "prolate" and k < 2 * len(ZASTAWNY):
-                values["aspect"] = list(ZASTAWNY)[k % len(ZASTAWNY)]
+                body["aspect"] = list(ZASTAWNY)[k % len(ZASTAWNY)]
             reynolds = np.exp(drawn.uniform(*np.log(scene.reynolds)))
-            yield {"kind": kind, "parameters": values, "reynolds": float(reynolds)}
+            yield {"kind": kind, "parameters": body, "reynolds": float(reynolds)}
 
 
 def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) -> Row:
@@ -51,10 +64,64 @@ def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) 
     return row
 
 
+def polar(run: Run, aspect: float, incidence: float) -> Row:
+    """Loads of a spheroid at Re 20 by the flow, by the surrogate and by the correlations."""
+    net = load(SURROGATE)
+    body = net.scene.family.parameters({"aspect": aspect, "incidence": incidence})
+    answers = {
+        name: Loads(*np.asarray(model.loads(body, POLAR_REYNOLDS)).tolist())
+        for name, model in (("flow", _flow(run.tiny)), ("surrogate", net))
+    }
+    for name, correlation in AT_INCIDENCE.items():
+        answers[name] = correlation(aspect, 1.0, incidence, POLAR_REYNOLDS) or Loads(None)
+    return {"loads": {name: answer._asdict() for name, answer in answers.items()}}
+
+
+def show_polars(rows: list[Row]) -> str:
+    """One table for each load, with those who answer it in its columns."""
+    parts = []
+    for load_name, symbol in zip(LOADS, ("Cd", "Cl", "Cm"), strict=True):
+        form = "aspect {aspect:g} | incidence {incidence:g}"
+        for name in rows[0]["loads"]:
+            if any(row["loads"][name][load_name] is not None for row in rows):
+                form += f" | {symbol}, {name} {{loads[{name}][{load_name}]:z.4f}}"
+        parts.append(columns(form)(rows))
+    return "\n\n".join(parts)
+
+
+def draw(result: Result, path: Path) -> None:
+    """Draw Cd, Cl and Cm of each spheroid over the incidence: the flow as points, others lines."""
+    rows = result["polar"]
+    with plt.rc_context(STYLE):
+        aspects = values(rows, "aspect")
+        size = {"figsize": (13, 3.4 * len(aspects)), "layout": "constrained"}
+        figure, axes = plt.subplots(len(aspects), len(LOADS), squeeze=False, **size)
+        for line, aspect in zip(axes, aspects, strict=True):
+            mine = [row for row in rows if row["aspect"] == aspect]
+            for axis, load_name in zip(line, LOADS, strict=True):
+                _draw_polar(axis, mine, load_name)
+            line[0].set_title(f"spheroid of aspect {aspect:g}, Re {POLAR_REYNOLDS:g}")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right upper")
+        save_figure(figure, path)
+
+
+def _draw_polar(axis: plt.Axes, rows: list[Row], load_name: str) -> None:
+    turns = [row["incidence"] for row in rows]
+    answers = {n: [row["loads"][n][load_name] for row in rows] for n in rows[0]["loads"]}
+    axis.plot(turns, answers.pop("flow"), "o", color=INK, ms=5, zorder=3, label="flow")
+    for k, (name, answer) in enumerate(answers.items()):
+        if None not in answer:
+            axis.plot(turns, answer, linestyle=LINES[k % len(LINES)], color=f"C{k}", label=name)
+    axis.set(xlabel=LABELS["incidence"], ylabel=LABELS[load_name], xticks=range(0, 91, 15))
+    if load_name != "cd":
+        axis.axhline(0, color=INK, lw=0.6)
+
+
 @functools.cache
 def _flow(tiny: bool) -> Flow:
     scene = load(SURROGATE).scene
-    return Flow(Scene.of(scene.record | {"fidelity": "draft"}) if tiny else scene)
+    coarse = dataclasses.replace(scene.fidelity, cells=5)
+    return Flow(dataclasses.replace(scene, fidelity=coarse) if tiny else scene)
 
 
 def text(result: Result) -> str:
@@ -76,6 +143,8 @@ def text(result: Result) -> str:
                 words.append(f"{kind} {', '.join(said)}")
         parts.append(f"{name}: {'; '.join(words)}")
     return (
+        f"The last three tables and the picture are polars at Re {POLAR_REYNOLDS:g}. Of oblate "
+        "spheroids no correlation here has lift or torque. "
         "Errors over Cd by the flow, on average and at most, of bodies that no training has seen, "
         f"each correlation within its range. {'. '.join(parts)}."
     )
@@ -104,4 +173,5 @@ COLUMNS = columns(
     " | Cd {cd:.4f} | Cl {cl:+.4f} | Cm {cm:+.4f}"
     " | error of the surrogate {surrogate[cd]:+.2%}, {surrogate[cl]:+.2%}, {surrogate[cm]:+.2%}"
 )
-STUDIES = {"particle": Study([Table(bodies, measure, COLUMNS)], text)}
+TABLES = [Table(bodies, measure, COLUMNS), Table(POLARS, polar, show_polars, key="polar")]
+STUDIES = {"particle": Study(TABLES, text, draw=draw)}
