@@ -82,6 +82,17 @@ def test_pressure_agrees_with_the_surface_and_with_bernoulli(cylinder):
     assert found(ahead)[0] == pytest.approx(1 - speed[0] ** 2, abs=0.01)
 
 
+def test_pressure_of_slow_flow_is_that_of_stokes():
+    """Past a sphere p = -3 x / (4 Re r^3), where the head is far from the stream's."""
+    sphere = family_shape({"aspect": 1.0}, dimension=3)
+    s = Flow(Scene(dimension=3, fidelity=ROUGH_3D)).solve(sphere, 0.01, estimate=False)
+    found = RegularGridInterpolator((s.x, s.y, s.z), s.p)
+    for x in (-1.4, -1.1, 1.1, 1.4):
+        point = np.array([[x, 0.3, -0.2]])
+        expected = -0.75 * x / (0.01 * np.linalg.norm(point) ** 3)
+        assert found(point)[0] == pytest.approx(expected, rel=0.05)
+
+
 def test_a_flow_is_written_whole_and_read_back(cylinder, tmp_path):
     assert cylinder.write(tmp_path / "flow") == tmp_path / "flow"
     assert {path.name for path in (tmp_path / "flow").iterdir()} == FILES

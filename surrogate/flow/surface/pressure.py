@@ -4,9 +4,12 @@ The traction modes carry the drag but split it badly on slender bodies, so the s
 extrapolated from the flow outside of the smeared layer.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import map_coordinates
+from scipy.special import kve
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain
@@ -23,8 +26,8 @@ def pressure(
 
     grad p is the body force minus the momentum equation's terms in the velocity. It has no curl on
     the grid, except for the interpolated far field, so any path of integration will do. The path
-    starts in the middle of the inflow side, where the total head is still the stream's: viscous
-    losses upstream of it fall off as exp(-Re r), 1 % of Cp at Re 1.
+    starts in the middle of the inflow side, where the total head is the stream's but for
+    ``head_loss``, which matters at low Re. In a tunnel it is neglected.
     """
     lattice = domain.lattice.unfolded
     body = domain.spread_body(markers, reynolds)
@@ -39,10 +42,62 @@ def pressure(
         along = np.concatenate([np.zeros_like(along[:1]), along[:-1]])
         field += along - along[middle[axis]]
     entry = tuple(slice(index - 1, index + 1) for index in middle)
-    stream = [component[entry].mean() for component in velocity]
-    stream[0] += 1
-    head = 0.5 - np.square(stream).sum() / 2
-    return field - field[entry].mean() + head
+    change = [component[entry].mean() for component in velocity]
+    start = -change[0] - np.square(change).sum() / 2
+    if domain.height is None:
+        ends = zip(lattice.grid.domain, middle, lattice.step, strict=True)
+        point = [low + index * step for (low, _), index, step in ends]
+        forces = force + _lamb_vector(lattice, velocity)
+        start -= head_loss(lattice, forces, point, reynolds)
+    return field - field[entry].mean() + start
+
+
+def _lamb_vector(lattice, velocity):
+    """Return u' x omega on the faces, -div u' u' + grad u'^2 / 2; zero where w is below 1."""
+    middle = [(part + np.roll(part, 1, axis)) / 2 for axis, part in enumerate(velocity)]
+    energy = np.square(middle).sum(axis=0) / 2
+    slope = [(np.roll(energy, -1, k) - energy) / step for k, step in enumerate(lattice.step)]
+    weight = lattice.cutoff()
+    return np.where(weight == 1, lattice.convect(weight * velocity) + np.stack(slope), 0.0)
+
+
+def head_loss(
+    lattice: Lattice, forces: Float[np.ndarray, "axes ..."], point: Sequence[float], reynolds: float
+) -> float:
+    """Return by how much the total head p + u^2 / 2 at a point is below the stream's.
+
+    With forces f, and the Lamb vector u' x omega of the perturbation among them, the momentum
+    equation of an unbounded stream gives dH/dx - nu Lap H = f_x - nu div f for the head H. With
+    Green's function Re E of the left side, where k = Re / 2 and E = exp(k x) K0(k r) / (2 pi) in
+    2-D, exp(k (x - r)) / (4 pi r) in 3-D, H is the integral of Re E f_x - grad E . f. Upstream of
+    the body it falls off as exp(-Re r).
+
+    Args:
+      lattice: whole grid.
+      forces: on its faces, over rho U^2 / D.
+      point: at which the head is wanted, not on a face.
+      reynolds: U D / nu.
+    """
+    k, total = reynolds / 2, 0.0
+    for axis, (face, force) in enumerate(zip(lattice.faces(), forces, strict=True)):
+        away = np.meshgrid(
+            *(end - start for end, start in zip(point, face, strict=True)),
+            indexing="ij",
+            sparse=True,
+        )
+        distance = np.sqrt(sum(side**2 for side in away))
+        decay = np.exp(k * (away[0] - distance))
+        if lattice.dimension == 2:
+            green = decay * kve(0, k * distance) / (2 * np.pi)
+            radial = -k * decay * kve(1, k * distance) / (2 * np.pi)
+        else:
+            green = decay / (4 * np.pi * distance)
+            radial = -(k + 1 / distance) * green
+        weight = -radial * away[axis] / distance
+        if axis == 0:
+            weight += (reynolds - k) * green
+        total += np.sum(weight * force)
+    return -float(total * np.prod(lattice.step))
 
 
 def surface_pressure(
