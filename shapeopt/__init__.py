@@ -5,7 +5,7 @@ problem -> search -> runs -> render; the payoff and the commands are above them.
 """
 
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import Glide, Robust, Tumbling, Weighted
+from shapeopt.problem.objective import Glide, Robust, Settling, Tumbling, Weighted
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.runs import load_run, save_run
@@ -23,6 +23,7 @@ __all__ = [
     "LogNormal",
     "Problem",
     "Robust",
+    "Settling",
     "Station",
     "Tumbling",
     "Uniform",

@@ -222,8 +222,10 @@ def _verification_record(
         }
     predicted = network and float(model_objective(network, design.parameters, scenarios))
     record["cd_surrogate"] = predicted
+    if bool(scenarios.glide | scenarios.force) and verified is not None:
+        record |= {name: cases[0][name] for name in DRAGS}
     if bool(scenarios.glide) and verified is not None:
-        record |= {"glide": -verified.objective} | {name: cases[0][name] for name in DRAGS}
+        record["glide"] = -verified.objective
     return record
 
 

@@ -38,6 +38,25 @@ def test_solve_drag_refuses_what_makes_no_sense_in_3d(words, message):
         solve_drag.main(words.split())
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "--reynolds: give it; only --objective settling finds its own"),
+        ("--objective settling", "goes with --objective settling, which needs it"),
+        ("--reynolds 20 --archimedes 100", "goes with --objective settling"),
+        ("--objective settling --archimedes 100 --reynolds 20", "finds its Reynolds number"),
+        ("--objective settling --archimedes 100 --spread 0.1", "--spread: --objective settling"),
+        ("--objective settling --archimedes 100 --surrogate pretrained", "3-D bodies"),
+    ],
+)
+def test_optimize_shape_refuses_what_cannot_settle(words, message, tmp_path):
+    with pytest.raises(InvalidInput, match=message):
+        optimize_shape.main(
+            ["--surrogate", "pretrained:particle", *words.split(), "--out", str(tmp_path / "x")]
+        )
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_scene_file_with_a_flatness_outside_its_family_is_refused(tmp_path):
     scene = tmp_path / "flat.toml"
     scene.write_text("flatness = 3\n")

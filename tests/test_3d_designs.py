@@ -8,10 +8,11 @@ import pytest
 from conftest import ROUGH_3D
 from pictures import pixels
 
-from shapeopt import Problem, load_run, optimise, save_run
+from shapeopt import Problem, Settling, load_run, optimise, save_run
 from shapeopt.problem.conflicts import candidates
 from shapeopt.render.bodies_3d import TURNS, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel
+from shapeopt.search.following import following
 from surrogate import Family, Flow, InvalidInput, Scene, load, train
 from surrogate.flow.output.meshes import pv
 
@@ -57,6 +58,77 @@ def test_golden_least_drags_by_the_shipped_surrogate():
         assert design.drag / sphere == pytest.approx(ratio, abs=0.006)
         assert design.parameters[0] == pytest.approx(aspect, rel=0.1)
         assert design.parameters[1] < 1.05  # nothing is gained by flattening
+
+
+def test_exact_terminal_velocity_where_the_force_is_a_power_of_re():
+    """Newton's method in log Re is exact there: C Re^2 = 4/3 Ar after one step."""
+    scene, archimedes = Scene(dimension=3, reynolds=(1, 40)), 300.0
+
+    def loads(problem):  # Cd and Cl whose force is 25 Re^-0.7
+        force = 25 * problem.scenarios.reynolds[0] ** -0.7 * np.array([0.8, 0.6])
+        return force, -0.7 * force
+
+    first = Problem(scene, Settling(archimedes))
+    second = following(first, *loads(first))
+    exact = (4 / 3 * archimedes / 25) ** (1 / 1.3)
+    assert second.objective.reynolds == pytest.approx(exact, rel=1e-12)
+    assert following(second, *loads(second)) is None
+    for too_much, words in ((1e4, "above Re 40"), (10.0, "below Re 1")):
+        edge = Problem(scene, Settling(too_much))  # the sphere's Re is outside the scene
+        with pytest.raises(InvalidInput, match=f"settles {words}, where the scene ends"):
+            following(edge, *loads(edge))
+
+
+@pytest.mark.parametrize(
+    ("scene", "archimedes", "message"),
+    [
+        (Scene(), 100.0, "needs a scene of 3-D bodies"),
+        (Scene(dimension=3), -1.0, "Archimedes number -1: from"),
+        (Scene(dimension=3), np.inf, "Archimedes number inf"),
+    ],
+)
+def test_what_cannot_settle_is_refused(scene, archimedes, message):
+    with pytest.raises(InvalidInput, match=message):
+        Problem(scene, Settling(archimedes))
+
+
+@pytest.mark.slow
+def test_no_body_settles_faster_by_the_surrogate():
+    """At the Re found the force on every other body at that incidence exceeds the weight."""
+    net, archimedes = load("pretrained:particle"), 1000.0
+    held = {"incidence": (45.0, 45.0)}
+    design = optimise(Problem(net.scene, Settling(archimedes), within=held), net)
+    reynolds = design.problem.objective.nominal
+    thrust = np.hypot(*design.loads[:2]) * reynolds**2
+    assert thrust == pytest.approx(4 / 3 * archimedes, rel=1e-4)
+    assert design.kkt_residual < 1e-4
+    low, high = net.scene.family.bounds.T
+    others = np.random.default_rng(0).uniform(low, high, (500, len(low)))
+    others[:, 3] = 45.0
+    forces = np.hypot(*np.asarray(net.loads(others, reynolds))[:, :2].T)
+    assert forces.min() * reynolds**2 > thrust
+    with pytest.raises(InvalidInput, match="above Re 100, where the scene ends; at most"):
+        optimise(Problem(net.scene, Settling(1e5), within=held), net)
+
+
+@pytest.mark.slow
+def test_the_fastest_body_is_one_of_the_flow(tmp_path):
+    """The flow's force balances the weight, at an optimum of the flow; the run says so."""
+    family = Family(dimension=3, aspect=(0.6, 2.0), incidence=(0, 90))
+    flow = Flow(Scene(dimension=3, reynolds=(5, 40), family=family, fidelity=ROUGH_3D))
+    held = {"incidence": (45.0, 45.0)}
+    design = optimise(Problem(flow.scene, Settling(400.0), within=held), flow)
+    reynolds = design.problem.objective.nominal
+    found = flow.solve(design.parameters, reynolds, estimate=False)
+    thrust = np.hypot(found.drag, found.lift) * reynolds**2
+    assert thrust == pytest.approx(4 / 3 * 400, rel=2e-4)
+    assert design.kkt_residual < 1e-3
+    slower = flow.solve(np.array([1.6, 45.0]), reynolds, estimate=False)
+    assert np.hypot(slower.drag, slower.lift) > np.hypot(found.drag, found.lift)
+    record = save_run(tmp_path / "run", design)
+    assert record["objective"]["archimedes"] == 400
+    assert record["reynolds"] == reynolds
+    assert record["cd_verified"] == pytest.approx(found.drag, rel=1e-6)
 
 
 @pytest.mark.slow

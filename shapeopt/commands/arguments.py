@@ -8,7 +8,15 @@ from contextlib import contextmanager
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import AtReynolds, Glide, Objective, Robust, Tumbling, Weighted
+from shapeopt.problem.objective import (
+    AtReynolds,
+    Glide,
+    Objective,
+    Robust,
+    Settling,
+    Tumbling,
+    Weighted,
+)
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.problem.uncertainty import LogNormal, Uniform
@@ -36,6 +44,7 @@ METHODS_HELP = (
 SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 SINGLE = {"glide": Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
+SETTLING = "settling"  # the objective that finds its Reynolds number
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
@@ -146,10 +155,12 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--surrogate", default="pretrained", help=models)
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
-    add("--reynolds", required=True, help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
+    add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
     objective = "drag: least Cd (default); glide: greatest Cl / Cd; tumbling: least mean Cd over "
-    objective += "all orientations of a 3-D body"
-    add("--objective", choices=["drag", *SINGLE], default="drag", help=objective)
+    objective += "all orientations of a 3-D body; settling: greatest terminal velocity of a "
+    objective += "particle of --archimedes, held at its incidence"
+    add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
+    add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
     add("--lift", type=float, help="lower bound on Cl (none)")
     add("--min-moment", type=float, help="lower bound on Cm, about the centroid, nose up (none)")
     add("--max-moment", type=float, help="upper bound on it (none)")
@@ -207,9 +218,20 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
 
 
 def _objective(arguments: argparse.Namespace) -> Objective:
-    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     uncertain = [name for name, value in given.items() if value is not None]
+    settles = arguments.objective == SETTLING
+    if settles != (arguments.archimedes is not None):
+        raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
+    if settles:
+        others = [name for name in ("reynolds", "weights") if getattr(arguments, name) is not None]
+        if others or uncertain:
+            words = "finds its Reynolds number, a certain one"
+            raise InvalidInput(f"--{[*others, *uncertain][0]}: --objective {SETTLING} {words}")
+        return Settling(arguments.archimedes)
+    if arguments.reynolds is None:
+        raise InvalidInput("--reynolds: give it; only --objective settling finds its own")
+    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
     if arguments.objective in SINGLE:
         if len(reynolds) > 1 or uncertain:
             words = "goes with one Reynolds number, without spread"

@@ -11,12 +11,15 @@ python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --obj
     --out out/glider
 python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.3 \
     --max-moment 0.1 --out out/vane
+python scripts/optimize_shape.py --surrogate pretrained:particle --objective settling \
+    --archimedes 1000 --range incidence=45:45 --until flow --out out/fast
 
 The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at
 that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar
 over the worst of them. Reynolds numbers are truncated to the scene's range. All cd_* are then
 values of that objective, and "cases" lists the drags. Sections with camber and incidence may have
-bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective.
+bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective. Of particles the terminal
+velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it balances weight.
 """
 
 import argparse
@@ -117,6 +120,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified"
     if "glide" in r:
         lifts += f", glide ratio {r['glide']:.4f}"
+    if archimedes := r["objective"].get("archimedes"):
+        lifts += f"; none settles faster at Archimedes number {archimedes:g}"
     lines = [
         f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "

@@ -1,4 +1,4 @@
-"""Objectives: drag at one Reynolds number, over several, uncertain or tumbling; glide ratio.
+"""Objectives: drag at one Reynolds number, over several, uncertain or tumbling; glide; settling.
 
 An objective states its scenarios; ``shapeopt.problem.scenarios`` makes one number of their loads.
 A new objective is a subclass of ``Objective`` here, and nothing else.
@@ -6,7 +6,8 @@ A new objective is a subclass of ``Objective`` here, and nothing else.
 
 import abc
 import dataclasses
-from typing import Any
+import math
+from typing import Any, ClassVar
 
 import jax
 import numpy as np
@@ -19,17 +20,25 @@ from surrogate.arrays import AnyArray
 from surrogate.body.parameters import INCIDENCE, QUARTER_TURN
 from surrogate.checks import expect, finite_number, real_numbers, whole_number
 from surrogate.errors import InvalidInput
+from surrogate.flow.settling import BALANCED, SMALLEST, sphere_reynolds
 from surrogate.scene.scene import Scene
 
 # The normal changes of shape are truncated here, in standard deviations, so that they are bounded
 # and no scenario leaves the trained ranges.
 TRUNCATION = 2.0
 ORIENTATIONS = 6  # points of Gauss's rule over the cosine of the incidence
+MOST_ARCHIMEDES = 1e6  # a sphere settles at Re 2000, beyond any steady flow
 LEAST_KEPT = 0.5 - 1e-6  # probability of the spread that must lie within the trained range of Re
 
 
 class Objective(abc.ABC):
-    """What is minimised: one number made of the loads over scenarios."""
+    """What is minimised: one number made of the loads over scenarios.
+
+    ``fixed`` says whether the scenarios are known before the search; otherwise each optimum has a
+    ``following`` objective, until there is none (``shapeopt.search.following``).
+    """
+
+    fixed: ClassVar[bool] = True
 
     @property
     @abc.abstractmethod
@@ -43,6 +52,24 @@ class Objective(abc.ABC):
         Raises:
           InvalidInput: a Reynolds number is outside the scene's range.
         """
+
+    def following(
+        self,
+        scene: Scene,
+        loads: Float[AnyArray, " loads"],
+        by_log_reynolds: Float[AnyArray, " loads"],
+    ) -> "Objective | None":
+        """Return the objective to be minimised next, or None where its optimum is the answer.
+
+        Args:
+          scene: of the problem.
+          loads: of the optimum, in the first scenario.
+          by_log_reynolds: their derivatives in log Re.
+
+        Raises:
+          InvalidInput: there is no answer within the scene.
+        """
+        return None
 
     def record(self, scene: Scene) -> dict[str, Any]:
         """Return the settings that are stored with a run."""
@@ -98,6 +125,68 @@ class Tumbling(AtReynolds):
         shift[:, names.index(INCIDENCE.name)] = angles - middle
         reynolds = [scene.check_reynolds(self.reynolds)] * len(angles)
         return _scenarios(scene, reynolds, np.append(weight / 2, [0, 0]), shift)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settling(Objective):
+    """The terminal velocity of a particle, which is maximised, for scenes of 3-D bodies.
+
+    A body moves steadily where the force on it balances its weight less buoyancy,
+    C Re^2 = 4/3 Ar with C = sqrt(Cd^2 + Cl^2). Its velocity is Re nu / D, and its incidence is that
+    to its motion. The least C Re^2 of all bodies grows with Re, so the fastest body has the least C
+    at its own Re: C is minimised at one Re after another, by Newton's method in log Re.
+
+    Args:
+      archimedes: Ar = |density ratio - 1| g D^3 / nu^2, as ``Particle.archimedes``.
+      reynolds: where the search begins; by default that of the sphere, by Schiller and Naumann.
+    """
+
+    archimedes: float
+    reynolds: float | None = None
+
+    fixed: ClassVar[bool] = False
+
+    def __post_init__(self):
+        archimedes = finite_number("Archimedes number", self.archimedes)
+        if not SMALLEST <= archimedes <= MOST_ARCHIMEDES:
+            raise InvalidInput(
+                f"Archimedes number {archimedes:g}: from {SMALLEST:g} to {MOST_ARCHIMEDES:g}"
+            )
+        object.__setattr__(self, "archimedes", archimedes)
+        begin = sphere_reynolds(archimedes) if self.reynolds is None else self.reynolds
+        object.__setattr__(self, "reynolds", finite_number("Reynolds number", begin))
+
+    @property
+    def nominal(self) -> float:
+        return self.reynolds
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        if scene.dimension != 3:
+            raise InvalidInput("settling: needs a scene of 3-D bodies, dimension 3")
+        return _scenarios(scene, [self._within(scene)], [1.0], force=True)
+
+    def following(self, scene, loads, by_log_reynolds):
+        at, force = self._within(scene), np.asarray(loads)[:2]  # Cd and, where there is one, Cl
+        thrust = np.linalg.norm(force) * at**2
+        excess = math.log(thrust / (4 / 3 * self.archimedes))
+        if abs(excess) <= BALANCED and at == self.reynolds:
+            return None
+        slope = 2 + force @ np.asarray(by_log_reynolds)[:2] / (force @ force)
+        reynolds = float(np.clip(at * math.exp(-excess / slope), *scene.reynolds))
+        if reynolds == at and abs(excess) > BALANCED:
+            side, most = ("above", "at most") if excess < 0 else ("below", "at least")
+            raise InvalidInput(
+                f"Archimedes number {self.archimedes:g}: the fastest body settles {side} Re "
+                f"{at:g}, where the scene ends; {most} {0.75 * thrust:.4g} would do"
+            )
+        return dataclasses.replace(self, reynolds=reynolds)
+
+    def record(self, scene: Scene) -> dict[str, Any]:
+        return {"archimedes": self.archimedes}
+
+    def _within(self, scene):
+        """Return the Re of the search, within the scene's range."""
+        return float(np.clip(self.reynolds, *scene.reynolds))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -232,6 +321,7 @@ def _scenarios(
     relative: bool = False,
     level: float = 0.0,
     glide: bool = False,
+    force: bool = False,
 ) -> Scenarios:
     if shift is None:
         shift = np.zeros((len(reynolds), len(scene.family.names)))
@@ -239,6 +329,7 @@ def _scenarios(
         *(np.asarray(value, float) for value in (shift, reynolds, weight)),
         np.asarray(relative),
         np.asarray(glide),
+        np.asarray(force),
         np.asarray(level),
         scene.family.ellipse(1.0),
         np.zeros(0),

@@ -26,7 +26,8 @@ class Problem:
     Args:
       scene: stream, family of bodies and fidelity.
       reynolds: a Reynolds number U D / nu, to minimise Cd there; or an objective, ``Glide``,
-        ``Weighted`` or ``Robust``; several numbers are ``Weighted`` equally.
+        ``Settling``, ``Tumbling``, ``Weighted`` or ``Robust``; several numbers are ``Weighted``
+        equally.
       max_length: upper bound on the chord.
       min_thickness: lower bound on the greatest thickness; in 3-D on the height.
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.

@@ -51,7 +51,8 @@ class Scenarios(NamedTuple):
     """The cases i of an objective: shape changes s_i, Reynolds numbers Re_i and weights w_i.
 
     Weights sum to 1. The loss of a case is Cd; with ``relative`` it is divided by the drag of the
-    ``round_body`` (cylinder, in 3-D sphere) at the same Re; with ``glide`` it is -Cl / Cd.
+    ``round_body`` (cylinder, in 3-D sphere) at the same Re; with ``glide`` it is -Cl / Cd, with
+    ``force`` sqrt(Cd^2 + Cl^2).
     ``level`` is the CVaR level: the objective is the mean of the worst share 1 - level of the
     cases, and of all cases at level 0. ``load_bounds`` are the values of ``LOAD_BOUNDS``, which
     hold in every case; there are none where there is no lift.
@@ -62,6 +63,7 @@ class Scenarios(NamedTuple):
     weight: Float[AnyArray, " cases"]
     relative: Bool[AnyArray, ""]
     glide: Bool[AnyArray, ""]
+    force: Bool[AnyArray, ""]
     level: Float[AnyArray, ""]
     round_body: Float[AnyArray, " parameters"]
     load_bounds: Float[AnyArray, " load_bounds"]
@@ -85,6 +87,7 @@ def combine(
     drags, lifts = loads[:, 0], loads[:, 1:2].sum(axis=1)  # no lift where there is none
     losses = drags / jnp.where(scenarios.relative, round_drags, 1.0)
     losses = jnp.where(scenarios.glide, -lifts / drags, losses)
+    losses = jnp.where(scenarios.force, jnp.sqrt(drags**2 + lifts**2), losses)
     return conditional_value_at_risk(losses, scenarios.weight, scenarios.level)
 
 

@@ -35,7 +35,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
       NotConverged: a flow did not converge.
     """
     start, optimum = solve_run(record)
-    reynolds, lifting = f"Re {record['reynolds']:g}", not has_no_lift(record)
+    reynolds, lifting = f"Re {record['reynolds']:.4g}", not has_no_lift(record)
     before = [reynolds, run_scene(record).family.round_body, *_coefficients(start, lifting)]
     after = [reynolds, "optimum", *_coefficients(optimum, lifting)]
     if not is_about_lift(record):
@@ -67,11 +67,13 @@ def is_about_lift(record: JsonObject) -> bool:
 
 
 def _coefficients(solution: Solution, lifting: bool) -> list[str]:
-    """Cd, and of bodies with lift Cl and the glide ratio, for a title."""
-    if not lifting:
-        return [f"Cd {solution.drag:.4f}"]
-    cl = round(solution.lift, 4) + 0.0  # no minus zero
-    return [f"Cd {solution.drag:.4f}", f"Cl {cl:.4f}", f"Cl/Cd {cl / solution.drag:.3f}"]
+    """Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, for a title."""
+    words, cl = [f"Cd {solution.drag:.4f}"], round(solution.lift, 4) + 0.0  # no minus zero
+    if lifting:
+        words.append(f"Cl {cl:.4f}")
+    if lifting and solution.shape.dimension == 2:
+        words.append(f"Cl/Cd {cl / solution.drag:.3f}")
+    return words
 
 
 def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:

@@ -26,6 +26,7 @@ from shapeopt.search.evaluated import (
     evaluate_design,
     starting_body,
 )
+from shapeopt.search.following import MAX_PROBLEMS, follow_all, following, not_followed
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from shapeopt.search.propose import Proposal, propose
@@ -98,7 +99,7 @@ class Designer:
         memory.refresh()
         before = memory.flows, memory.green_applications
         try:
-            evaluated, failures, calls = self._search(problem, report)
+            problem, evaluated, failures, calls = self._follow(problem, report)
         finally:
             self._save()
         best = min(evaluated, key=lambda body: body.rank)
@@ -131,6 +132,32 @@ class Designer:
             self.memory.save()
         except (OSError, InvalidInput) as problem:
             warnings.warn(f"the flows of this design were not kept: {problem}", stacklevel=3)
+
+    def _follow(
+        self, problem: Problem, report: Report | None
+    ) -> tuple[Problem, list[EvaluatedDesign], int, int]:
+        """Return the last problem that follows from a problem, and the results of its search.
+
+        Raises:
+          InvalidInput: there is no answer within the scene.
+          NotConverged: no flow was found, or no last problem.
+        """
+        memory, failures, calls = self.memory, 0, 0
+        if not problem.objective.fixed and memory.base is not None:
+            (problem,), (proposal,) = follow_all([problem], memory.base)
+            calls = proposal.calls
+        for _ in range(MAX_PROBLEMS):
+            evaluated, failed, evaluations = self._search(problem, report)
+            failures, calls = failures + failed, calls + evaluations
+            if problem.objective.fixed:
+                return problem, evaluated, failures, calls
+            best = min(evaluated, key=lambda body: body.rank)
+            seen = memory.evaluate(best.parameters, problem.scenarios.reynolds[0])
+            found = following(problem, seen.loads, seen.load_slopes[:, -1])
+            if found is None:
+                return problem, evaluated, failures, calls
+            problem = found
+        raise not_followed()
 
     def _search(
         self, problem: Problem, report: Report | None

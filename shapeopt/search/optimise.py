@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design, padded_loads
 from shapeopt.search.designer import Designer, check_model, check_problem
-from shapeopt.search.propose import Proposal, propose_all
+from shapeopt.search.following import follow_all
+from shapeopt.search.propose import Proposal
 from surrogate.checks import expect
 from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
@@ -64,7 +65,9 @@ def optimise_all(
     for problem in problems:
         check_problem(problem, surrogate.scene)
     chosen, begin = choose_devices(devices), time.perf_counter()
-    proposals = propose_all(problems, surrogate.network, devices=chosen) if problems else []
+    proposals = []
+    if problems:
+        problems, proposals = follow_all(problems, surrogate.network, chosen)
     share = (time.perf_counter() - begin) / max(len(problems), 1)
     pairs = zip(problems, proposals, strict=True)
     return [_design(problem, surrogate, proposal, share) for problem, proposal in pairs]

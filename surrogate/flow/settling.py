@@ -104,7 +104,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     if shape.dimension != 3:
         raise InvalidInput("settling: is for 3-D bodies, dimension 3")
     goal = math.log(4 / 3 * particle.archimedes)
-    re = math.exp(brentq(lambda log_re: _log_sphere_thrust(log_re) - goal, *LOG_RE))
+    re = sphere_reynolds(particle.archimedes)
     slope = (_log_sphere_thrust(math.log(1.01 * re)) - goal) / math.log(1.01)
     slowest, fastest = RANGE[0], float(onset_of_shedding(shape.extent))
     before = None
@@ -129,6 +129,12 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     raise NotConverged(
         f"settling: drag and weight differ by {abs(excess):.1e} after {MAX_FLOWS} flows"
     )
+
+
+def sphere_reynolds(archimedes: float) -> float:
+    """Return Re of a sphere that settles, by Schiller and Naumann's correlation."""
+    goal = math.log(4 / 3 * archimedes)
+    return math.exp(brentq(lambda log_re: _log_sphere_thrust(log_re) - goal, *LOG_RE))
 
 
 def _log_sphere_thrust(log_re):

@@ -1,0 +1,74 @@
+"""Objectives whose Reynolds number depends on the optimum: one problem follows from another."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Float
+
+from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import LoadModel
+from shapeopt.search.propose import Proposal, propose_all
+from surrogate.arrays import AnyArray
+from surrogate.devices import Devices
+from surrogate.errors import NotConverged
+
+MAX_PROBLEMS = 12  # that follow from each other; Newton's method in log Re takes 3 or 4
+
+
+def following(
+    problem: Problem, loads: Float[AnyArray, " loads"], by_log_reynolds: Float[AnyArray, " loads"]
+) -> Problem | None:
+    """Return the problem that follows from a problem's optimum, None where that is the answer.
+
+    Args:
+      problem: whose objective has one scenario.
+      loads: of its optimum.
+      by_log_reynolds: their derivatives in log Re.
+
+    Raises:
+      InvalidInput: there is no answer within the scene.
+    """
+    objective = problem.objective.following(problem.scene, loads, by_log_reynolds)
+    return None if objective is None else dataclasses.replace(problem, reynolds=objective)
+
+
+def follow_all(
+    problems: Sequence[Problem], model: LoadModel, devices: Devices | None = None
+) -> tuple[list[Problem], list[Proposal]]:
+    """Return the last problem that follows from each problem on a model, and its optimum.
+
+    Problems with fixed objectives are their own last ones.
+
+    Raises:
+      InvalidInput: as ``propose_all``; or a problem has no answer within the scene.
+      NotConverged: as ``propose_all``; or there is no last problem.
+    """
+    problems, calls = list(problems), [0] * len(problems)
+    for _ in range(MAX_PROBLEMS):
+        proposals = propose_all(problems, model, devices=devices)
+        calls = [one + proposal.calls for one, proposal in zip(calls, proposals, strict=True)]
+        pairs = zip(problems, proposals, strict=True)
+        found = [_following(model, problem, proposal) for problem, proposal in pairs]
+        if not any(found):
+            pairs = zip(proposals, calls, strict=True)
+            return problems, [proposal._replace(calls=count) for proposal, count in pairs]
+        problems = [new or old for new, old in zip(found, problems, strict=True)]
+    raise not_followed()
+
+
+def not_followed() -> NotConverged:
+    """Return the error where every optimum leads to another problem."""
+    return NotConverged(f"optimise: no Reynolds number was found in {MAX_PROBLEMS} searches")
+
+
+def _following(model: LoadModel, problem: Problem, proposal: Proposal) -> Problem | None:
+    if problem.objective.fixed:
+        return None
+    log_re = jnp.log(problem.scenarios.reynolds[0])
+
+    def loads(log_re):
+        return model.loads(jnp.asarray(proposal.parameters), jnp.exp(log_re))
+
+    return following(problem, *jax.jvp(loads, (log_re,), (jnp.ones_like(log_re),)))
