@@ -83,7 +83,7 @@ def expected(surrogate, precision):
 
 
 def check(expected, precision, loads, jacobian, status):
-    """Errors are measured over Cd, and over the largest derivative of the load in any input."""
+    """Errors are measured over Cd, and over the largest derivative of any load in any input."""
     _, right, slopes, flags = expected
     limit = LIMITS[precision]
     assert np.max(np.abs(loads - right) / right[:, :1]) < limit
@@ -125,11 +125,32 @@ def test_c(surrogate, precision, expected, tmp_path):
     for k in range(0, CASES, 97):
         assert one(*map(pointer, (x[k], alone, slopes))) == status[k]
         assert np.allclose(alone, loads[k], rtol=LIMITS[precision])
-    invalid, kept = x[0].copy(), alone.copy()
-    for value in (np.nan, np.inf, -1.0):
-        invalid[-1] = value
+    kept, beta = alone.copy(), surrogate.scene.family.names.index("beta2")
+    for place, value in ((-1, np.nan), (-1, np.inf), (-1, -1.0), (beta, -91.0), (beta, 1e30)):
+        invalid = x[0].copy()
+        invalid[place] = value
         assert one(pointer(invalid), pointer(alone), None) == 2
         assert np.array_equal(alone, kept)
+
+
+FAST = (["-Ofast"], ["-O2", "-funsafe-math-optimizations"], ["-O2", "-ffp-contract=fast"])
+
+
+@pytest.mark.parametrize("flags", FAST, ids=" ".join)
+def test_c_whatever_liberties_the_compiler_takes(flags, precision, tmp_path):
+    net = random_network("turning")
+    low, high = net.ranges.bounds.T
+    low, high = (low + high) / 2, 0.3 * low + 0.7 * high  # where no contour crosses itself
+    x = np.random.default_rng(1).uniform(low, high, (300, low.size))
+    x[:, -1] = np.exp(x[:, -1])
+    x = x.astype(DTYPES[precision])
+    source = export(net, tmp_path / "s.c", "c", precision=precision)
+    library = build(["gcc", *flags, "-march=native"], source, tmp_path)
+    loads = np.zeros((len(x), 3), x.dtype)
+    count = ctypes.c_size_t(len(x))
+    assert library.surrogate_loads_batch(count, pointer(x), pointer(loads), None, None) == 0
+    right = net.loads(x[:, :-1].astype(float), x[:, -1].astype(float))
+    assert np.max(np.abs(loads - right) / right[:, :1]) < LIMITS[precision]
 
 
 FORTRAN_HOST = """
@@ -219,6 +240,8 @@ def test_every_export_says_what_it_is(tmp_path):
         ({"precision": "half"}, "one of double, single"),
         ({"prefix": "2d"}, "a letter, then"),
         ({"path": "s.txt"}, r"ends in \.c"),
+        ({"to": "fortran", "path": "s.f90", "prefix": "Low"}, "the Fortran code itself uses"),
+        ({"to": "fortran", "path": "s.f90", "prefix": "log"}, "the Fortran code itself uses"),
     ],
 )
 def test_bad_exports_are_refused(changes, message, tmp_path):

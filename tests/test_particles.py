@@ -193,15 +193,40 @@ def test_designs_at_an_angle_and_over_all_orientations(net):
         optimise(Problem(load("pretrained:space").scene, Tumbling(30.0)), load("pretrained:space"))
 
 
-def build(net, tmp_path):
+def build(net, tmp_path, *more):
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
     export(net, tmp_path / "particle.c", "c", prefix="particle")
     command = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O3", "-fopenmp"]
     program = tmp_path / "particles"
     files = ["-I", tmp_path, HOST, tmp_path / "particle.c", "-lm"]
-    subprocess.run([*command, *files, "-o", program], check=True)
+    subprocess.run([*command, *more, *files, "-o", program], check=True)
     return program
+
+
+def moved(program, lines, steps=20):
+    """States after some steps, a row for each particle."""
+    command = [program, str(len(lines)), str(steps), "0.001"]
+    ran = subprocess.run(command, input="\n".join(lines), capture_output=True, text=True)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    return np.array([line.split() for line in ran.stdout.splitlines()], float)
+
+
+def test_a_host_moves_every_particle_of_many_as_if_it_were_alone(net, tmp_path):
+    """Bodies, orientations and weights of all kinds, in more than two blocks of the host."""
+    rng, lines = np.random.default_rng(5), []
+    for _ in range(150):
+        turn = rng.normal(size=4)
+        body = rng.uniform([0.5, -0.1, 1.1, 10], [3, 0.1, 3, 2000])
+        lines.append(" ".join(map(repr, [*body.tolist(), *(turn / np.linalg.norm(turn)).tolist()])))
+    program = build(net, tmp_path)
+    together = moved(program, lines)
+    assert np.all(together[:, 2] < 0)  # they fall
+    assert np.linalg.norm(together[:, 6:10], axis=1) == pytest.approx(1, abs=1e-9)
+    for k in (0, 1, 63, 64, 100, 149):
+        np.testing.assert_allclose(moved(program, lines[k : k + 1])[0], together[k], rtol=1e-9)
+    checked = build(net, tmp_path, "-fsanitize=undefined", "-fno-sanitize-recover")
+    np.testing.assert_allclose(moved(checked, lines[:70], 2), moved(program, lines[:70], 2))
 
 
 @pytest.mark.parametrize(("aspect", "beta2"), [(2.0, 0.15), (0.6, 0.0)])
@@ -235,11 +260,15 @@ def test_a_particle_codes_host_moves_a_particle_as_python_does(net, tmp_path, as
 
 def test_a_host_says_what_it_needs(net, tmp_path):
     program = build(net, tmp_path)
-    ran = subprocess.run([program], capture_output=True, text=True)
-    assert (ran.returncode, "COUNT STEPS TIME_STEP" in ran.stderr) == (2, True)
+    good = "2 0 3 1000 1 0 0 0"
+    for words in ([], ["0", "1", "1"], ["-1", "1", "1"], ["1", "none", "1"], ["1", "1", "nan"]):
+        ran = subprocess.run([program, *words], input=good, capture_output=True, text=True)
+        assert (ran.returncode, "COUNT STEPS TIME_STEP" in ran.stderr) == (2, True)
+    ran = subprocess.run([program, "2", "1", "1"], input=good, capture_output=True, text=True)
+    assert ran.returncode == 2  # a line is missing
     fast = "2 0 3000 1e6 1 0 0 0"
     ran = subprocess.run([program, "1", "40", "0.1"], input=fast, capture_output=True, text=True)
-    assert ran.returncode != 0
+    assert ran.returncode == 1
     assert "outside the ranges" in ran.stderr
 
 

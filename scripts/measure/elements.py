@@ -21,7 +21,7 @@ from surrogate import InvalidInput, NotConverged, family_shape
 START = 5.0  # highest Re at which Newton's method converges from rest
 RISE = 5.0  # largest ratio of successive Re of the continuation
 STEPS = 20  # of Newton's method
-TOLERANCE = 1e-8
+TOLERANCE = 1e-6
 BOX_RATIO = 0.377  # of the errors of Cd in a box and in one of half its size
 START_OF_SERIES = 0.5  # Re from which a box of 100 D ends where the series of K0 holds
 CORNERS = 1e-9  # compressibility, so that corner elements without free velocities have a pressure

@@ -71,16 +71,25 @@ def loads_by_elements(
 def loads_in_space(body: Mapping[str, float], reynolds: float, elements: Elements = BOX) -> Loads:
     """Loads of a 3-D body in one box, whose far field is that of its force.
 
+    Elements of third degree start from the flow in elements of second degree on the same mesh,
+    which takes a fraction of the time.
+
     Raises:
       Unavailable: NGSolve is not installed.
       NotConverged: Newton's method failed.
     """
     ng = ngsolve()
-    mesh = half(ng, family_shape(body, dimension=3), elements)
+    mesh, numbers = half(ng, family_shape(body, dimension=3), elements), continuation(reynolds)
     fixed = {"dirichlet": "body|stream", "dirichlety": "flank|body|stream"}
-    velocities = ng.VectorH1(mesh, order=elements.order, **fixed)
-    flow = ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
-    return Loads(*(8 / np.pi * raise_reynolds(ng, flow, continuation(reynolds))).tolist())
+    flow, loads = None, np.zeros(3)
+    for order in range(2, elements.order + 1):
+        velocities = ng.VectorH1(mesh, order=order, **fixed)
+        finer = ng.GridFunction(velocities * ng.H1(mesh, order=order - 1))
+        for to, known in zip(finer.components, flow.components if flow else (), strict=False):
+            to.Set(known)
+        flow, loads = finer, raise_reynolds(ng, finer, numbers, loads)
+        numbers = (reynolds,)
+    return Loads(*(8 / np.pi * loads).tolist())
 
 
 def section_at_rest(ng: Any, shape: Shape, elements: Elements) -> Any:

@@ -8,9 +8,12 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from study import Unavailable
 
 from surrogate.model.inputs import Inputs
 from surrogate.model.kriging import Observation, kriging
+
+COMPONENTS = 4  # of partial least squares, and points that replace a flow's gradient
 
 
 class Solved(NamedTuple):
@@ -26,6 +29,14 @@ class Solved(NamedTuple):
     @property
     def log_drag(self) -> np.ndarray:
         return np.log([flow.drag for flow in self.observations])
+
+
+class SolvedLoads(NamedTuple):
+    """Solved flows in scaled inputs: the outputs (log Cd, Cl / Cd, Cm / Cd) and their gradients."""
+
+    z: np.ndarray  # (flows, inputs)
+    outputs: np.ndarray  # (flows, loads)
+    slopes: np.ndarray  # (flows, loads, inputs)
 
 
 Predictor = Callable[[np.ndarray], np.ndarray]
@@ -72,3 +83,61 @@ def _kriging(solved: Solved) -> Predictor:
     with warnings.catch_warnings():  # a length scale at its bound, an early end of the search
         warnings.simplefilter("ignore", ConvergenceWarning)
         return GaussianProcessRegressor(kernel, **search).fit(solved.z, solved.log_drag).predict
+
+
+def polynomial_with_slopes(solved: SolvedLoads) -> Predictor:
+    """Least squares of outputs and slopes on all monomials, of the degree that predicts best.
+
+    The degree is chosen on a quarter of the flows, fitted to the others.
+    """
+    count, size = solved.z.shape
+    split = 3 * count // 4
+    some, rest = (SolvedLoads(*(x[part] for x in solved)) for part in _parts(split, count))
+    most = split * (size + 1)
+    degrees = [d for d in range(1, 7) if math.comb(size + d, d) <= 0.7 * most]
+
+    def error(degree):
+        return np.mean((_fitted_polynomial(some, degree)(rest.z) - rest.outputs) ** 2)
+
+    return _fitted_polynomial(solved, min(degrees, key=error))
+
+
+def _parts(split: int, count: int) -> tuple[slice, slice]:
+    return slice(0, split), slice(split, count)
+
+
+def _fitted_polynomial(solved: SolvedLoads, degree: int) -> Predictor:
+    from sklearn.preprocessing import PolynomialFeatures
+
+    powers = PolynomialFeatures(degree).fit(solved.z).powers_
+    rows = [np.prod(solved.z[:, None] ** powers, axis=-1)]
+    right = [solved.outputs]
+    for k in range(solved.z.shape[1]):
+        lower = np.maximum(powers - np.eye(powers.shape[1], dtype=int)[k], 0)
+        rows.append(powers[:, k] * np.prod(solved.z[:, None] ** lower, axis=-1))
+        right.append(solved.slopes[:, :, k])
+    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    return lambda z: np.prod(z[:, None] ** powers, axis=-1) @ found
+
+
+def gekpls(solved: SolvedLoads) -> Predictor:
+    """Gradient-enhanced kriging with partial least squares by SMT (Bouhlel and Martins 2019).
+
+    Raises:
+      Unavailable: SMT is not installed.
+    """
+    try:
+        from smt.surrogate_models import GEKPLS
+    except ImportError:
+        raise Unavailable("GEKPLS needs SMT: pip install -e '.[bench]'") from None
+    models, size = [], solved.z.shape[1]
+    silent = dict.fromkeys(("print_global", "print_training", "print_prediction"), False)
+    for k in range(solved.outputs.shape[1]):
+        box = np.column_stack([solved.z.min(axis=0), solved.z.max(axis=0)])
+        model = GEKPLS(n_comp=COMPONENTS, extra_points=COMPONENTS, xlimits=box, **silent)
+        model.set_training_values(solved.z, solved.outputs[:, k])
+        for j in range(size):
+            model.set_training_derivatives(solved.z, solved.slopes[:, k, j : j + 1], j)
+        model.train()
+        models.append(model)
+    return lambda z: np.concatenate([model.predict_values(z) for model in models], axis=1)

@@ -1,6 +1,6 @@
 /* Moves particles of revolution from rest through a fluid at rest by the loads of a surrogate:
- *   python scripts/export_surrogate.py --surrogate pretrained:particle --prefix particle --out particle.c
- *   cc -std=c99 -O3 -march=native -fopenmp particles.c particle.c -lm -o particles
+ *   python scripts/export_surrogate.py --surrogate pretrained:particle --to c --prefix particle --out particle.c
+ *   cc -std=c99 -O3 -march=native -ffp-contract=fast -fopenmp particles.c particle.c -lm -o particles
  *   ./particles COUNT STEPS TIME_STEP < particles.txt > moved.txt
  * Lengths in D, velocities in nu / D. A line of input: aspect, beta2, density ratio, g D^3 / nu^2, quaternion
  * w x y z from the x axis to the particle's. A line of output: position, momentum, quaternion, angular velocity.
@@ -11,7 +11,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
 enum { BLOCK = 64, STATE = 13, MOMENTUM = 3, QUATERNION = 6, SPIN = 10 };
 static const double PI = 3.14159265358979323846, SLOWEST = 0.1; /* least Re of the training */
 typedef struct { double aspect, beta2, along, across, inertia, resistance, weight; } Body;
@@ -32,7 +31,7 @@ static Body body(double aspect, double beta2, double ratio, double galilei) {
 
 /* Derivatives in time of the states of up to BLOCK particles; the status of the surrogate. */
 static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)[STATE]) {
-    double inputs[BLOCK][PARTICLE_INPUTS], loads[BLOCK][PARTICLE_LOADS];
+    double inputs[BLOCK][PARTICLE_INPUTS], loads[BLOCK][PARTICLE_LOADS] = { { 0 } };
     double along[BLOCK][3], up[BLOCK][3], speed[BLOCK], known[BLOCK], image[BLOCK];
     for (int i = 0; i < count; i++) { /* from the quaternion to the incidence */
         const double *q = y[i] + QUATERNION, *p = y[i] + MOMENTUM, tiny = 1e-24;
@@ -72,28 +71,29 @@ static int step(int count, const Body *bodies, double (*y)[STATE], double time_s
     double start[BLOCK][STATE], at[BLOCK][STATE], by[BLOCK][STATE] = { { 0 } };
     int status = 0, stage = 0;
     for (memcpy(start, y, (size_t)count * sizeof *y); stage < 4; stage++) {
-        for (int k = 0; k < count * STATE; k++) at[0][k] = start[0][k] + nodes[stage] * time_step * by[0][k];
+        for (int i = 0; i < count; i++)
+            for (int k = 0; k < STATE; k++) at[i][k] = start[i][k] + nodes[stage] * time_step * by[i][k];
         status |= rates(count, bodies, at, by);
-        for (int k = 0; k < count * STATE; k++) y[0][k] += weights[stage] * time_step * by[0][k];
+        for (int i = 0; i < count; i++) for (int k = 0; k < STATE; k++) y[i][k] += weights[stage] * time_step * by[i][k];
     }
     return status;
 }
 
 int main(int words, char **word) {
-    int status = 0, read = 8, count = words == 4 ? atoi(word[1]) : 0, steps = count ? atoi(word[2]) : 0;
+    const int count = words == 4 ? atoi(word[1]) : 0, steps = words == 4 ? atoi(word[2]) : 0;
     Body *bodies = malloc((size_t)count * sizeof *bodies);
-    double (*y)[STATE] = calloc((size_t)count, sizeof *y), v[4], time_step = count ? atof(word[3]) : 0;
+    double (*y)[STATE] = calloc((size_t)count, sizeof *y), v[4], time_step = words == 4 ? atof(word[3]) : 0;
+    int status = 0, read = count > 0 && steps > 0 && time_step > 0 && time_step < 1e9 && bodies && y ? 8 : 0;
     for (int i = 0; i < count && read == 8; i++) {
         double *q = y[i] + QUATERNION;
         read = scanf("%lf%lf%lf%lf%lf%lf%lf%lf", v, v + 1, v + 2, v + 3, q, q + 1, q + 2, q + 3);
         bodies[i] = body(v[0], v[1], v[2], v[3]);
     }
-    if (read < 8 || count < 1) return fprintf(stderr, "particles: COUNT STEPS TIME_STEP, and COUNT lines\n"), 2;
+    if (read < 8) return fprintf(stderr, "particles: COUNT STEPS TIME_STEP above 0, and COUNT lines\n"), 2;
 #pragma omp parallel for schedule(static) reduction(| : status)
-    for (int from = 0; from < count; from += BLOCK)
-        for (int n = 0; n < steps; n++)
-            status |= step(count - from < BLOCK ? count - from : BLOCK, bodies + from, y + from, time_step);
+    for (int from = 0; from < count; from += BLOCK) for (int n = 0; n < steps; n++)
+        status |= step(count - from < BLOCK ? count - from : BLOCK, bodies + from, y + from, time_step);
     for (int i = 0; i < count; i++)
         for (int k = 0; k < STATE; k++) printf("%.12g%c", y[i][k], k < STATE - 1 ? ' ' : '\n');
-    return status ? fprintf(stderr, "particles: some were outside the ranges of the surrogate\n"), status : 0;
+    return status ? fprintf(stderr, "particles: some were outside the ranges of the surrogate\n"), 1 : 0;
 }

@@ -90,20 +90,27 @@ def _predict(
         **reference_record(reynolds, float(length(parameters)), reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
         "gradient": gradients if lifts else gradients["cd"],
-        **_error_bounds(surrogate, parameters, reynolds, bool(beyond)),
+        **_error_bounds(surrogate, parameters, reynolds, reference, bool(beyond)),
         "in_trained_range": not beyond,
         "confidence": confidence,
     }
 
 
 def _error_bounds(
-    surrogate: Surrogate, parameters: np.ndarray, reynolds: float, outside: bool
+    surrogate: Surrogate,
+    parameters: np.ndarray,
+    reynolds: float,
+    reference: str,
+    outside: bool,
 ) -> JsonObject:
     """Bounds of 95 % of the errors, over Cd; null outside the ranges, where none are known."""
     keys = [f"{load}_error_bound" for load in LOADS]
     if outside or "drag_error_scale" not in surrogate.record:
         return dict.fromkeys(keys)
-    return dict(zip(keys, surrogate.error_bounds(parameters, reynolds).tolist(), strict=True))
+    bounds = np.array(surrogate.error_bounds(parameters, reynolds))
+    if reference == CHORD:  # Cm / Cd is by another length then
+        bounds[2] /= surrogate.scene.family.body_class.length(parameters)
+    return dict(zip(keys, bounds.tolist(), strict=True))
 
 
 def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> JsonObject:
@@ -131,7 +138,10 @@ def _line(r: JsonObject) -> str:
     lifts = r["cl"] or r["cm"]
     line += f" Cl {r['cl']:.4f} Cm {r['cm']:.4f}" if lifts else ""
     if r["cd_error_bound"] is not None:
-        line += f"  (95 % within {100 * r['cd_error_bound']:.2g} % of the flow's)"
+        bounds = [
+            f"{100 * r[f'{load}_error_bound']:.2g}" for load in LOADS if lifts or load == "cd"
+        ]
+        line += f"  (95 % within {', '.join(bounds)} % of Cd of the flow's)"
     if "cd_flow" in r:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""

@@ -76,8 +76,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
         f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
         f"{result['green_applications']} convolutions{work}, "
-        f"{record['setup_s'] + result['train_s']:.1f} s{seconds} and {record['compile_s']:.1f} s "
-        f"of compiling -> {out}"
+        f"{record['setup_s'] + result['train_s']:.1f} s{seconds} and "
+        f"{record.get('compile_s', 0.0):.1f} s of compiling -> {out}"
     )
     return emit(result, a.json, text)
 

@@ -4,7 +4,6 @@ A new parameter is one more row of ``PARAMETERS`` and its use in the body classe
 """
 
 import enum
-import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -50,8 +49,14 @@ class Parameter(NamedTuple):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Least and greatest value of every body; infinite where they follow from the thickness."""
-        return (self.low, self.high) if self.bounded else (-math.inf, math.inf)
+        """Values that no body exceeds.
+
+        Those of sine modes follow from the thickness: as |sin kt| <= k sin t, a contour that is
+        nowhere thinner than zero has |beta_k| <= k.
+        """
+        if self.kind is Kind.SINE:
+            return -float(self.mode), float(self.mode)
+        return self.low, self.high
 
     @property
     def odd_fore_and_aft(self) -> bool:

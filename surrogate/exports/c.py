@@ -17,7 +17,6 @@ TYPES = {
         "real": "double",
         "suffix": "",
         "bits": "uint64_t",
-        "magic": 2.0**52 + 2.0**51,
         "mantissa": 52,
         "offset": 1023,
         "saturated": 20.0,
@@ -26,7 +25,6 @@ TYPES = {
         "real": "float",
         "suffix": "##f",
         "bits": "uint32_t",
-        "magic": 2.0**23 + 2.0**22,
         "mantissa": 23,
         "offset": 127,
         "saturated": 10.0,
@@ -38,7 +36,6 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
     """Return a C99 file with the functions PREFIX_loads and PREFIX_loads_batch."""
     literal = _literal(precision)
     kind, block = TYPES[precision.name], BLOCK[precision.name]
-    numbers = ("magic", "saturated")
     terms = [1 / math.factorial(k) for k in range(TERMS[precision.name] + 1)]
 
     def core(cases):
@@ -51,8 +48,7 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
 
     return template(
         "network.c",
-        **{name: value for name, value in kind.items() if name not in numbers},
-        **{name: literal(kind[name]) for name in numbers},
+        **kind | {"saturated": literal(kind["saturated"]), "half": literal(0.5)},
         ln2_high=literal(LN2_HIGH),
         ln2_low=literal(math.log(2) - LN2_HIGH),
         log2e=literal(1 / math.log(2)),
@@ -63,10 +59,20 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
         PREFIX=prefix.upper(),
         **sizes_and_names(plain),
         block=block,
+        stack=math.ceil(
+            _values_of_a_case(plain) * block * np.dtype(precision.dtype).itemsize / 1024
+        ),
         data=_data(plain, precision),
         single=core(1),
         batch=core(block),
     )
+
+
+def _values_of_a_case(plain):
+    """How many numbers the batch function holds for each case."""
+    inputs, features, loads = len(plain.inputs), len(plain.mirror), len(plain.loads)
+    widest, nodes = max(plain.sizes), sum(plain.sizes[:-1])
+    return inputs + features + 2 * loads * (1 + features) + 2 * 5 + nodes + 2 * widest + 4
 
 
 def _literal(precision):

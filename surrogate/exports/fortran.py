@@ -1,15 +1,34 @@
 """A surrogate as one Fortran 2003 module; the algorithm is in ``templates/network.f90``."""
 
+import re
+
 import numpy as np
 
-from surrogate.exports.literals import Precision, flat, sizes_and_names, template, wrapped
+from surrogate.errors import InvalidInput
+from surrogate.exports.literals import (
+    Precision,
+    flat,
+    sizes_and_names,
+    template,
+    template_text,
+    wrapped,
+)
 from surrogate.exports.plain import PlainNetwork
 
+NAME = re.compile(r"[a-z]\w*")
 NUMBERS = 100  # in one DATA statement: the standard allows 255 continuation lines
 
 
 def fortran_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) -> str:
-    """Return a module PREFIX with the subroutines PREFIX_loads and PREFIX_loads_batch."""
+    """Return a module PREFIX with the subroutines PREFIX_loads and PREFIX_loads_batch.
+
+    Raises:
+      InvalidInput: the module itself uses a name like the prefix.
+    """
+    if prefix.lower() in NAME.findall(_data(plain, precision) + template_text("network.f90")):
+        raise InvalidInput(
+            f"prefix {prefix!r}: is a name that the Fortran code itself uses; {prefix}_net would do"
+        )
     return template(
         "network.f90",
         card="\n".join(f"! {line}".rstrip() for line in card.splitlines()),

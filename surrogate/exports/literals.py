@@ -19,6 +19,11 @@ class Precision:
     name: str
     dtype: str
 
+    @property
+    def bytes(self) -> int:
+        """Size of a number."""
+        return np.dtype(self.dtype).itemsize
+
     def literal(self, value: float) -> str:
         """Return the shortest text, with a point or exponent, that is read back as this value."""
         limits = np.finfo(self.dtype)
@@ -42,8 +47,12 @@ PRECISIONS = {
 
 def template(name: str, **values: object) -> str:
     """Return a template of this package with its $names replaced."""
-    text = (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
-    return Template(text).substitute(values)
+    return Template(template_text(name)).substitute(values)
+
+
+def template_text(name: str) -> str:
+    """Return a template of this package as it is."""
+    return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
 
 
 def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:

@@ -1,5 +1,6 @@
 """The model card of a surrogate: what it predicts, how well, and what it must not be used for."""
 
+from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.files import JsonObject
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import describe_stream
@@ -38,18 +39,33 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Laminar aerodynamic surrogate, {scene.dimension}-D: {'Cd, Cl, Cm' if lifting else 'Cd'}",
         f"Flow: steady, laminar, incompressible, in {describe_stream(scene.stream)}.",
         f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
+        *(f"  {name}: {meaning(name)}." for name in scene.family.names),
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
         f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
         f"seed {record.get('seed')}.",
         f"Errors over Cd on {held_out} unseen bodies, relative to the flow solver:",
         *(f"  {line}" for line in _errors(record)),
+        "Bounds for the errors of each answer: Surrogate.error_bounds in Python, predict_drag.py.",
         f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "
         f"drags within {100 * fidelity.promise:g} % of the exact flow.",
         "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
         "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",
-        f"Made by drag-surrogates {version}, MIT licence.",
+        f"Made by drag-surrogates {version}, MIT licence; {_weights(record)}.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def meaning(name: str) -> str:
+    """Return what a parameter of bodies is, and its unit."""
+    parameter = PARAMETERS[name]
+    unit = {Kind.RATIO: "", Kind.INCIDENCE: ""}.get(parameter.kind, ", weight of a mode, unit 1")
+    return f"{parameter.meaning}{unit}"
+
+
+def _weights(record):
+    """Which weights they are, by the digest that the record has of them."""
+    digest = record.get("weights_sha256")
+    return f"weights {digest[:12]} (SHA-256)" if digest else "weights without a digest"
 
 
 def _errors(record):

@@ -7,8 +7,9 @@ import numpy as np
 from correlations import Ellipsoid, ellipsoid, oberbeck
 from elements import BOX
 from lifting_elements import Loads, loads_in_space
+from studies.accuracy_3d import SPHERE
 from study import Result, Row, Run, Study, Table, cases, columns
-from tools import mean_and_most, medians, name_of
+from tools import mean_and_most, medians, name_of, relative_error
 
 from surrogate import Flow, Scene, family_shape
 
@@ -25,6 +26,7 @@ FLOWS: tuple[tuple[dict[str, float], float], ...] = (
     ({"aspect": 1.2, "flatness": 2.0, "beta2": 0.15, "incidence": 50.0}, 10.0),
 )
 USUAL = BOX._replace(wall=0.2, near=0.5, wake=1.2)
+CUBIC = BOX._replace(order=3, wall=0.3, near=0.7, wake=1.6)  # take many times as long as the usual ones
 COARSE = BOX._replace(box=10.0, wall=0.3, near=0.7, wake=1.5)
 LOADS = ("cd", "cl", "cm")
 SPHEROIDS = cases(aspect=(0.5, 2.0, 3.0), incidence=(30.0, 45.0, 90.0))
@@ -54,6 +56,23 @@ def measure(run: Run, parameters: Mapping[str, float], reynolds: float, fidelity
         row |= {name: load, f"{name}_error": (load - true) / truth.cd}
         row |= {f"{name}_bound": None if bound is None else bound / truth.cd}
     return row
+
+
+def elements(run: Run, parameters: Mapping[str, float], reynolds: float, degree: int, **_) -> Row:
+    """Cd by elements of second or third degree, and by the flow; the sphere's is known."""
+    mesh = run.pick(COARSE, CUBIC if degree == 3 else USUAL)
+    found = loads_in_space(dict(parameters), reynolds, mesh).cd
+    flow = Flow(Scene(dimension=3, fidelity=run.fidelity("standard", 3)))
+    shape = family_shape(parameters, dimension=3)
+    own = flow.solve(shape, reynolds, estimate=False, allow_unsteady=True).drag
+    exact = SPHERE[reynolds] if parameters == {"aspect": 1.0} else None
+    return {
+        "cd": found,
+        "elements_error": relative_error(found, exact),
+        "flow": own,
+        "flow_error": relative_error(own, exact),
+        "difference": own / found - 1,
+    }
 
 
 @functools.cache
@@ -150,6 +169,20 @@ COST = columns(
     "fidelity {fidelity} | aspect {aspect:g} | Re {reynolds:g} | aligned {aligned_work} G, "
     "{aligned_s:.2f} s | at 30 degrees {work} G, {seconds:.2f} s | ratio of seconds {ratio:.2f}"
 )
+ELEMENTS = columns(
+    "body {body} | Re {reynolds:g} | degree {degree} | Cd by elements {cd:.4f}"
+    " | their error {elements_error:+.2%} | Cd by the flow {flow:.4f} | its error {flow_error:+.2%}"
+    " | flow against elements {difference:+.2%}"
+)
+SPHERES = [
+    {"body": name_of(body), "parameters": body, "reynolds": re, "degree": degree}
+    for body, re, degree in (
+        ({"aspect": 1.0}, 10.0, 2),
+        ({"aspect": 1.0}, 40.0, 2),
+        ({"aspect": 1.0}, 40.0, 3),
+        (*FLOWS[6], 3),
+    )
+]
 STUDIES = {
     "incidence": Study(
         [
@@ -159,4 +192,5 @@ STUDIES = {
         ],
     ),
     "incidence_elements": Study([Table(CASES, measure, HELD_OUT)], text),
+    "elements_in_space": Study([Table(SPHERES, elements, ELEMENTS)]),
 }

@@ -86,8 +86,8 @@ static void P_waves_L(real s[INPUTS][L], real wave[WAVES][L], real slope[WAVES][
         wave[3][v] = (c - si) * (c + si);
         wave[4][v] = 2 * c * si;
         for (int n = 1; n <= 2; n++) {
-            slope[2 * n - 1][v] = -n * ANGLE[0] * wave[2 * n][v];
-            slope[2 * n][v] = n * ANGLE[0] * wave[2 * n - 1][v];
+            slope[2 * n - 1][v] = -(real)n * ANGLE[0] * wave[2 * n][v];
+            slope[2 * n][v] = (real)n * ANGLE[0] * wave[2 * n - 1][v];
         }
         s[TURN < 0 ? 0 : TURN][v] = 1;
     }

@@ -2,9 +2,9 @@
 $card
  *
  * C99, no library but libm, no allocation, no state: thread-safe. Compile with
- *     cc -std=c99 -O3 -march=native -c FILE.c
- * but without -ffast-math, which breaks the range reduction of tanh. For the declarations alone,
- * #define ${PREFIX}_DECLARATIONS before #include "FILE.c".
+ *     cc -std=c99 -O3 -march=native -ffp-contract=fast -c FILE.c
+ * With -ffast-math NaN among the inputs may not be found. A batch takes $stack KiB of stack. For the
+ * declarations alone, #define ${PREFIX}_DECLARATIONS before #include "FILE.c".
  *
  * Inputs: $inputs.
  * Loads: $loads.
@@ -17,6 +17,9 @@ typedef $real ${prefix}_real;
 #define ${PREFIX}_INPUTS $count
 #define ${PREFIX}_LOADS $outputs
 
+#ifdef __cplusplus
+extern "C" {
+#endif
 /* Loads of one case. jacobian[load][input] = d loads / d inputs may be NULL.
  * Returns 0 inside the trained ranges, 1 outside of them (extrapolated), 2 if an input is not finite
  * or beyond what the flow solver accepts; loads and jacobian are untouched then. */
@@ -26,6 +29,9 @@ int ${prefix}_loads(const ${prefix}_real *inputs, ${prefix}_real *loads, ${prefi
  * status[case] as above or NULL. Returns the largest status. */
 int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_real *loads,
                           ${prefix}_real *jacobian, unsigned char *status);
+#ifdef __cplusplus
+}
+#endif
 #endif
 
 #ifndef ${PREFIX}_DECLARATIONS
@@ -46,14 +52,12 @@ $data
 static inline real ${prefix}_tanh(real x)
 {
     const real size = R(fabs)(x) < $saturated ? R(fabs)(x) : $saturated;
-    const real shifted = -2 * size * $log2e + $magic; /* its last bits hold the power of 2 */
-    const real power = shifted - $magic;
+    const int nearest = (int)(-2 * size * $log2e - $half); /* rounded, as it is negative */
+    const real power = (real)nearest;
     const real rest = (-2 * size - power * $ln2_high) - power * $ln2_low;
     real e = $last;
 $horner
-    $bits scale;
-    memcpy(&scale, &shifted, sizeof scale);
-    scale = (scale + $offset) << $mantissa;
+    const $bits scale = ($bits)(nearest + $offset) << $mantissa;
     real two;
     memcpy(&two, &scale, sizeof two);
     e *= two; /* exp(-2 |x|) */
