@@ -26,7 +26,7 @@ FLOWS: tuple[tuple[dict[str, float], float], ...] = (
     ({"aspect": 1.2, "flatness": 2.0, "beta2": 0.15, "incidence": 50.0}, 10.0),
 )
 USUAL = BOX._replace(wall=0.2, near=0.5, wake=1.2)
-CUBIC = BOX._replace(order=3, wall=0.3, near=0.7, wake=1.6)  # take many times as long as the usual ones
+CUBIC = BOX._replace(order=3, wall=0.3, near=0.7, wake=1.6)  # many times as long to solve
 COARSE = BOX._replace(box=10.0, wall=0.3, near=0.7, wake=1.5)
 LOADS = ("cd", "cl", "cm")
 SPHEROIDS = cases(aspect=(0.5, 2.0, 3.0), incidence=(30.0, 45.0, 90.0))
