@@ -23,7 +23,7 @@ from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
-from surrogate.body.parameters import INCIDENCE, PARAMETERS
+from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -32,11 +32,6 @@ from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS, check_reynolds
 from surrogate.scene.scene import Scene
 
-FAMILY = """\
-x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... - gamma2 cos 2t - ...),
-from the nose, t = 0, over the upper side to the tail, t = pi, and back along the lower one;
-aspect = c / (2 b), scaled to area pi/4, so that D = 1. In 3-D, where gammas are 0, a meridian
-with elliptic cross-sections of a flatness, volume pi/6."""
 METHODS_HELP = (
     "METHOD: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
     "gradients) or supervised (regression)"

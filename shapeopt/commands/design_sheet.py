@@ -18,6 +18,7 @@ from shapeopt.drag_bucket import designs_over_lift
 from shapeopt.render.bucket import plot_bucket
 from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
+from surrogate.body.parameters import FAMILY
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
 from surrogate.model.store import load
@@ -85,4 +86,5 @@ def _parser() -> Parser:
     add("--lifts", help="lower bounds on Cl, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
     add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
     add("--out", required=True, help="picture, .png")
+    parser.add_argument_group("bodies of the family", FAMILY)
     return parser

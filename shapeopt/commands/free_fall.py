@@ -9,14 +9,13 @@ left out are what rotation does to drag and lift, and the memory of the flow.
 
 from collections.abc import Sequence
 
-from shapeopt.commands.arguments import FAMILY
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.sweep import write_table
 from shapeopt.fall import Fall, fall
 from shapeopt.orientation import orientations
 from shapeopt.render.falls import plot_fall
-from surrogate.body.parameters import INCIDENCE, PARAMETERS
+from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
 from surrogate.flow.settling import Particle

@@ -1,6 +1,6 @@
 """The model card of a surrogate: what it predicts, how well, and what it must not be used for."""
 
-from surrogate.body.parameters import PARAMETERS, Kind
+from surrogate.body.parameters import FAMILY, PARAMETERS
 from surrogate.files import JsonObject
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import describe_stream
@@ -26,7 +26,10 @@ def model_card(scene: Scene, record: JsonObject) -> str:
     planar, lifting = scene.dimension == 2, not scene.family.body_class.symmetric
     method, fidelity = str(record.get("method")), scene.fidelity
     low, high = scene.reynolds
-    ranges = "; ".join(f"{name} {a:g} to {b:g}" for name, (a, b) in scene.family.ranges)
+    ranges = "; ".join(
+        f"{name} {a:g} to {b:g} ({PARAMETERS[name].meaning})"
+        for name, (a, b) in scene.family.ranges
+    )
     force = "2 Fx per unit span" if planar else "8 Fx / pi"
     size = "area pi D^2 / 4" if planar else "volume pi D^3 / 6"
     loads = f"Cd = {force}"
@@ -39,7 +42,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Laminar aerodynamic surrogate, {scene.dimension}-D: {'Cd, Cl, Cm' if lifting else 'Cd'}",
         f"Flow: steady, laminar, incompressible, in {describe_stream(scene.stream)}.",
         f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
-        *(f"  {name}: {meaning(name)}." for name in scene.family.names),
+        "Bodies: " + FAMILY.replace("\n", "\n  "),
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
         f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
         f"seed {record.get('seed')}.",
@@ -53,13 +56,6 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Made by drag-surrogates {version}, MIT licence; {_weights(record)}.",
     ]
     return "\n".join(lines) + "\n"
-
-
-def meaning(name: str) -> str:
-    """Return what a parameter of bodies is, and its unit."""
-    parameter = PARAMETERS[name]
-    unit = {Kind.RATIO: "", Kind.INCIDENCE: ""}.get(parameter.kind, ", weight of a mode, unit 1")
-    return f"{parameter.meaning}{unit}"
 
 
 def _weights(record):
