@@ -30,7 +30,7 @@ SURROGATES = ("pretrained", "pretrained:particle")
 LANGUAGES = ("C, double", "C, single", "NumPy", "ONNX", "JAX", "kriging", "polynomial")
 FLOWS = 64  # observed by kriging, with gradients
 FEW, MANY = 1000, 1_000_000
-FLAGS = ("-std=c99", "-O3", "-march=native", "-shared", "-fPIC")
+FLAGS = ("-std=c99", "-O3", "-march=native", "-ffp-contract=fast", "-shared", "-fPIC")
 PEAK = Path(__file__).parents[1] / "peak.c"
 Evaluate = Callable[[np.ndarray], object]
 
