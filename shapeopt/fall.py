@@ -190,10 +190,13 @@ def rates_of(network, body_class, body, constants, state):
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
     angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
     known = jnp.maximum(speed, slowest)  # below it Cd Re and Cl Re are those of Stokes flow
+    odd = np.array([parameter.odd_fore_and_aft for parameter in body_class.parameters])
+    unlike = jnp.any(jnp.asarray(body)[odd] != 0)  # Stokes flow turns no body alike fore and aft
+    lever = jnp.where(unlike, known, speed)
     drag, lift, moment = loads_at(network, body_class, body, angle, known)
     stream = -velocity / speed
     upward = jnp.stack([-stream[1], stream[0]])
     force = jnp.pi / 8 * speed * known * (drag * stream + lift * upward)
-    torque = -jnp.pi / 8 * speed**2 * moment - resistance * state[5]
+    torque = -jnp.pi / 8 * speed * lever * moment - resistance * state[5]
     gravity = jnp.stack([jnp.zeros(()), -weight])
     return jnp.concatenate([velocity, state[5:], force + gravity, jnp.stack([torque / inertia])])

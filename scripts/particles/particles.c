@@ -2,9 +2,10 @@
  *   python scripts/export_surrogate.py --surrogate pretrained:particle --to c --prefix particle --out particle.c
  *   cc -std=c99 -O3 -march=native -ffp-contract=fast -fopenmp particles.c particle.c -lm -o particles
  *   ./particles COUNT STEPS TIME_STEP < particles.txt > moved.txt
- * Lengths in D, velocities in nu / D. A line of input: aspect, beta2, density ratio, g D^3 / nu^2, quaternion
- * w x y z from the x axis to the particle's. A line of output: position, momentum, quaternion, angular velocity.
- * The model is that of shapeopt/fall.py in three dimensions, the scheme Runge-Kutta's. */
+ * Each particle in its own units: length D, time D^2 / nu, mass rho D^3 of the fluid; gravity along -z. A line of
+ * input: aspect, beta2, density ratio, g D^3 / nu^2, quaternion w x y z that turns x to the axis, tail to nose, as
+ * 2 0 1.2 1000 1 0 0 0. A line of output: position, momentum (with that of the added mass), quaternion, angular
+ * velocity in fixed axes. The model is that of shapeopt/fall.py in 3-D, the scheme Runge-Kutta's. */
 #define PARTICLE_DECLARATIONS
 #include "particle.c"
 #include <math.h>
@@ -16,7 +17,7 @@ static const double PI = 3.14159265358979323846, SLOWEST = 0.1; /* least Re of t
 typedef struct { double aspect, beta2, along, across, inertia, resistance, weight; } Body;
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-/* Masses, inertia and resistance to rotation of the spheroid of the same aspect, by its potentials. */
+/* Masses, inertia and resistance to rotation of the spheroid of the same aspect, by potential flow. */
 static Body body(double aspect, double beta2, double ratio, double galilei) {
     const double volume = PI / 6, a = pow(aspect, 2.0 / 3) / 2, c = pow(aspect, -1.0 / 3) / 2;
     const double b = aspect > 1 ? 1 / aspect : aspect, e = sqrt(1 - b * b);
@@ -45,17 +46,17 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
         for (int k = 0; k < 3; k++) up[i][k] = axis[k] + cosine * along[i][k];
         const double sine = sqrt(dot(up[i], up[i]) + tiny);
         for (int k = 0; k < 3; k++) up[i][k] /= sine;
-        known[i] = fmax(speed[i], SLOWEST); /* below, Cd Re and Cl Re are those of Stokes flow */
-        image[i] = cosine < 0 ? -1 : 1;     /* nose and tail change their names */
+        known[i] = fmax(speed[i], SLOWEST), image[i] = cosine < 0 ? -1 : 1; /* Stokes flow below; nose and tail swap */
         memcpy(inputs[i], (double[]){ bodies[i].aspect, 1, image[i] * bodies[i].beta2,
                                       atan2(sine, fabs(cosine)) * 180 / PI, known[i] }, sizeof *inputs);
     }
     const int status = particle_loads_batch((size_t)count, inputs[0], loads[0], NULL, NULL);
     for (int i = 0; i < count; i++) { /* from the loads to force and torque */
         const double *s = along[i], *u = up[i], *q = y[i] + QUATERNION, *w = y[i] + SPIN, force = PI / 8 * speed[i];
+        const double lever = bodies[i].beta2 != 0 ? known[i] : speed[i]; /* Stokes flow turns no body alike fore and aft */
         for (int k = 0; k < 3; k++) {
             const int m = (k + 1) % 3, n = (k + 2) % 3;
-            const double torque = force * speed[i] * image[i] * loads[i][2] * (u[m] * s[n] - u[n] * s[m]);
+            const double torque = force * lever * image[i] * loads[i][2] * (u[m] * s[n] - u[n] * s[m]);
             by[i][MOMENTUM + k] = force * known[i] * (loads[i][0] * s[k] + image[i] * loads[i][1] * u[k])
                                   - (k == 2) * bodies[i].weight;
             by[i][SPIN + k] = (torque - bodies[i].resistance * w[k]) / bodies[i].inertia;
@@ -65,7 +66,6 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
     }
     return status;
 }
-
 static int step(int count, const Body *bodies, double (*y)[STATE], double time_step) {
     static const double nodes[] = { 0, 0.5, 0.5, 1 }, weights[] = { 1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6 };
     double start[BLOCK][STATE], at[BLOCK][STATE], by[BLOCK][STATE] = { { 0 } };

@@ -34,7 +34,7 @@ from surrogate.scene.scene import Scene
 
 METHODS_HELP = (
     "METHOD: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
-    "gradients) or supervised (regression)"
+    "gradients) or supervised (regression); or lift, space, particle (sections, 3-D, any incidence)"
 )
 SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])

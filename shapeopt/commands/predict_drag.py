@@ -141,7 +141,7 @@ def _line(r: JsonObject) -> str:
         bounds = [
             f"{100 * r[f'{load}_error_bound']:.2g}" for load in LOADS if lifts or load == "cd"
         ]
-        line += f"  (95 % within {', '.join(bounds)} % of Cd of the flow's)"
+        line += f"  (errors below {', '.join(bounds)} % of Cd for 95 % of bodies)"
     if "cd_flow" in r:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""

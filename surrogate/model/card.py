@@ -32,10 +32,10 @@ def model_card(scene: Scene, record: JsonObject) -> str:
     )
     force = "2 Fx per unit span" if planar else "8 Fx / pi"
     size = "area pi D^2 / 4" if planar else "volume pi D^3 / 6"
-    loads = f"Cd = {force}"
+    loads = f"Cd = {force}, x downstream"
     if lifting:
-        lift = "Fy" if planar else "Fz"
-        loads += f", Cl likewise of {lift}, Cm of the moment about the centroid, nose up"
+        up = "Cl = 2 Fy, Cm = 2 M" if planar else "Cl = 8 Fz / pi with z the y above, Cm = 8 M / pi"
+        loads += f", {up}, M about the centroid, nose up"
     held_out = record.get("held_out")
     version = record.get("versions", {}).get("drag-surrogates") or package_version()
     lines = [
@@ -46,7 +46,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
         f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
         f"seed {record.get('seed')}.",
-        f"Errors over Cd on {held_out} unseen bodies, relative to the flow solver:",
+        f"Errors over Cd on {held_out} unseen bodies, against the flow solver:",
         *(f"  {line}" for line in _errors(record)),
         "Bounds for the errors of each answer: Surrogate.error_bounds in Python, predict_drag.py.",
         f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "

@@ -1,4 +1,4 @@
-"""The expected error of a surrogate's answer, from its distance to the training samples."""
+"""Bounds for the errors of a surrogate's answers, by what the training samples leave unknown."""
 
 import dataclasses
 
@@ -63,7 +63,8 @@ def error_scales(
     """Return by how much the novelty of each load is to be multiplied to bound its error.
 
     By split conformal prediction: the errors of 95 % of other bodies, drawn as these, lie within
-    their bounds, on average over draws. With fewer than 19 bodies the largest ratio is taken.
+    their bounds, on average over draws. With n < 19 bodies the largest ratio is taken,
+    which covers n / (n + 1).
 
     Args:
       errors: of bodies that the training did not use, over Cd.

@@ -92,8 +92,9 @@ class Surrogate:
     ) -> Float[Array, "*batch 3"]:
         """Return Cd, Cl and Cm of bodies, along a last axis.
 
-        As ``drag``, with the lift along y and the moment about the centroid, nose up, over
-        (1/2) rho U^2 D^2. Cl and Cm are 0 where all bodies of the scene are symmetric.
+        As ``drag``: Cl = 2 Fy, Cm = 2 M per unit span in 2-D; Cl = 8 Fz / pi, Cm = 8 M / pi in
+        3-D; U = D = rho = 1, M about the centroid, nose up. Cl and Cm are 0 where all bodies of the
+        scene are symmetric.
 
         Args:
           parameters: as for ``drag``.
@@ -119,11 +120,11 @@ class Surrogate:
         return loads
 
     def error_bounds(self, parameters: Bodies, reynolds: Numbers) -> Float[np.ndarray, "*batch 3"]:
-        """Return the bounds within which 95 % of the errors of Cd, Cl and Cm lie, over Cd.
+        """Return bounds for the errors of Cd, Cl and Cm, over Cd, against the flow solver.
 
-        The errors are relative to the flow solver's loads. A bound grows with the distance to the
-        training samples, and is scaled so that it held for 95 % of the held-out bodies. Outside
-        the trained ranges nothing is known: bodies there are refused.
+        Each load's bound holds for 95 % of bodies drawn uniformly from the trained ranges. It is
+        wider where the training samples say less of the answer (``Novelty``), and scaled on the
+        held-out bodies. Outside the trained ranges nothing is known: bodies there are refused.
 
         Args:
           parameters: as for ``drag``.

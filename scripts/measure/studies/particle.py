@@ -163,8 +163,8 @@ def in_short(result: Result) -> str:
         f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
         f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
         f"bodies, and by up to {100 * record['drag_error_max']:.1f} % in Cd on its "
-        f"{record['held_out']} held-out ones (wide bodies at high Re); the best "
-        f"published correlation, Froehlich's of prolate spheroids, by "
+        f"{record['held_out']} held-out ones; of the published correlations tried the "
+        f"closest, Froehlich's of prolate spheroids, by "
         f"{means('Froehlich', theirs)} % within its range."
     )
 
