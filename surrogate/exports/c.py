@@ -17,6 +17,7 @@ TYPES = {
         "real": "double",
         "suffix": "",
         "bits": "uint64_t",
+        "magic": 2.0**52 + 2.0**51,
         "mantissa": 52,
         "offset": 1023,
         "saturated": 20.0,
@@ -25,6 +26,7 @@ TYPES = {
         "real": "float",
         "suffix": "##f",
         "bits": "uint32_t",
+        "magic": 2.0**23 + 2.0**22,
         "mantissa": 23,
         "offset": 127,
         "saturated": 10.0,
@@ -48,7 +50,7 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
 
     return template(
         "network.c",
-        **kind | {"saturated": literal(kind["saturated"]), "half": literal(0.5)},
+        **kind | {name: literal(kind[name]) for name in ("magic", "saturated")},
         ln2_high=literal(LN2_HIGH),
         ln2_low=literal(math.log(2) - LN2_HIGH),
         log2e=literal(1 / math.log(2)),

@@ -52,12 +52,13 @@ $data
 static inline real ${prefix}_tanh(real x)
 {
     const real size = R(fabs)(x) < $saturated ? R(fabs)(x) : $saturated;
-    const int nearest = (int)(-2 * size * $log2e - $half); /* rounded, as it is negative */
-    const real power = (real)nearest;
+    const real power = R(rint)(-2 * size * $log2e), shifted = power + $magic; /* its last bits are power's */
     const real rest = (-2 * size - power * $ln2_high) - power * $ln2_low;
     real e = $last;
 $horner
-    const $bits scale = ($bits)(nearest + $offset) << $mantissa;
+    $bits scale;
+    memcpy(&scale, &shifted, sizeof scale);
+    scale = (scale + $offset) << $mantissa;
     real two;
     memcpy(&two, &scale, sizeof two);
     e *= two; /* exp(-2 |x|) */
