@@ -150,7 +150,9 @@ def test_an_interrupted_study_is_resumed_by_the_same_command(tmp_path, monkeypat
 
 
 def test_an_unknown_study_is_refused():
-    with pytest.raises(InvalidInput, match="study 'flows': one of compilation, constants, "):
+    with pytest.raises(
+        InvalidInput, match="study 'flows': one of compilation, confidence, "
+    ):
         run.main(["flows"])
 
 
