@@ -45,6 +45,7 @@ LONG = {
     "march",
     "onset",
     "onset_2d",
+    "onset_incidence",
     "particle",
     "particle_codes",
     "safeguards",
@@ -150,9 +151,7 @@ def test_an_interrupted_study_is_resumed_by_the_same_command(tmp_path, monkeypat
 
 
 def test_an_unknown_study_is_refused():
-    with pytest.raises(
-        InvalidInput, match="study 'flows': one of compilation, confidence, "
-    ):
+    with pytest.raises(InvalidInput, match="study 'flows': one of compilation, confidence, "):
         run.main(["flows"])
 
 

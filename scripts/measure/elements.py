@@ -125,15 +125,29 @@ def stopwatch() -> Callable[[], float]:
     return lambda: min(time.process_time() - begin[0], time.perf_counter() - begin[1])
 
 
-def solve_by_continuation(ng: Any, flow: Any, reynolds: float, geometry: Geometry) -> float:
-    """Take the flow from rest to this Re; its force over rho U^2 and D, in 3-D D^2.
+def solve_by_continuation(
+    ng: Any,
+    flow: Any,
+    reynolds: float,
+    geometry: Geometry,
+    force: float = 0.0,
+    tolerance: float = TOLERANCE,
+) -> float:
+    """Take the flow to this Re; its force over rho U^2 and D, in 3-D D^2.
+
+    Args:
+      ng: The package NGSolve.
+      flow: Velocity and pressure, replaced by those at this Re.
+      reynolds: U D / nu.
+      geometry: The part of the flow that is solved.
+      force: That of the flow at a Re near this one; zero of a fluid at rest.
+      tolerance: Of force and flow, relative.
 
     Raises:
       NotConverged: Newton's method failed.
     """
-    force = 0.0
-    for number in continuation(reynolds):
-        force = _newton(ng, flow, number, force, geometry)
+    for number in [reynolds] if force else continuation(reynolds):
+        force = _newton(ng, flow, number, force, geometry, tolerance)
     return force
 
 
@@ -144,7 +158,9 @@ def continuation(reynolds: float) -> Iterator[float]:
         yield reynolds * (START / reynolds) ** (left / max(steps, 1))
 
 
-def _newton(ng: Any, flow: Any, reynolds: float, force: float, geometry: Geometry) -> float:
+def _newton(
+    ng: Any, flow: Any, reynolds: float, force: float, geometry: Geometry, tolerance: float
+) -> float:
     """Solve at one Re, with the far field of the force that is solved for; that force."""
     space, strength = flow.space, ng.Parameter(force)
     velocity, traction = _oseenlet(ng, reynolds, space.mesh.dim, geometry.green)
@@ -164,8 +180,8 @@ def _newton(ng: Any, flow: Any, reynolds: float, force: float, geometry: Geometr
         change.data = form.mat.Inverse(space.FreeDofs()) * residual
         flow.vec.data -= change
         force = -geometry.multiplicity * ng.InnerProduct(residual, axial.vec)
-        settled = abs(force - strength.Get()) < TOLERANCE * force
-        if settled and ng.Norm(change) < TOLERANCE * ng.Norm(flow.vec):
+        settled = abs(force - strength.Get()) < tolerance * force
+        if settled and ng.Norm(change) < tolerance * ng.Norm(flow.vec):
             return force
         strength.Set(force)
     raise NotConverged(f"finite elements at Re {reynolds:g}: Newton's method failed")

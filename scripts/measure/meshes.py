@@ -11,7 +11,8 @@ from surrogate.body.shape import FamilyShape
 class Elements(NamedTuple):
     """Degree of the elements, half extent of the box, and element widths.
 
-    The widths are on the body, near it, and in its wake.
+    The widths are on the body, near it, and in its wake. The region near the body ends ``margin``
+    from it, and 2 D behind it.
     """
 
     order: int = 3
@@ -19,6 +20,7 @@ class Elements(NamedTuple):
     wall: float = 0.05
     near: float = 0.2
     wake: float = 1.0
+    margin: float = 1.0
 
 
 def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
@@ -34,7 +36,8 @@ def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
     skin = _spline(occ, outline)
     skin.name, skin.maxh = "body", elements.wall
     (nose, _), (tail, high) = outline.min(axis=0), outline.max(axis=0)
-    near = box(nose - 1, tail + 2, high + 1, elements.near)
+    margin = elements.margin
+    near = box(nose - margin, tail + 2, high + margin, elements.near)
     wake = box(tail + 2, extent, high + 2, elements.wake)
     far = box(-extent, extent, extent, extent / 8)
     whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
@@ -55,7 +58,8 @@ def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
     skin = _spline(occ, outline)
     skin.name, skin.maxh = "body", elements.wall
     (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
-    near = box(left - 1, right + 2, low - 1, high + 1, elements.near)
+    margin = elements.margin
+    near = box(left - margin, right + 2, low - margin, high + margin, elements.near)
     wake = box(right + 2, extent, low - 2, high + 2, elements.wake)
     far = box(-extent, extent, -extent, extent, extent / 8)
     whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
@@ -94,7 +98,8 @@ def _space(ng: Any, body: FamilyShape, elements: Elements, mirrors: tuple[str, .
     for face in skin.faces:
         face.name, face.maxh = "body", elements.wall
     length, width, height = body.extent / 2
-    near = box(-length - 1, length + 2, (width + 1, height + 1), elements.near)
+    margin = elements.margin
+    near = box(-length - margin, length + 2, (width + margin, height + margin), elements.near)
     wake = box(length + 2, extent, (width + 2, height + 2), elements.wake)
     far = box(-extent, extent, (extent, extent), extent / 6)
     whole = occ.Glue([near - skin, wake, far - near - wake])

@@ -52,6 +52,7 @@ MODULES = {  # the studies of every module
     "methods": "seeds safeguards stability hig",
     "onset": "onset",
     "onset_2d": "onset_2d",
+    "onset_incidence": "onset_incidence",
     "optima": "literature least",
     "particle": "particle",
     "particle_codes": "particle_codes",

@@ -15,7 +15,7 @@ from study import Row, Run, Study, Table, columns
 from tools import name_of
 
 from surrogate import NotConverged, family_shape
-from surrogate.scene.limits import onset_of_shedding
+from surrogate.scene.limits import onset_of
 
 BODIES = (
     {"aspect": 0.6, "beta3": 0.12},
@@ -34,8 +34,8 @@ TOLERANCE = 1e-6  # of an eigenvalue, U / D
 
 def measure(run: Run, body: str, parameters: Mapping[str, float]) -> Row:
     """The critical Re, or None where the search fails, beside the limit in the flow solver."""
-    extent = family_shape(parameters, dimension=3).extent
-    limit, onset = float(onset_of_shedding(extent)), None
+    shape = family_shape(parameters, dimension=3)
+    extent, limit, onset = shape.extent, onset_of(shape), None
     with contextlib.suppress(NotConverged):
         onset = critical(growth_of(parameters, run.pick(COARSE, MESH)), limit)
     return {"slenderness": extent[0] / max(extent[1:]), "limit": limit, "onset": onset}

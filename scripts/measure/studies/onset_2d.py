@@ -127,7 +127,19 @@ class Disturbance:
 
 def linearised(ng: Any, flow: Any, reynolds: float) -> tuple[csr_array, csr_array]:
     """A and M of M du/dt = A u, the disturbances of a flow, at the nodes that are free."""
-    space, stream = flow.space, flow.components[0]
+    space = flow.space
+    free = np.flatnonzero(list(space.FreeDofs()))
+    matrices = []
+    for matrix in disturbances(ng, space, flow.components[0], reynolds):
+        rows, others, entries = map(np.array, matrix.COO())
+        matrices.append(
+            csr_array((entries, (rows, others)), shape=2 * (space.ndof,))[free][:, free]
+        )
+    return matrices[0], matrices[1]
+
+
+def disturbances(ng: Any, space: Any, stream: Any, reynolds: float) -> tuple[Any, Any]:
+    """Matrices A and M of M du/dt = A u, the disturbances in a space of a stream's velocity."""
     (u, p), (v, q) = space.TnT()
     viscous = ng.InnerProduct(ng.Grad(u), ng.Grad(v)) / reynolds
     inertia = (ng.Grad(u) * stream + ng.Grad(stream) * u) * v
@@ -135,14 +147,7 @@ def linearised(ng: Any, flow: Any, reynolds: float) -> tuple[csr_array, csr_arra
     change, mass = ng.BilinearForm(space), ng.BilinearForm(space)
     change += (incompressible - viscous - inertia) * ng.dx
     mass += u * v * ng.dx
-    free = np.flatnonzero(list(space.FreeDofs()))
-    matrices = []
-    for form in (change, mass):
-        rows, others, entries = map(np.array, form.Assemble().mat.COO())
-        matrices.append(
-            csr_array((entries, (rows, others)), shape=2 * (space.ndof,))[free][:, free]
-        )
-    return matrices[0], matrices[1]
+    return change.Assemble().mat, mass.Assemble().mat
 
 
 def modes(change: csr_array, mass: csr_array, shift: complex, count: int) -> np.ndarray:

@@ -1,0 +1,232 @@
+"""Critical Re at which the steady flow past a 3-D body turned or flattened loses its stability.
+
+There a disturbance of the flow, symmetric or antisymmetric about each mirror plane, neither grows
+nor decays. Ellipsoids across the stream lie along it as other ellipsoids, of which a quarter of
+space is solved; bodies at other incidences are solved in half of space.
+"""
+
+import contextlib
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from elements import (
+    FLATTENED,
+    WALLS,
+    at_rest,
+    cartesian_form,
+    green_3d,
+    ngsolve,
+    solve_by_continuation,
+)
+from elements import Geometry as Part
+from meshes import Elements, half
+from studies.onset import critical
+from studies.onset_2d import disturbances
+from study import Row, Run, Study, Table, columns
+from tools import name_of
+
+from surrogate import NotConverged, family_shape
+from surrogate.scene.limits import onset_of
+
+MESH = Elements(order=2, box=10.0, wall=0.1, near=0.25, wake=1.2, margin=0.3)
+MESHES = {
+    "tiny": Elements(order=2, box=6.0, wall=0.4, near=0.8, wake=2.0, margin=0.3),
+    "usual": MESH,
+    "finer": MESH._replace(wall=0.08, near=0.2, wake=1.0),
+}
+HALF_SPACE = Part(
+    3,
+    half,
+    cartesian_form,
+    green_3d,
+    2.0,
+    8 / math.pi,
+    (("dirichlet", WALLS), ("dirichlety", f"flank|{WALLS}")),
+    MESH,
+)
+NORMALS = {"flank": "y", "floor": "z"}  # of the mirror planes
+START = 1.25  # Re over the rule's onset, divided by those of ``onset``: 0.96 and 1.04
+CLOSE = 0.03  # of 1 / Re, over the guess; its secants lose an error of 3 % in one step
+FLOW_TOLERANCE = 1e-4  # of the steady flow
+SHIFT = 2.0  # U / D, of the filter that modes of a frequency near zero and near 1 pass alike
+KRYLOV, RITZ = 40, 6  # vectors, and Ritz vectors that may be modes
+RESIDUAL = 0.03  # of a Ritz vector that is one, relative
+NOTHING_GROWS = 210.0  # Re at which bodies that are not searched are shown to be stable
+
+
+class Mode(NamedTuple):
+    """A disturbance exp(rate t) and the mirror plane about which it is antisymmetric."""
+
+    rate: complex
+    plane: str
+
+
+class Disturbances:
+    """The leading disturbances of the steady flow past a 3-D body, from Re to Re.
+
+    Raises:
+      Unavailable: NGSolve is not installed.
+    """
+
+    def __init__(self, body: Mapping[str, float], elements: Elements) -> None:
+        self.ng = ngsolve()
+        lying = aligned(body)
+        self.part, self.planes = FLATTENED, ("flank", "floor")
+        if lying.get("incidence"):
+            self.part, self.planes = HALF_SPACE, ("flank",)
+        self.flow = at_rest(self.ng, self.part, lying, elements)
+        self.order, self.force, self.leading = elements.order, 0.0, Mode(0j, "")
+        self.starts: dict[str, np.ndarray] = {}
+
+    def growth(self, reynolds: float) -> float:
+        """The growth rate, U / D, of the leading mode at this Re."""
+        self.force = solve_by_continuation(
+            self.ng, self.flow, reynolds, self.part, self.force, FLOW_TOLERANCE
+        )
+        odd = self.planes if len(self.planes) == 2 else (*self.planes, "none")
+        found = [Mode(rate, plane) for plane in odd for rate in self._rates(reynolds, plane)]
+        if not found:
+            raise NotConverged(f"onset: no mode was found at Re {reynolds:g}")
+        self.leading = max(found, key=lambda mode: mode.rate.real)
+        return self.leading.rate.real
+
+    def _rates(self, reynolds: float, odd: str) -> list[complex]:
+        """Rates of modes antisymmetric about one plane and symmetric about the other, if any.
+
+        With S = (A - SHIFT M)^-1 M, Arnoldi's method is applied to S (1 + 2 SHIFT S), two steps in
+        time: the trapezoidal rule's, which keeps what oscillates, and Euler's implicit one, which
+        damps what is stiff.
+        """
+        ng, mesh = self.ng, self.flow.space.mesh
+        velocities = ng.VectorH1(mesh, order=self.order, **self._fixed(odd))
+        space = velocities * ng.H1(mesh, order=self.order - 1)
+        change, mass = disturbances(ng, space, self.flow.components[0], reynolds)
+        change.AsVector().data -= SHIFT * mass.AsVector()
+        inverse = change.Inverse(space.FreeDofs())
+        state, heavy = change.CreateColVector(), change.CreateColVector()
+
+        def shifted(vector):
+            state.FV().NumPy()[:] = vector
+            heavy.data = mass * state
+            state.data = inverse * heavy
+            return state.FV().NumPy().copy()
+
+        def filtered(vector):
+            return shifted(vector + 2 * SHIFT * shifted(vector))
+
+        start = self.starts.get(odd)
+        if start is None:
+            start = shifted(np.random.default_rng(0).random(space.ndof))
+        rates, self.starts[odd] = [], 0.0
+        for vector in ritz_vectors(filtered, start):
+            image = shifted(vector.real) + 1j * shifted(vector.imag)
+            value = np.vdot(vector, image) / np.vdot(vector, vector)
+            self.starts[odd] = self.starts[odd] + vector.real
+            if np.linalg.norm(image - value * vector) < RESIDUAL * np.linalg.norm(image):
+                rates.append(complex(SHIFT + 1 / value))
+        return rates
+
+    def _fixed(self, odd: str) -> dict[str, str]:
+        """Where each component of a disturbance vanishes."""
+        return {
+            f"dirichlet{axis}": "|".join(
+                [plane for plane in self.planes if (NORMALS[plane] == axis) != (plane == odd)]
+                + [WALLS]
+            )
+            for axis in "xyz"
+        }
+
+
+def aligned(body: Mapping[str, float]) -> dict[str, float]:
+    """The ellipsoid along the stream that is this one across it, or the body itself."""
+    if body.get("incidence") != 90.0:
+        return dict(body)
+    aspect, flatness = body["aspect"], body.get("flatness", 1.0)
+    return {"aspect": aspect**-0.5 * flatness**-0.75, "flatness": aspect * flatness**-0.5}
+
+
+def ritz_vectors(apply: Any, start: np.ndarray) -> np.ndarray:
+    """The Ritz vectors of the largest values of a linear map, one of each conjugate pair."""
+    basis = [start / np.linalg.norm(start)]
+    hessenberg = np.zeros((KRYLOV + 1, KRYLOV))
+    for k in range(KRYLOV):
+        new = apply(basis[k])
+        for _ in range(2):  # twice is enough for orthogonality
+            weights = np.array([known @ new for known in basis])
+            hessenberg[: k + 1, k] += weights
+            new = new - weights @ np.array(basis)
+        hessenberg[k + 1, k] = np.linalg.norm(new)
+        basis.append(new / hessenberg[k + 1, k])
+    values, vectors = np.linalg.eig(hessenberg[:KRYLOV])
+    largest = [k for k in np.argsort(-np.abs(values))[:RITZ] if values[k].imag >= 0]
+    return vectors[:, largest].T @ np.array(basis[:KRYLOV])
+
+
+def measure(run: Run, body: str, parameters: Mapping[str, float], mesh: str) -> Row:
+    """The critical Re with its mode, or None where the search fails, and the sides of the body."""
+    flow, onset = Disturbances(parameters, MESHES[run.pick("tiny", mesh)]), None
+    guess = onset_of(family_shape(parameters, dimension=3))
+    with contextlib.suppress(NotConverged):
+        onset = 1 / critical(lambda viscosity: flow.growth(1 / viscosity), 1 / START / guess, CLOSE)
+    return _described(flow, parameters) | {"onset": onset}
+
+
+def growth(run: Run, body: str, parameters: Mapping[str, float], mesh: str) -> Row:
+    """The growth rate, U / D, of the leading mode at one Re, and the sides of the body."""
+    flow = Disturbances(parameters, MESHES[run.pick("tiny", mesh)])
+    rate = None
+    with contextlib.suppress(NotConverged):
+        rate = flow.growth(NOTHING_GROWS)
+    return _described(flow, parameters) | {"reynolds": NOTHING_GROWS, "rate": rate}
+
+
+def _described(flow: Disturbances, parameters: Mapping[str, float]) -> Row:
+    length, width, height = family_shape(parameters, dimension=3).extent
+    return {
+        "length": length,
+        "width": width,
+        "height": height,
+        "unknowns": flow.flow.space.ndof,
+        "pulsation": abs(flow.leading.rate.imag),
+        "plane": flow.leading.plane,
+    }
+
+
+def with_rule(rows: list[Row]) -> list[Row]:
+    """The rows with the onset of the flow solver's rule and its error."""
+    found = []
+    for row in rows:
+        rule = onset_of(family_shape(row["parameters"], dimension=3))
+        error = rule / row["onset"] - 1 if row.get("onset") else None
+        found.append(row | {"rule": rule, "error": error})
+    return found
+
+
+SIDES = "body {body} | length {length:.2f} | width {width:.2f} | height {height:.2f}"
+MODE = " | omega D / U {pulsation:.2f} | odd about the {plane} | mesh {mesh}, {unknowns} unknowns"
+ONSETS = columns(
+    f"{SIDES} | critical Re {{onset:.1f}}{MODE} | rule {{rule:.1f}} | error {{error:+.1%}}"
+)
+GROWTH = columns(
+    f"{SIDES} | Re {{reynolds:g}} | growth rate {{rate:+.3f}}{MODE} | rule {{rule:.1f}}"
+)
+SEARCHED: tuple[tuple[dict[str, float], str], ...] = (
+    ({"aspect": 0.5}, "usual"),
+    ({"aspect": 0.3, "flatness": 2.0}, "usual"),
+    ({"aspect": 0.3, "flatness": 2.0}, "finer"),
+    ({"aspect": 0.5, "flatness": 2.0}, "usual"),
+)
+STABLE: tuple[tuple[dict[str, float], str], ...] = (({"aspect": 4.0, "incidence": 90.0}, "usual"),)
+
+
+def _cases(bodies):
+    return [{"body": name_of(body), "parameters": body, "mesh": mesh} for body, mesh in bodies]
+
+
+TABLES = [
+    Table(_cases(SEARCHED), measure, lambda rows: ONSETS(with_rule(rows))),
+    Table(_cases(STABLE), growth, lambda rows: GROWTH(with_rule(rows)), key="stable"),
+]
+STUDIES = {"onset_incidence": Study(TABLES)}
