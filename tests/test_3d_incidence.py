@@ -11,11 +11,14 @@ from correlations import Ellipsoid, ellipsoid, oberbeck
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
 from surrogate.body.skin import HALVES, SkinNodes
+from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
 from surrogate.flow.grid.oseen_3d import space_kernel
 from surrogate.flow.loads import LOADS
 from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.scene.fidelity import NAMED
+from surrogate.scene.stream import Unbounded
 
 FAMILY = Family(dimension=3, aspect=(0.6, 2.0), beta2=(-0.2, 0.2), incidence=(-90, 90))
 SCENE = Scene(dimension=3, reynolds=(0.01, 50), family=FAMILY, fidelity=ROUGH_3D)
@@ -145,6 +148,15 @@ def test_what_no_grid_covers_is_refused():
         Scene("tunnel:8", dimension=3, family=FAMILY)
     with pytest.raises(InvalidInput, match="sheds vortices"):
         DRAFT.solve(family_shape({"aspect": 3.0, "incidence": 90.0}, dimension=3), 90.0)
+
+
+def test_the_box_of_forces_ends_at_the_edges_of_a_coarse_grid():
+    """A body across the stream, whose rounded extent is higher than the error estimate's grid."""
+    level = NAMED[3]["draft"].coarser(2 / 3).scaled(5 / 6)
+    turned = family_shape({"aspect": 3.0, "incidence": 90.0}, dimension=3)
+    domain = fitted_domain(Unbounded(), level, turned, 20.0)
+    assert domain.box[2] == domain.lattice.shape[2]
+    assert np.all(domain.half_extent >= turned.extent / 2)
 
 
 def test_the_box_of_a_family_holds_its_bodies():

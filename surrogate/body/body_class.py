@@ -223,7 +223,7 @@ class BodyClass(abc.ABC):
                 raise InvalidInput(
                     f"{p.name} {value:g}: must lie between {p.low:g} and {p.high:g} ({p.meaning})"
                 )
-        if float(self.min_thickness_ratio(parameters)) < MIN_THICKNESS_RATIO:
+        if self.min_thickness_ratios(np.asarray(parameters)[None])[0] < MIN_THICKNESS_RATIO:
             modes = (f"{p.name} {value:g}" for p, value in given if value and not p.bounded)
             raise InvalidInput(
                 f"body: {', '.join(modes)} make the contour cross or close on itself; "
@@ -274,6 +274,14 @@ def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _
 def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
     """Equidistant t, once around a contour."""
     return 2 * np.pi * np.arange(nodes) / nodes
+
+
+@functools.partial(jax.jit, static_argnums=(0, 2))
+def drawn_outline(
+    body_class: BodyClass, parameters: Float[AnyArray, " parameters"], nodes: int
+) -> Float[Array, "nodes 2"]:
+    """Return ``body_class.outline``, by one program for all bodies of the class."""
+    return body_class.outline(parameters, nodes)
 
 
 @functools.partial(jax.jit, static_argnums=0)

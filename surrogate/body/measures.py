@@ -60,6 +60,7 @@ def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, ""]:
     return jnp.abs(moments(markers)[0]) * 2 / jnp.linalg.norm(edges, axis=1).sum()
 
 
+@jax.jit
 def least_mean_thickness(
     outline: Float[AnyArray, "nodes 2"], flatness: Float[AnyArray, ""]
 ) -> Float[AnyArray, ""]:

@@ -11,7 +11,7 @@ from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
-from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, onset_of_shedding
+from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, onset_of
 
 SMALLEST, LARGEST = 1e-12, 1e12  # of a particle's numbers in SI units
 BALANCED = 1e-4  # relative difference of drag and weight
@@ -106,7 +106,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     goal = math.log(4 / 3 * particle.archimedes)
     re = sphere_reynolds(particle.archimedes)
     slope = (_log_sphere_thrust(math.log(1.01 * re)) - goal) / math.log(1.01)
-    slowest, fastest = RANGE[0], float(onset_of_shedding(shape.extent))
+    slowest, fastest = RANGE[0], onset_of(shape)
     before = None
     for flows in range(1, MAX_FLOWS + 1):
         re = min(re, fastest)

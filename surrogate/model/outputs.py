@@ -47,6 +47,7 @@ def loads_of(outputs: Float[AnyArray, " loads"]) -> Float[Array, " loads"]:
     return jnp.exp(outputs[0]) * jnp.append(1.0, outputs[1:])
 
 
+@jax.jit
 def output_gradients(
     loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:
@@ -54,6 +55,7 @@ def output_gradients(
     return jax.jacfwd(outputs_of)(loads) @ gradients
 
 
+@jax.jit
 def load_gradients(
     outputs: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:

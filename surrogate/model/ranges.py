@@ -1,7 +1,9 @@
 """The ranges that a surrogate was trained in: the one rule for extrapolation."""
 
 import dataclasses
+import functools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -38,6 +40,7 @@ class TrainedRanges:
         low, high = self.bounds.T
         return ROUNDING * (high - low + 1)
 
+    @functools.partial(jax.jit, static_argnums=0)
     def excess(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
     ) -> Float[Array, "*batch inputs"]:

@@ -26,7 +26,7 @@ from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.card import model_card
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import LoadNetwork, blank_network, head_count
-from surrogate.model.surrogate import LOAD_NAMES, Surrogate
+from surrogate.model.surrogate import LOAD_NAMES, Surrogate, network_loads
 from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 
@@ -152,10 +152,10 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 def _check_numbers(network: LoadNetwork, scene: Scene, what: str) -> None:
     """Refuse weights that are not finite, and scaled inputs that are not those of the scene."""
-    if not all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(network)):
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(network)):
         raise InvalidInput(f"{what}: damaged, its weights are not all finite")
-    middle = jnp.asarray(scene.family.bounds.mean(axis=1)), jnp.asarray(scene.reynolds[0])
-    if not 0 < float(network.drag(*middle)) < np.inf:
+    middle = jnp.asarray(scene.family.bounds.mean(axis=1)), jnp.asarray(scene.reynolds[0], float)
+    if not 0 < float(network_loads(network, *middle)[0]) < np.inf:
         raise InvalidInput(f"{what}: damaged, its weights give no drag")
     known, own = (np.array([i.low, i.high]) for i in (scene_inputs(scene), network.inputs))
     if not np.allclose(known, own, atol=1e-9):

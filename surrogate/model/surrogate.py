@@ -4,6 +4,8 @@ import dataclasses
 import functools
 from typing import Any
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -110,10 +112,9 @@ class Surrogate:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        loads = _of_each_load(self.network.loads, *at)
+        loads = network_loads(self.network, *at)
         if given:
-            answers = functools.partial(self._answers, extrapolate=extrapolate)
-            valid = jnp.vectorize(answers, signature=ONE_BODY + "()")(*at)
+            valid = _answered(self.ranges, *at, bool(extrapolate))
             return loads * jnp.where(valid, 1.0, jnp.nan)[..., None]  # so is the gradient NaN
         if not np.all((loads[..., 0] > 0) & np.isfinite(loads).all(axis=-1)):
             raise InvalidInput("surrogate: its weights give drags that are no numbers above 0")
@@ -234,13 +235,26 @@ class Surrogate:
             )
         return parameters, reynolds
 
-    def _answers(self, parameters, reynolds, extrapolate) -> Bool[Array, ""]:
-        """Return whether ``_checked`` would accept a body and Re, for traced values."""
-        lowest, highest = REYNOLDS[self.scene.dimension]
-        valid = self.scene.family.body_class.is_valid(parameters)
-        valid &= (reynolds >= lowest * (1 - ROUNDING)) & (reynolds <= highest * (1 + ROUNDING))
-        inside = jnp.all(self.ranges.excess(parameters, reynolds) == 0)
-        return valid & (inside | bool(extrapolate))
+
+@eqx.filter_jit
+def network_loads(
+    network: LoadNetwork, parameters: Float[Array, "*bodies parameters"], reynolds: Numbers
+) -> Float[Array, "*batch 3"]:
+    """Return Cd, Cl and Cm of bodies by a network, by one program for each shape of the batch."""
+    return _of_each_load(network.loads, parameters, reynolds)
+
+
+@functools.partial(jax.jit, static_argnums=(0, 3))
+def _answered(ranges, parameters, reynolds, extrapolate):
+    """Return whether ``Surrogate._checked`` would accept bodies and Re, for traced values."""
+    lowest, highest = REYNOLDS[ranges.scene.dimension]
+
+    def answered(body, re) -> Bool[Array, ""]:
+        valid = ranges.scene.family.body_class.is_valid(body)
+        valid &= (re >= lowest * (1 - ROUNDING)) & (re <= highest * (1 + ROUNDING))
+        return valid & (extrapolate | jnp.all(ranges.excess(body, re) == 0))
+
+    return jnp.vectorize(answered, signature=ONE_BODY + "()")(parameters, reynolds)
 
 
 def _of_each_load(function, parameters, reynolds):

@@ -16,7 +16,6 @@ from surrogate.scene.stream import Stream, Tunnel
 
 REYNOLDS = {2: (1e-3, 350.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
 ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
-ONSET_POWER_3D = 0.9  # of length over width, for bodies wider than long; by study ``onset``
 ROUNDING = 1e-9  # relative, of a limit
 
 
@@ -42,24 +41,57 @@ class OnsetRule2D(NamedTuple):
     nose: float
 
 
+class OnsetRule3D(NamedTuple):
+    """The onset of unsteadiness in 3-D, sqrt(plate^2 + (slope s)^2) by the narrower side across.
+
+    That is of bodies as wide as high; with slenderness s = length * thickness / height over the
+    narrower of width and height. The less this is of the broader side, the nearer the onset is to
+    that of a cylinder of the slenderness s: the excess over it has the ratio's ``power`` as a
+    factor. Slender bodies have a steady wake for longer than the sphere, whose onset stands for
+    theirs.
+
+    Attributes:
+      plate: onset, by the diameter, of a disc across the stream.
+      slope: about what slenderness adds to it.
+      power: of the ratio of the sides across the stream.
+    """
+
+    plate: float
+    slope: float
+    power: float
+
+
+RULE_3D = OnsetRule3D(126.5, 170.0, 0.4)  # fitted to studies ``onset`` and ``onset_incidence``
 RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
 
 
 def onset_of_shedding(
-    extent: Float[AnyArray, " axes"], contour: Float[AnyArray, "nodes 2"] | None = None
+    extent: Float[AnyArray, " axes"], contour: Float[AnyArray, "nodes 2"]
 ) -> Float[Array, ""]:
     """Return the Re from which a body may have no steady wake, by linear stability of the flow.
 
-    In 3-D slender bodies have one for longer than the sphere, whose onset stands for theirs.
-
     Args:
       extent: length, (in 3-D width,) and height, all in D or all halved.
-      contour: of a 2-D body as it lies in the stream.
+      contour: of the body as it lies in the stream, in 3-D of its section by the plane of symmetry.
     """
-    if len(extent) == 2:
-        return onset_in_2d(contour)
-    slenderness = extent[0] / jnp.max(jnp.asarray(extent[1:]))
-    return ONSET_OF_SHEDDING[3] * jnp.minimum(slenderness, 1.0) ** ONSET_POWER_3D
+    return onset_in_2d(contour) if len(extent) == 2 else onset_in_3d(extent, contour)
+
+
+def onset_in_3d(
+    extent: Float[AnyArray, " axes"],
+    contour: Float[AnyArray, "nodes 2"],
+    rule: OnsetRule3D = RULE_3D,
+    plane: OnsetRule2D = RULE_2D,
+) -> Float[Array, ""]:
+    """Return the onset of unsteadiness of a 3-D body, by rule and in 2-D; see ``OnsetRule3D``."""
+    length, height, thickness, *_ = streamwise_profile(contour)
+    width = height * extent[1] / extent[2]
+    narrow, broad = jnp.minimum(width, height), jnp.maximum(width, height)
+    slenderness = length * thickness / height / narrow
+    compact = jnp.hypot(rule.plate, rule.slope * slenderness)
+    long = jnp.sqrt(plane.plate**2 + plane.slope**2 * slenderness**plane.power)
+    onset = (long + (compact - long) * (narrow / broad) ** rule.power) / narrow
+    return jnp.minimum(onset, ONSET_OF_SHEDDING[3])
 
 
 def onset_in_2d(

@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
+from surrogate.body.body_class import drawn_outline
 from surrogate.body.family import Family
 from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import FamilyShape, Shape
@@ -71,6 +72,6 @@ def fewest_cells(shape: Shape) -> int:
 def _thickness(shape):
     outline, flatness = shape.draw(OUTLINE_NODES), jnp.ones(())
     if isinstance(shape, FamilyShape):
-        outline = np.asarray(shape.body_class.outline(shape.values, OUTLINE_NODES))
+        outline = drawn_outline(shape.body_class, shape.values, OUTLINE_NODES)
         flatness = shape.body_class.flatness(shape.values)
     return float(least_mean_thickness(outline, flatness))

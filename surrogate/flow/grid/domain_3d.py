@@ -95,7 +95,10 @@ class Domain3D(Domain):
         )
         parts = QUARTERS if modes.symmetric else HALVES
         nodes = SkinNodes(math.ceil(along / 2), math.ceil(across / parts), parts)
-        return cls(lattice, far, modes, box_around(extent, cells), nodes, None)
+        length, *sides = box_around(extent, cells)
+        whole = lattice.unfolded.shape[1:]  # which holds the body, if not its rounded extent
+        box = (length, *(min(pair) for pair in zip(sides, whole, strict=True)))
+        return cls(lattice, far, modes, box, nodes, None)
 
     @property
     def far_combinations(self) -> int | None:
