@@ -16,8 +16,11 @@ QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level":
 
 
 # Devices wait for each other at the end of each chunk of bodies, and flows differ in cost; without
-# this XLA ends a process in which CPU cores wait for a minute.
-PATIENT = "--xla_cpu_collective_call_terminate_timeout_seconds=86400"
+# this XLA warns where CPU cores wait for 20 seconds and ends a process where they wait a minute.
+PATIENT = (
+    "--xla_cpu_collective_call_terminate_timeout_seconds=86400 "
+    "--xla_cpu_collective_call_warn_stuck_timeout_seconds=86400"
+)
 
 
 def let_devices_wait() -> None:

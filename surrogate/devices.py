@@ -29,7 +29,7 @@ AXIS = "bodies"  # of the mesh
 # has been measured, 32 is a guess that fills it with moderate memory.
 LANES = {"cpu": 1}
 ACCELERATOR_LANES = 32
-CHUNK = 64  # bodies per device whose fields are copied at once, at least: bounds the memory
+CHUNK = 16  # bodies per device that are copied at once, at least: bounds the memory
 
 
 class Sharded(eqx.Module):

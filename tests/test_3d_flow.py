@@ -149,9 +149,9 @@ def test_a_body_on_its_side_has_the_same_error_estimate():
     assert wide.estimated_error == pytest.approx(high.estimated_error, rel=1e-3)
 
 
-@pytest.mark.parametrize(("aspect", "onset"), [(1.0, 210), (0.5, 113)])
+@pytest.mark.parametrize(("aspect", "onset"), [(1.0, 210), (0.5, 121)])
 def test_flows_beyond_the_onset_of_shedding_of_a_body_must_be_asked_for(aspect, onset):
-    """The rule for these onsets was fitted to finite elements, scripts/measure/onset.py."""
+    """The rule for these onsets was fitted to finite elements, study ``onset``."""
     body = family_shape({"aspect": aspect}, dimension=3)
     with pytest.raises(InvalidInput, match=rf"beyond {onset}\b.* allow_unsteady "):
         DRAFT.solve(body, 1.05 * onset)

@@ -395,7 +395,7 @@ def test_all_trainings_of_a_payoff_are_checked_before_any_work(
     monkeypatch.setattr(training, "make_setup", refuse_to_work)
     with pytest.raises(InvalidInput, match="second: holds another training"):
         train_all(plans, tmp_path)
-    monkeypatch.setattr(training, "make_setup", lambda plan, devices: setup)
+    monkeypatch.setattr(training, "make_setup", lambda *_: setup)
     assert list(train_all(plans, tmp_path, overwrite=True)) == list(plans)
     monkeypatch.setattr(training, "run_training", refuse_to_work)
     assert train_all(plans, tmp_path, overwrite=True)["second"].recorded("seed") == 5
@@ -404,7 +404,7 @@ def test_all_trainings_of_a_payoff_are_checked_before_any_work(
 def test_training_warns_of_a_large_error(plan, setup, monkeypatch):
     rough = dataclasses.replace(plan.scene.fidelity, promise=1e-6)
     scene = dataclasses.replace(plan.scene, fidelity=rough)
-    monkeypatch.setattr(training, "make_setup", lambda plan, devices: setup)
+    monkeypatch.setattr(training, "make_setup", lambda *_: setup)
     monkeypatch.setattr(training, "make_plan", lambda *_: dataclasses.replace(plan, scene=scene))
     with pytest.warns(UserWarning, match="training by sip: its loads are inaccurate"):
         train(scene, "sip", progress=False)

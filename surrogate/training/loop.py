@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Sharded, choose_devices
 from surrogate.errors import NotConverged
-from surrogate.flow.batch import FlowBatch
+from surrogate.flow.batch import FlowBatch, estimated_cost
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
@@ -35,6 +35,13 @@ from surrogate.training.step import LearnerState, Step, compile_step, first_stat
 # have about 0.3 (study ``stability``).
 BLOWN_UP = 10.0
 HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always may
+AT_ONCE = 16  # held-out flows per lane between two reports
+
+Report = Callable[[int, int], None]
+
+
+def silent(done: int, of: int) -> None:
+    """Report nothing."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,16 +93,19 @@ class TrainingSetup(NamedTuple):
     compile_s: float
 
 
-def make_setup(plan: Plan, devices: Devices | None = None) -> TrainingSetup:
+def make_setup(
+    plan: Plan, devices: Devices | None = None, report: Report = silent
+) -> TrainingSetup:
     """Draw samples, solve the held-out flows, assemble operators, build the initial network.
 
-    Depends on the plan's scene, seed and counts, not on its method.
+    Depends on the plan's scene, seed and counts, not on its method. ``report`` is called with the
+    number of held-out flows that are solved, and of all of them.
 
     Raises:
       NotConverged: more than a tenth of the held-out flows were not found.
     """
     flow, devices = Flow(plan.scene), devices or choose_devices()
-    held_out, labels = solve_held_out(flow, plan, devices)
+    held_out, labels = solve_held_out(flow, plan, devices, report)
     samples = training_samples(plan.scene, plan.seed, plan.samples)
     flow.bodies.check(np.asarray(samples.parameters))
     samples, partition = devices.place(
@@ -115,14 +125,27 @@ def make_setup(plan: Plan, devices: Devices | None = None) -> TrainingSetup:
     return TrainingSetup(physics, velocities, held_out, labels, failed, network, setup_s, compile_s)
 
 
-def solve_held_out(flow: Flow, plan: Plan, devices: Devices) -> tuple[Samples, FlowBatch]:
+def solve_held_out(
+    flow: Flow, plan: Plan, devices: Devices, report: Report = silent
+) -> tuple[Samples, FlowBatch]:
     """Held-out bodies and their flows; those that are not found are left out.
+
+    ``report`` as of ``make_setup``.
 
     Raises:
       NotConverged: more than a tenth of them were not found.
     """
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    found = flow.solve_all(*held_out, devices)
+    order = np.argsort(estimated_cost(plan.scene.family, *held_out), kind="stable")
+    size = min(order.size, AT_ONCE * devices.lanes * devices.count)
+    parts = []
+    for start in range(0, order.size, size):
+        own = order[start : start + size]
+        part = flow.solve_all(*held_out.at(np.resize(own, size)), devices)
+        parts.append(jax.tree.map(lambda leaf, count=own.size: leaf[:count], part))
+        report(start + own.size, order.size)
+    back = np.argsort(order)
+    found = jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
     failed = int(np.sum(~found.converged))
     if failed > max(1, HELD_OUT_FAILURES * held_out.count) or failed == held_out.count:
         raise NotConverged(

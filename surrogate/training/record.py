@@ -14,7 +14,7 @@ from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.scene import Scene
 from surrogate.training.history import load_errors
-from surrogate.training.loop import TrainingResult, TrainingSetup, solve_held_out
+from surrogate.training.loop import Report, TrainingResult, TrainingSetup, silent, solve_held_out
 from surrogate.training.plan import Plan
 
 SETTINGS = {  # of a plan and of a record, as messages call them
@@ -59,18 +59,21 @@ def surrogate_of(
     return Surrogate(trained.network, plan.scene, record)
 
 
-def measured_anew(plan: Plan, surrogate: Surrogate, devices: Devices) -> Surrogate:
+def measured_anew(
+    plan: Plan, surrogate: Surrogate, devices: Devices, report: Report = silent
+) -> Surrogate:
     """Return a surrogate with its errors, and their bounds, on the held-out bodies of a plan.
 
     Args:
       plan: of its training, but for the number of held-out bodies.
       surrogate: what was trained.
       devices: over which the flows are distributed.
+      report: as of ``make_setup``.
 
     Raises:
       NotConverged: more than a tenth of the held-out flows were not found.
     """
-    held_out, labels = solve_held_out(Flow(plan.scene), plan, devices)
+    held_out, labels = solve_held_out(Flow(plan.scene), plan, devices, report)
     record = surrogate.record | _errors(plan, surrogate.network, held_out, labels.loads)
     record |= {"held_out": plan.held_out, "held_out_failed": plan.held_out - held_out.count}
     return Surrogate(surrogate.network, plan.scene, record | {"errors_command": command_line()})

@@ -111,7 +111,12 @@ def train_plan(
                 update(1.0, f"already done in {out}")
                 return stored
             update(0.0, f"done in {out}; its errors are measured on {plan.held_out} bodies")
-            surrogate = measured_anew(plan, stored, devices or choose_devices())
+            surrogate = measured_anew(
+                plan,
+                stored,
+                devices or choose_devices(),
+                lambda count, of: update(count / of, f"held-out flows {count} of {of}"),
+            )
             if first():
                 save(out, surrogate)
             update(1.0, "")
@@ -169,7 +174,12 @@ def setup_with_bar(
     """``make_setup`` with progress on stderr."""
     with progress_bar("preparing flows", progress) as update:
         update(0.0, f"{plan.samples} bodies, {plan.held_out} held out")
-        setup = make_setup(plan, devices)
+
+        def report(done: int, of: int) -> None:
+            left = f"; Oseen flows of {plan.samples} bodies" if done == of else ""
+            update(done / (of + plan.samples / 2), f"held-out flows {done} of {of}{left}")
+
+        setup = make_setup(plan, devices, report)
         failed = f", {setup.held_out_failed} held-out flows failed" if setup.held_out_failed else ""
         update(1.0, f"in {setup.setup_s:.0f} s{failed}")
     return setup
