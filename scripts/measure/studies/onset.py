@@ -33,12 +33,11 @@ TOLERANCE = 1e-6  # of an eigenvalue, U / D
 
 
 def measure(run: Run, body: str, parameters: Mapping[str, float]) -> Row:
-    """The critical Re, or None where the search fails, beside the limit in the flow solver."""
-    shape = family_shape(parameters, dimension=3)
-    extent, limit, onset = shape.extent, onset_of(shape), None
+    """The critical Re, or None where the search fails."""
+    shape, onset = family_shape(parameters, dimension=3), None
     with contextlib.suppress(NotConverged):
-        onset = critical(growth_of(parameters, run.pick(COARSE, MESH)), limit)
-    return {"slenderness": extent[0] / max(extent[1:]), "limit": limit, "onset": onset}
+        onset = critical(growth_of(parameters, run.pick(COARSE, MESH)), onset_of(shape))
+    return {"slenderness": shape.extent[0] / max(shape.extent[1:]), "onset": onset}
 
 
 def critical(growth: Callable[[float], float], limit: float, close: float = CLOSE) -> float:
@@ -110,9 +109,21 @@ def _rate(ng: Any, space: Any, shifted: Any, mass: Any) -> float:
     raise NotConverged("onset: no eigenvalue was found")
 
 
+def with_rule(rows: list[Row]) -> list[Row]:
+    """The rows with the onset by the flow solver's rule and its error."""
+    found = []
+    for row in rows:
+        pairs = (part.split() for part in row["body"].split(", "))
+        body = {name: float(value) for name, value in pairs}
+        rule = onset_of(family_shape(body, dimension=3))
+        error = rule / row["onset"] - 1 if row.get("onset") else None
+        found.append(row | {"rule": rule, "error": error})
+    return found
+
+
 COLUMNS = columns(
     "body {body} | length over width {slenderness:.2f} | critical Re {onset:.1f}"
-    " | refused above {limit:.1f}"
+    " | rule {rule:.1f} | error {error:+.1%}"
 )
 CASES = [{"body": name_of(body), "parameters": body} for body in BODIES]
-STUDIES = {"onset": Study([Table(CASES, measure, COLUMNS)])}
+STUDIES = {"onset": Study([Table(CASES, measure, lambda rows: COLUMNS(with_rule(rows)))])}

@@ -22,7 +22,7 @@ from elements import (
 )
 from elements import Geometry as Part
 from meshes import Elements, half
-from studies.onset import critical
+from studies.onset import critical, with_rule
 from studies.onset_2d import disturbances
 from study import Row, Run, Study, Table, columns
 from tools import name_of
@@ -192,16 +192,6 @@ def _described(flow: Disturbances, parameters: Mapping[str, float]) -> Row:
         "pulsation": abs(flow.leading.rate.imag),
         "plane": flow.leading.plane,
     }
-
-
-def with_rule(rows: list[Row]) -> list[Row]:
-    """The rows with the onset of the flow solver's rule and its error."""
-    found = []
-    for row in rows:
-        rule = onset_of(family_shape(row["parameters"], dimension=3))
-        error = rule / row["onset"] - 1 if row.get("onset") else None
-        found.append(row | {"rule": rule, "error": error})
-    return found
 
 
 SIDES = "body {body} | length {length:.2f} | width {width:.2f} | height {height:.2f}"
