@@ -27,6 +27,13 @@ except ImportError:
 REYNOLDS = "reynolds"
 
 
+MEANINGS = {
+    "cd": "drag coefficient by the equivalent diameter D",
+    "cl": "lift coefficient by D",
+    "cm": "moment coefficient by D, about the centroid, nose up",
+}
+
+
 class LoadsComponent(om.ExplicitComponent):
     """Cd, and Cl and Cm of bodies with lift, of a body of the model's family.
 
@@ -62,7 +69,7 @@ class LoadsComponent(om.ExplicitComponent):
         symmetric = model.scene.family.body_class.symmetric
         self._load_names = list(LOADS)[: 1 if symmetric else None]
         for name in self._load_names:
-            self.add_output(name, val=1.0 if name == "cd" else 0.0)
+            self.add_output(name, val=1.0 if name == "cd" else 0.0, desc=MEANINGS[name])
         self.declare_partials("*", "*")
         self._load_derivatives = jax.jit(jax.jacobian(model.loads, (0, 1)))
 

@@ -112,21 +112,22 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     """The result for a person."""
     gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
     side = "below" if gain >= 0 else "above"
+    lifting = not problem.scene.family.body_class.symmetric
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
     lifts = ""
-    if not problem.scene.family.body_class.symmetric:
+    if lifting:
         lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified"
     if "glide" in r:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
         lifts += f"; none settles faster at Archimedes number {archimedes:g}"
+    beside = "" if lifting else f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
     lines = [
         f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
-        f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
-        f"{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
+        f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
     if relative:
