@@ -15,7 +15,8 @@ from tools import free_port
 
 from shapeopt import Designer, Problem
 from surrogate import InvalidInput
-from surrogate.devices import choose_devices, compute_where, partition_bodies
+from surrogate.devices import choose_devices
+from surrogate.partition import compute_where, partition_bodies
 from surrogate.processes import join, scheduled
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, train
+from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, partition, train
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.scene.samples import held_out_samples, training_samples
 from surrogate.training import train as training
@@ -221,7 +221,7 @@ def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, 
 @pytest.mark.slow
 def test_interrupted_between_the_flows_of_a_step(plan, setup, tmp_path, monkeypatch):
     """Flows that a checkpoint has are not solved again."""
-    monkeypatch.setattr(devices, "CHUNK", 8)
+    monkeypatch.setattr(partition, "CHUNK", 8)
     plan = dataclasses.replace(plan, method="hig")
     counts = []
 

@@ -10,9 +10,10 @@ from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
-from surrogate.devices import Devices, Partition
+from surrogate.devices import Devices
 from surrogate.flow.derivatives import LoadsAndGradients, load_values, loads_and_gradients
 from surrogate.flow.discrete import DiscreteBodies
+from surrogate.partition import Partition
 
 
 class FlowBatch(NamedTuple):

@@ -14,7 +14,7 @@ from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.checks import expect, one_body, traced
-from surrogate.devices import Devices, choose_devices, partition_bodies
+from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
 from surrogate.flow.check.error_estimate import ErrorEstimate, Loads, estimate_error
@@ -32,6 +32,7 @@ from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
+from surrogate.partition import partition_bodies
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of
 from surrogate.scene.scene import Scene

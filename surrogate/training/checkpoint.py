@@ -8,9 +8,10 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from surrogate.devices import Partition, is_sharded
+from surrogate.devices import is_sharded
 from surrogate.errors import InvalidInput
 from surrogate.leaves import read_header, read_leaves, write_leaves
+from surrogate.partition import Partition
 from surrogate.processes import broadcast_from_first, first, gather_to_host
 from surrogate.repeats import differences
 from surrogate.training.plan import Plan

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Sharded, choose_devices
 from surrogate.errors import NotConverged
-from surrogate.flow.batch import FlowBatch, estimated_cost
+from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
@@ -136,16 +136,13 @@ def solve_held_out(
       NotConverged: more than a tenth of them were not found.
     """
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    order = np.argsort(estimated_cost(plan.scene.family, *held_out), kind="stable")
-    size = min(order.size, AT_ONCE * devices.lanes * devices.count)
-    parts = []
-    for start in range(0, order.size, size):
-        own = order[start : start + size]
+    size, parts = min(held_out.count, AT_ONCE * devices.lanes * devices.count), []
+    for start in range(0, held_out.count, size):
+        own = np.arange(start, min(start + size, held_out.count))
         part = flow.solve_all(*held_out.at(np.resize(own, size)), devices)
         parts.append(jax.tree.map(lambda leaf, count=own.size: leaf[:count], part))
-        report(start + own.size, order.size)
-    back = np.argsort(order)
-    found = jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
+        report(start + own.size, held_out.count)
+    found = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
     failed = int(np.sum(~found.converged))
     if failed > max(1, HELD_OUT_FAILURES * held_out.count) or failed == held_out.count:
         raise NotConverged(

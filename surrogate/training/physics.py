@@ -9,13 +9,14 @@ from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
-from surrogate.devices import Devices, Evaluated, Partition, Sharded, partition_bodies
+from surrogate.devices import Devices, Sharded
 from surrogate.flow.batch import estimated_cost
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import Operators
 from surrogate.model.outputs import outputs_of
+from surrogate.partition import Evaluated, Partition, partition_bodies
 from surrogate.scene.samples import Samples
 
 StoredOperators = Operators | tuple[Array, Array]  # or parameters and Reynolds number, where large

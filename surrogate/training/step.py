@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Devices, Partition, Sharded
+from surrogate.devices import Devices, Sharded
 from surrogate.model.network import LoadNetwork
+from surrogate.partition import Partition
 from surrogate.training.methods.method import Batch, EvaluationCost, LabelStore, Method
 from surrogate.training.physics import Physics
 

@@ -16,8 +16,9 @@ from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
 from tools import free_port, medians, platform_of
 
 from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
-from surrogate.devices import choose_devices, partition_bodies
+from surrogate.devices import choose_devices
 from surrogate.flow.batch import batch_solver, estimated_cost
+from surrogate.partition import partition_bodies
 from surrogate.processes import first, join
 from surrogate.scene.samples import training_samples
 

@@ -13,9 +13,10 @@ import optax
 from jaxtyping import Array, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Evaluated, Sharded
+from surrogate.devices import Sharded
 from surrogate.flow.loads import drag_coefficient, moment
 from surrogate.model.network import LoadNetwork
+from surrogate.partition import Evaluated
 from surrogate.scene.samples import Samples
 from surrogate.training.physics import Physics
 

@@ -1,0 +1,184 @@
+"""Which device solves which body, in chunks of a batch: evaluations on sharded arrays."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import NamedSharding
+from jax.sharding import PartitionSpec as P
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from surrogate.arrays import AnyArray
+from surrogate.devices import AXIS, Devices, Sharded
+
+CHUNK = 16  # bodies per device that are copied at once, at least: bounds the memory
+
+
+class Evaluated(NamedTuple):
+    """Results of a batch (replicated), new states (sharded), and idle work.
+
+    ``idle_work`` counts the convolutions that devices and lanes could have done while they waited
+    for the slowest.
+    """
+
+    results: PyTree
+    states: Sharded
+    idle_work: Int[Array, ""]
+
+
+class Partition(eqx.Module):
+    """Assignment of bodies to devices: ``places`` are their positions in sharded arrays.
+
+    Device k holds the positions from ``k * shard_size`` to ``(k + 1) * shard_size``.
+    """
+
+    places: Int[AnyArray, " bodies"]
+    devices: Devices = eqx.field(static=True)
+
+    @property
+    def shard_size(self) -> int:
+        """Rows per device; the last row of a device may be padding."""
+        return -(-self.places.size // self.devices.count)
+
+    def scatter(self, bodies: PyTree) -> Sharded:
+        """Sharded arrays from arrays in the order of the bodies; padding repeats the first body."""
+        sources = np.zeros(self.shard_size * self.devices.count, int)
+        sources = jnp.asarray(sources).at[self.places].set(jnp.arange(self.places.size))
+        return Sharded(jax.tree.map(lambda leaf: leaf[sources], bodies))
+
+    def gather(self, sharded: Sharded) -> PyTree:
+        """Replicated arrays, in the order of the bodies, from sharded ones."""
+        whole = NamedSharding(self.devices.mesh, P())
+        return jax.tree.map(
+            lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), sharded.rows
+        )
+
+    def map(self, function: Callable, sharded: Sharded) -> Sharded:
+        """``function`` of every row, ``lanes`` at a time on each device; to be traced."""
+        lanes = self.devices.lanes
+
+        def local(shard):
+            return Sharded(
+                jax.lax.map(function, shard.rows, batch_size=lanes if lanes > 1 else None)
+            )
+
+        return self.devices.shard_map(local, (sharded,), Sharded(()))(sharded)
+
+    def chunks(
+        self, batch: Int[np.ndarray, " batch"], done: Bool[AnyArray, " bodies"]
+    ) -> Iterator[Int[np.ndarray, " chunk"]]:
+        """Split what is not done of a batch into chunks; the last is padded with an invalid index.
+
+        All have the size of the whole batch's chunks. Bodies are ordered by their row, so that
+        every device has as many bodies of each chunk, of similar cost.
+        """
+        size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
+        batch = batch[~np.asarray(done)[batch]]
+        batch = batch[np.argsort(np.asarray(self.places)[batch] % self.shard_size, kind="stable")]
+        padding = np.full(-batch.size % size, self.places.size)
+        yield from np.append(batch, padding).reshape(-1, size)
+
+    def take_local(self, batch: Int[Array, " batch"], sharded: Sharded) -> Sharded:
+        """This device's rows of a batch, in the order of ``evaluate``; inside ``shard_map``."""
+        rows, _, _ = self._local_rows(batch)
+        return Sharded(jax.tree.map(lambda leaf: leaf[rows], sharded.rows))
+
+    def put_local(self, batch: Int[Array, " batch"], sharded: Sharded, new: Sharded) -> Sharded:
+        """``sharded`` with the rows that ``take_local`` took replaced; inside ``shard_map``."""
+        rows, count, _ = self._local_rows(batch)
+        at = jnp.where(jnp.arange(rows.size) < count, rows, self.shard_size)
+        return Sharded(
+            jax.tree.map(
+                lambda leaf, row: leaf.at[at].set(row, mode="drop"), sharded.rows, new.rows
+            )
+        )
+
+    def evaluate(
+        self,
+        batch: Int[Array, " batch"],
+        states: Sharded,
+        function: Callable,
+        arguments: PyTree,
+    ) -> Evaluated:
+        """Each body's ``function`` on the device that holds its row; inside ``shard_map``.
+
+        Args:
+          batch: indices of bodies; indices of padding are not evaluated, their results are zero.
+          states: this device's rows, as ``take_local`` returns them.
+          function: ``(row, state, argument) -> (result, new state)``, ``row`` the index of the
+            state; a result has a field ``products``, the number of convolutions that it took.
+          arguments: pytree with one row per entry of the batch, replicated.
+        """
+        lanes, size = self.devices.lanes, batch.size
+        _, count, order = self._local_rows(batch)
+
+        def take(tree, k):
+            return jax.tree.map(lambda leaf: leaf[k], tree)
+
+        def put(tree, k, new):
+            return jax.tree.map(lambda leaf, row: leaf.at[k].set(row, mode="drop"), tree, new)
+
+        def step(i, carry):
+            results, states, busy = carry
+            row = i if lanes == 1 else i * lanes + jnp.arange(lanes)
+            k = jnp.where(row < count, order[row], size)  # padding is out of range
+            run = function if lanes == 1 else jax.vmap(function)
+            result, state = run(row, take(states, row), take(arguments, k))
+            busy += lanes * jnp.max(result.products)
+            return put(results, k, result), put(states, row, state), busy
+
+        one = 0, take(states.rows, 0), take(arguments, 0)
+        blank = jax.eval_shape(lambda *one: function(*one)[0], *one)
+        blank = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), blank)
+        steps, start = -(-count // lanes), (blank, states.rows, jnp.array(0))
+        results, new, busy = jax.lax.fori_loop(0, steps, step, start)
+        results = jax.tree.map(_sum_over_devices, results)
+        idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(results.products)
+        return Evaluated(results, Sharded(new), idle_work)
+
+    def _local_rows(self, batch):
+        """(rows of this device, how many are of the batch, their indices in the batch).
+
+        The rows of the batch come first.
+        """
+        places = self.places[batch]
+        mine = places // self.shard_size == jax.lax.axis_index(AXIS)
+        mine &= batch < self.places.size
+        order = jnp.argsort(jnp.where(mine, places % self.shard_size, self.shard_size), stable=True)
+        at = places[order[: self.shard_size]] % self.shard_size
+        padding = jnp.full(self.devices.lanes, batch.size)
+        return at, jnp.sum(mine), jnp.append(order, padding)
+
+
+def _sum_over_devices(leaf):
+    """Sum over devices; each row is nonzero on one of them only, so that nothing is rounded."""
+    total = jax.lax.psum(leaf.astype(int) if leaf.dtype == bool else leaf, AXIS)
+    return total.astype(leaf.dtype)
+
+
+def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
+    """``compute()`` where ``wanted``, else ``otherwise``; not computed if no lane wants it.
+
+    A loop of one iteration or none: under ``vmap``, ``lax.cond`` would compute both branches.
+    """
+
+    def step(_):
+        return jnp.zeros_like(wanted), compute()
+
+    return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]
+
+
+def partition_bodies(devices: Devices, estimated_cost: Float[AnyArray, " bodies"]) -> Partition:
+    """Assign bodies to devices in descending order of estimated cost, in alternating direction.
+
+    Each device holds its bodies in the order of descending cost.
+    """
+    bodies = len(estimated_cost)
+    rank = np.empty(bodies, int)
+    rank[np.argsort(-np.asarray(estimated_cost), kind="stable")] = np.arange(bodies)
+    row, column = np.divmod(rank, devices.count)
+    device = np.where(row % 2, devices.count - 1 - column, column)
+    return Partition(device * -(-bodies // devices.count) + row, devices)
