@@ -35,7 +35,7 @@ from surrogate.training.step import LearnerState, Step, compile_step, first_stat
 # have about 0.3 (study ``stability``).
 BLOWN_UP = 10.0
 HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always may
-AT_ONCE = 16  # held-out flows per lane between two reports
+AT_ONCE = 16  # most held-out flows between two reports, per lane of each device
 
 Report = Callable[[int, int], None]
 
@@ -116,10 +116,10 @@ def make_setup(
     compiled = time.perf_counter()
     physics, velocities = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start
-    oseen = np.asarray(physics.tractions)
+    oseen_tractions = np.asarray(physics.tractions)
     outputs = np.asarray(physics.outputs)
     network = make_network(
-        plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen, outputs
+        plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen_tractions, outputs
     )
     failed = plan.held_out - held_out.count
     return TrainingSetup(physics, velocities, held_out, labels, failed, network, setup_s, compile_s)
@@ -128,15 +128,20 @@ def make_setup(
 def solve_held_out(
     flow: Flow, plan: Plan, devices: Devices, report: Report = silent
 ) -> tuple[Samples, FlowBatch]:
-    """Held-out bodies and their flows; those that are not found are left out.
+    """Return the held-out bodies whose flows converge, and these flows.
 
-    ``report`` as of ``make_setup``.
+    Args:
+      flow: of the plan's scene.
+      plan: of the training.
+      devices: over which the flows are distributed.
+      report: as of ``make_setup``.
 
     Raises:
-      NotConverged: more than a tenth of them were not found.
+      NotConverged: more than a tenth of the flows, at least two, or all of them did not converge.
     """
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    size, parts = min(held_out.count, AT_ONCE * devices.lanes * devices.count), []
+    most, parts = AT_ONCE * devices.lanes * devices.count, []
+    size = -(-held_out.count // -(-held_out.count // most))  # of parts of equal size
     for start in range(0, held_out.count, size):
         own = np.arange(start, min(start + size, held_out.count))
         part = flow.solve_all(*held_out.at(np.resize(own, size)), devices)
