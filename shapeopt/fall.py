@@ -4,13 +4,20 @@ With lengths in D and velocities in nu / D the speed is the Reynolds number R. T
 body, tail to nose, is ``tilt`` above the horizontal; the body moves with the velocity v at the
 incidence alpha, from e to v. Its momentum P and its angular velocity omega follow
 
-    dP/dt = (pi/8) R^2 (Cd, Cl) - (pi/6) (s - 1) Ga,     v = P_e / (m + m_e) e + P_n / (m + m_n) n,
-    (J + J') d omega/dt = -(pi/8) R^2 Cm - K omega,      d tilt/dt = omega,
+    dP/dt = (pi/8) R (-Cd v + Cl w) - (pi/6) (s - 1) N z,    d tilt/dt = omega,
+    v = (P.e) / (m + m_e) e + (P.n) / (m + m_n) n,
+    (J + J') d omega/dt = -(pi/8) R^2 Cm - K omega,
 
-with the density ratio s, Ga = g D^3 / nu^2, mass and inertia m and J, and added masses m_e and m_n,
-added inertia J' and Stokes resistance to rotation K of the equivalent ellipsoid. The loads are
+with w = -v turned by +90 degrees, the upward unit vector z, n = e turned by +90 degrees, the
+density ratio s, which is uniform in the body, N = g D^3 / nu^2, mass and inertia m and J, and added
+masses m_e and m_n, added inertia J' and Stokes resistance to rotation K of the equivalent
+ellipsoid: that of the same volume, aspect and flatness, its sine modes left out. The loads are
 those of steady motion at the momentary incidence and R, its torque included. Left out are what
 rotation does to drag and lift, the memory of the flow, and inertia in the resistance to rotation.
+
+Below the least Re of the surrogate Cd Re and Cl Re are those of Stokes flow. Of the moment the part
+that is odd in the even sine modes is that of Stokes flow, Cm Re likewise; the even part is by
+inertia, and Cm does not depend on Re.
 """
 
 import dataclasses
@@ -73,7 +80,7 @@ def fall(
     seconds: float,
     tilt: float = 0.0,
 ) -> Fall:
-    """Integrate the free fall of a body from rest; its own incidence is not used.
+    """Integrate the free fall of a body from rest; ``tilt`` replaces an incidence among parameters.
 
     Args:
       surrogate: of 3-D bodies at incidences from 0 to 90 degrees.
@@ -189,14 +196,14 @@ def rates_of(network, body_class, body, constants, state):
     velocity, (axis, normal) = _velocity(constants, state), axes_of(state[2])
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
     angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
-    known = jnp.maximum(speed, slowest)  # below it Cd Re and Cl Re are those of Stokes flow
-    odd = np.array([parameter.odd_fore_and_aft for parameter in body_class.parameters])
-    unlike = jnp.any(jnp.asarray(body)[odd] != 0)  # Stokes flow turns no body alike fore and aft
-    lever = jnp.where(unlike, known, speed)
+    known = jnp.maximum(speed, slowest)
+    odd = np.array([-1 if p.odd_fore_and_aft else 1 for p in body_class.parameters])
     drag, lift, moment = loads_at(network, body_class, body, angle, known)
+    by_stokes = (moment - loads_at(network, body_class, odd * body, angle, known)[2]) / 2
+    moment = known * by_stokes + speed * (moment - by_stokes)
     stream = -velocity / speed
     upward = jnp.stack([-stream[1], stream[0]])
     force = jnp.pi / 8 * speed * known * (drag * stream + lift * upward)
-    torque = -jnp.pi / 8 * speed * lever * moment - resistance * state[5]
+    torque = -jnp.pi / 8 * speed * moment - resistance * state[5]
     gravity = jnp.stack([jnp.zeros(()), -weight])
     return jnp.concatenate([velocity, state[5:], force + gravity, jnp.stack([torque / inertia])])

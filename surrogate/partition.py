@@ -1,4 +1,4 @@
-"""Which device solves which body, in chunks of a batch: evaluations on sharded arrays."""
+"""Assigns bodies to devices, and evaluates functions of them there, in chunks of a batch."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -70,10 +70,11 @@ class Partition(eqx.Module):
     def chunks(
         self, batch: Int[np.ndarray, " batch"], done: Bool[AnyArray, " bodies"]
     ) -> Iterator[Int[np.ndarray, " chunk"]]:
-        """Split what is not done of a batch into chunks; the last is padded with an invalid index.
+        """Split what is not done of a batch into chunks of one length.
 
-        All have the size of the whole batch's chunks. Bodies are ordered by their row, so that
-        every device has as many bodies of each chunk, of similar cost.
+        The last is filled with the index ``places.size``, which is not evaluated. Bodies are
+        ordered by their row, so that every device has as many bodies of each chunk, of similar
+        cost.
         """
         size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
         batch = batch[~np.asarray(done)[batch]]

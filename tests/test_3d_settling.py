@@ -35,7 +35,7 @@ def test_golden_grains_settle_by_the_sphere_curve():
     [pytest.param(1.0, 210, 5e-3, marks=pytest.mark.slow), (0.5, 121, 2e-3)],
 )
 def test_particles_too_large_to_settle_steadily_are_refused(aspect, onset, size):
-    """Their wakes would shed vortices."""
+    """Their wakes would be unstable."""
     rough = Flow(Scene(dimension=3, fidelity=ROUGH_3D))
     body = family_shape({"aspect": aspect}, dimension=3)
     with pytest.raises(InvalidInput, match=rf"beyond Re {onset}, .* smaller size"):

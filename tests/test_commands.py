@@ -424,7 +424,7 @@ MISTAKES = {  # and what the answer must say
     f"solve_drag {BODY} --reynolds -5": "Reynolds number -5: must be a",
     f"solve_drag {BODY} --reynolds nan": "Reynolds number nan: must be a",
     f"solve_drag {BODY} --reynolds fast": "--reynolds 'fast': one number",
-    f"solve_drag {BODY} --reynolds 150": "Reynolds number 150: such a body sheds",  # sheds vortices
+    f"solve_drag {BODY} --reynolds 150": "Reynolds number 150: the steady flow",
     "solve_drag --aspect nan --reynolds 10": "aspect nan: must be a finite number",
     "solve_drag --aspect two --reynolds 10": "argument --aspect: invalid float value: 'two'",
     "solve_drag --aspect 2 --beta2 0.9 --reynolds 10": "beta2 0.9 make the contour",

@@ -22,7 +22,12 @@ DTYPES = {"double": np.float64, "single": np.float32}
 
 LIFTING = {
     "lifting": {"gamma2": [-0.2, 0.5], "incidence": [-4, 12]},
-    "turning": {"flatness": [1, 2], "beta3": [-0.2, 0.2], "incidence": [0, 90]},  # in space
+    "turning": {
+        "flatness": [1, 2],
+        "beta3": [-0.2, 0.2],
+        "beta4": [-0.1, 0.1],
+        "incidence": [0, 90],
+    },  # in space
 }
 
 
@@ -33,7 +38,7 @@ def random_network(name):
     samples = training_samples(scene, 0, 40)
     rng = np.random.default_rng(0)
     tractions = -np.ones((40, traction_modes(scene.family, scene.fidelity).count))
-    outputs = rng.normal(size=(40, 3))
+    outputs = rng.normal(size=(40, 3)) * [1.0, 0.1, 0.01]
     network = make_network(scene, network_key(0), *samples, tractions, outputs)
     return Surrogate(network, scene, {"method": "hig", "samples": 40, "held_out": 8})
 

@@ -16,7 +16,6 @@ enum { BLOCK = 64, STATE = 13, MOMENTUM = 3, QUATERNION = 6, SPIN = 10 };
 static const double PI = 3.14159265358979323846, SLOWEST = 0.1; /* least Re of the training */
 typedef struct { double aspect, beta2, along, across, inertia, resistance, weight; } Body;
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 /* Masses, inertia and resistance to rotation of the spheroid of the same aspect, by potential flow. */
 static Body body(double aspect, double beta2, double ratio, double galilei) {
     const double volume = PI / 6, a = pow(aspect, 2.0 / 3) / 2, c = pow(aspect, -1.0 / 3) / 2;
@@ -29,11 +28,10 @@ static Body body(double aspect, double beta2, double ratio, double galilei) {
                    volume / 5 * (ratio * sum + carried),
                    16 * PI * a * c * c * sum / (3 * (a * a * axial + c * c * side)), volume * (ratio - 1) * galilei };
 }
-
 /* Derivatives in time of the states of up to BLOCK particles; the status of the surrogate. */
 static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)[STATE]) {
-    double inputs[BLOCK][PARTICLE_INPUTS], loads[BLOCK][PARTICLE_LOADS] = { { 0 } };
-    double along[BLOCK][3], up[BLOCK][3], speed[BLOCK], known[BLOCK], image[BLOCK];
+    double inputs[BLOCK][PARTICLE_INPUTS], loads[BLOCK][PARTICLE_LOADS] = { { 0 } }, opposite[BLOCK][PARTICLE_LOADS];
+    double along[BLOCK][3], up[BLOCK][3], speed[BLOCK], known[BLOCK], image[BLOCK], slow = 0;
     for (int i = 0; i < count; i++) { /* from the quaternion to the incidence */
         const double *q = y[i] + QUATERNION, *p = y[i] + MOMENTUM, tiny = 1e-24;
         const double axis[3] = { q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3],
@@ -46,17 +44,20 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
         for (int k = 0; k < 3; k++) up[i][k] = axis[k] + cosine * along[i][k];
         const double sine = sqrt(dot(up[i], up[i]) + tiny);
         for (int k = 0; k < 3; k++) up[i][k] /= sine;
-        known[i] = fmax(speed[i], SLOWEST), image[i] = cosine < 0 ? -1 : 1; /* Stokes flow below; nose and tail swap */
+        known[i] = fmax(speed[i], SLOWEST), slow = fmax(slow, known[i] - speed[i]), image[i] = cosine < 0 ? -1 : 1;
         memcpy(inputs[i], (double[]){ bodies[i].aspect, 1, image[i] * bodies[i].beta2,
                                       atan2(sine, fabs(cosine)) * 180 / PI, known[i] }, sizeof *inputs);
     }
     const int status = particle_loads_batch((size_t)count, inputs[0], loads[0], NULL, NULL);
+    memcpy(opposite, loads, sizeof loads);
+    for (int i = 0; i < count; i++) inputs[i][2] *= -1; /* beta2, in which the torque by Stokes flow is odd */
+    if (slow > 0) particle_loads_batch((size_t)count, inputs[0], opposite[0], NULL, NULL);
     for (int i = 0; i < count; i++) { /* from the loads to force and torque */
         const double *s = along[i], *u = up[i], *q = y[i] + QUATERNION, *w = y[i] + SPIN, force = PI / 8 * speed[i];
-        const double lever = bodies[i].beta2 != 0 ? known[i] : speed[i]; /* Stokes flow turns no body alike fore and aft */
+        const double stokes = (loads[i][2] - opposite[i][2]) / 2, inertial = loads[i][2] - stokes;
         for (int k = 0; k < 3; k++) {
             const int m = (k + 1) % 3, n = (k + 2) % 3;
-            const double torque = force * lever * image[i] * loads[i][2] * (u[m] * s[n] - u[n] * s[m]);
+            const double torque = force * image[i] * (known[i] * stokes + speed[i] * inertial) * (u[m] * s[n] - u[n] * s[m]);
             by[i][MOMENTUM + k] = force * known[i] * (loads[i][0] * s[k] + image[i] * loads[i][1] * u[k])
                                   - (k == 2) * bodies[i].weight;
             by[i][SPIN + k] = (torque - bodies[i].resistance * w[k]) / bodies[i].inertia;
@@ -78,7 +79,6 @@ static int step(int count, const Body *bodies, double (*y)[STATE], double time_s
     }
     return status;
 }
-
 int main(int words, char **word) {
     const int count = words == 4 ? atoi(word[1]) : 0, steps = words == 4 ? atoi(word[2]) : 0;
     Body *bodies = malloc((size_t)count * sizeof *bodies);

@@ -8,11 +8,17 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 HALF_TURN, QUARTER_TURN = 180.0, 90.0
-FAMILY = """\
+FORMULAS = {
+    2: """\
 x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... - gamma2 cos 2t - ...),
 from the nose, t = 0, over the upper side to the tail, t = pi, and back along the lower one;
-aspect = c / (2 b), scaled to area pi/4, so that D = 1. In 3-D, where gammas are 0, a meridian
-with elliptic cross-sections of a flatness, volume pi/6."""
+aspect = c / (2 b), scaled to area pi/4, so that D = 1.""",
+    3: """\
+x = -(c/2) cos t from the nose, t = 0, to the tail, t = pi, and around it ellipses of the half
+height b (sin t + beta2 sin 2t + beta3 sin 3t + ...) and flatness times this half width;
+aspect = c / (2 b sqrt(flatness)), scaled to volume pi/6, so that D = 1.""",
+}
+FAMILY = f"{FORMULAS[2]}\nIn 3-D {FORMULAS[3]}"
 
 
 class Kind(enum.Enum):

@@ -20,7 +20,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators
-from surrogate.scene.limits import onset_of_shedding
+from surrogate.scene.limits import onset_of_instability
 
 OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
 
@@ -29,7 +29,7 @@ class Coverage(NamedTuple):
     """How a grid covers bodies.
 
     Attributes:
-      onset: Re from which they may shed vortices.
+      onset: Re above which their steady flow is unstable.
       fits: whether the grid's box holds the body.
       cells: cells across the mean thickness.
       resolved: whether these are enough.
@@ -72,7 +72,9 @@ class DiscreteBodies:
         thickness = least_mean_thickness(outline, self.body_class.flatness(parameters))
         cells = thickness / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
-        onset = onset_of_shedding(half_extent, self.body_class.contour(parameters, OUTLINE_NODES))
+        onset = onset_of_instability(
+            half_extent, self.body_class.contour(parameters, OUTLINE_NODES)
+        )
         return Coverage(onset, fits, cells, cells >= self.domain.MIN_THICKNESS)
 
     def check(self, parameters: Float[np.ndarray, "bodies parameters"]) -> Coverage:

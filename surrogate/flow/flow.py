@@ -87,7 +87,7 @@ class Flow:
         Args:
           parameters: of the body, shape (parameters,).
           reynolds: Reynolds number.
-          allow_unsteady: answer beyond the onset of vortex shedding too.
+          allow_unsteady: answer beyond the onset of instability too.
 
         Raises:
           InvalidInput: there is no such body or Reynolds number, or the scene's grid does not
@@ -108,7 +108,7 @@ class Flow:
         Args:
           parameters: of the body, shape (parameters,).
           reynolds: Reynolds number.
-          allow_unsteady: answer beyond the onset of vortex shedding too.
+          allow_unsteady: answer beyond the onset of instability too.
 
         Raises:
           InvalidInput: as ``drag``.
@@ -135,7 +135,7 @@ class Flow:
         """Return loads and their gradients by an adjoint each to 2e-4, cheaper than ``jax.grad``.
 
         Raises:
-          InvalidInput: as ``drag``, except beyond the onset of vortex shedding.
+          InvalidInput: as ``drag``, except beyond the onset of instability.
         """
         parameters = self.scene.family.array(parameters)
         if not traced(parameters, reynolds):
@@ -194,7 +194,7 @@ class Flow:
           reynolds: U D / nu.
           gradient: compute the loads' derivatives by parameters and Re as well (family bodies).
           estimate: estimate the error, at two thirds of the flow's cost.
-          allow_unsteady: answer beyond the onset of vortex shedding too.
+          allow_unsteady: answer beyond the onset of instability too.
 
         Raises:
           InvalidInput: there is no such body or Reynolds number, or they do not fit the grid or

@@ -11,12 +11,12 @@ from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
-from surrogate.scene.limits import ONSET_OF_SHEDDING, REYNOLDS, onset_of
+from surrogate.scene.limits import ONSET_OF_INSTABILITY, REYNOLDS, onset_of
 
 SMALLEST, LARGEST = 1e-12, 1e12  # of a particle's numbers in SI units
 BALANCED = 1e-4  # relative difference of drag and weight
 MAX_FLOWS = 12
-RANGE = REYNOLDS[3][0], ONSET_OF_SHEDDING[3]  # of Re, for spheres
+RANGE = REYNOLDS[3][0], ONSET_OF_INSTABILITY[3]  # of Re, in which bodies are solved
 LOG_RE = -20.0, 20.0  # between which the sphere's correlation is inverted
 
 
@@ -85,8 +85,8 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     drifts sideways as it falls.
     The secant method in logarithms starts from the sphere's correlation (Schiller and Naumann
     1933). Particles slower than the solver's least Re are in Stokes flow, where Cd Re is constant.
-    A free body turns its broad side to its motion, by inertia (Khayat and Cox 1989), which is not
-    modelled.
+    A free body turns its broad side to its motion, by inertia (Khayat and Cox 1989): that incidence
+    is the body's own to give; ``shapeopt.fall`` follows the turning.
 
     Args:
       flow: of a 3-D scene.
@@ -115,7 +115,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
         excess = math.log(math.hypot(found.drag, found.lift) * at * re) - goal
         if re == fastest and excess < 0:
             raise InvalidInput(
-                f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is steady; "
+                f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is stable; "
                 "a smaller size would do"
             )
         if abs(excess) <= BALANCED:

@@ -1,6 +1,6 @@
 """The model card of a surrogate: what it predicts, how well, and what it must not be used for."""
 
-from surrogate.body.parameters import FAMILY, PARAMETERS
+from surrogate.body.parameters import FORMULAS, PARAMETERS
 from surrogate.files import JsonObject
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import describe_stream
@@ -34,28 +34,45 @@ def model_card(scene: Scene, record: JsonObject) -> str:
     size = "area pi D^2 / 4" if planar else "volume pi D^3 / 6"
     loads = f"Cd = {force}, x downstream"
     if lifting:
-        up = "Cl = 2 Fy, Cm = 2 M" if planar else "Cl = 8 Fz / pi with z the y above, Cm = 8 M / pi"
+        up = "Cl = 2 Fy, Cm = 2 M" if planar else "Cl = 8 Fz / pi with z up, Cm = 8 M / pi"
         loads += f", {up}, M about the centroid, nose up"
-    held_out = record.get("held_out")
     version = record.get("versions", {}).get("drag-surrogates") or package_version()
     lines = [
         f"Laminar aerodynamic surrogate, {scene.dimension}-D: {'Cd, Cl, Cm' if lifting else 'Cd'}",
         f"Flow: steady, laminar, incompressible, in {describe_stream(scene.stream)}.",
         f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
-        "Bodies: " + FAMILY.replace("\n", "\n  "),
+        "Bodies: " + FORMULAS[scene.dimension].replace("\n", "\n  "),
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
         f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
         f"seed {record.get('seed')}.",
-        f"Errors over Cd on {held_out} unseen bodies, against the flow solver:",
+        f"Errors over Cd on {_unseen(record)} unseen bodies, against the flow solver:",
         *(f"  {line}" for line in _errors(record)),
         "Bounds for the errors of each answer: Surrogate.error_bounds in Python, predict_drag.py.",
         f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "
         f"drags within {100 * fidelity.promise:g} % of the exact flow.",
+        *_limits(scene, record),
         "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
         "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",
         f"Made by drag-surrogates {version}, MIT licence; {_weights(record)}.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _unseen(record):
+    """How many held-out bodies the errors are of: those whose flow converged."""
+    count = record.get("held_out")
+    return count if count is None else count - record.get("held_out_failed", 0)
+
+
+def _limits(scene, record):
+    """Lines on flattened bodies at incidence, and on bodies whose steady flow is unstable."""
+    if {"flatness", "incidence"} <= set(scene.family.names):
+        yield "Bodies of a flatness other than 1: the stream is in the plane of length and height."
+    if count := record.get("beyond_onset"):
+        yield (
+            f"{count} of the training bodies are beyond the estimated onset of instability of "
+            "their flow; steady loads are answered there all the same."
+        )
 
 
 def _weights(record):

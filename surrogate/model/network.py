@@ -10,9 +10,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.body_class import BodyClass
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.flow.loads import AnyModes, drag_amplitude
-from surrogate.model.features import features_of
+from surrogate.model.features import features_of, levers_of, turn_of
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.model.outputs import OutputModel
 from surrogate.scene.scene import Scene
@@ -21,6 +22,8 @@ CORRECTION_SCALE = 0.3  # of the outputs about their trend, per unit of the MLP'
 WIDTH, LIFTING_WIDTH = 20, 32  # of both hidden layers, for drag alone and for three loads
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
+PARITY = np.array([1.0, -1.0, -1.0])  # of log Cd, Cl / Cd, Cm / Cd under the mirror image
+INERTIAL_RE = 5.0  # Re above which the moment by inertia over Cd grows slowly; below, as Re does
 
 
 class LoadNetwork(OutputModel):
@@ -32,7 +35,14 @@ class LoadNetwork(OutputModel):
 
         f(z) = trend . q(z) + 0.3 MLP(z),   y_0 = (f(z) + f(z')) / 2,   y_1,2 = (f(z) - f(z')) / 2
 
-    and the traction modes a, each made even or odd in the same way,
+    In Stokes flow a body in space that is symmetric fore and aft has no moment, at low Re one by
+    inertia whose coefficient Cm does not depend on Re. There f_2 is replaced by
+
+        Re / (Re + 5) f_2(z) + sum_k beta_k sin a  f_{2 + k}(z)
+
+    with the features beta_k sin a of the even sine modes, see ``surrogate.model.features``. So the
+    moment has the right sign also where it is a small part of the drag. The traction modes a, each
+    made even or odd in the same way, are
 
         a_0 = -Cd / 2,   a_lift = -Cl / 2,   a_k = (mode_mean_k + mode_scale_k MLP_k) Cd / 2
 
@@ -93,8 +103,8 @@ class LoadNetwork(OutputModel):
 
     @property
     def load_heads(self) -> tuple[int, ...]:
-        """Indices of the MLP's outputs that correct the trends; the moment has one of its own."""
-        return load_heads(self.modes)
+        """Indices of the MLP's outputs that correct the trends; the moment has some of its own."""
+        return load_heads(self.modes, self.inputs.body_class)
 
     @property
     def _of_loads(self):
@@ -108,14 +118,17 @@ class LoadNetwork(OutputModel):
         if self.modes.lift_index is None:
             return values, heads
         mirrored = self._unsymmetric(self.inputs.feature_mirror * features)
-        parity = np.append(self.modes.mirror, -1.0)
-        heads = (heads + parity * mirrored[1]) / 2
-        return (values + parity[np.array(self.load_heads)] * mirrored[0]) / 2, heads
+        parity = np.append(self.modes.mirror, -np.ones(heads.size - self.modes.count))
+        return (values + PARITY * mirrored[0]) / 2, (heads + parity * mirrored[1]) / 2
 
     def _unsymmetric(self, z):
         heads = self._mlp(z)
         trend = jnp.stack(self.trends) @ quadratic(z)
-        return trend + CORRECTION_SCALE * heads[np.array(self.load_heads)], heads
+        values = trend + CORRECTION_SCALE * heads[np.array(self.load_heads)]
+        if turn_of(self.inputs.body_class) is None:
+            return values, heads
+        factors = moment_factors(self.inputs, z)
+        return jnp.append(values[:2], factors @ values[2:]), heads
 
     def _mlp(self, z):
         for layer in self.layers[:-1]:
@@ -123,14 +136,25 @@ class LoadNetwork(OutputModel):
         return self.layers[-1](z)
 
 
-def load_heads(modes: AnyModes) -> tuple[int, ...]:
+def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Array, " heads"]:
+    """Factors of the heads whose sum is Cm / Cd of a body that turns in space, at features z."""
+    width, low = jax.lax.stop_gradient((inputs.width[-1], inputs.low[-1]))
+    log_re = low + width * (z[-1] + 1) / 2
+    inertia = jax.nn.sigmoid(log_re - np.log(INERTIAL_RE))
+    return jnp.append(inertia, z[np.array(levers_of(inputs.body_class), int)])
+
+
+def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
     """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd."""
-    return (0,) if modes.lift_index is None else (0, modes.lift_index, modes.count)
+    if modes.lift_index is None:
+        return (0,)
+    return 0, modes.lift_index, *range(modes.count, head_count(modes, body_class))
 
 
-def head_count(modes: AnyModes) -> int:
+def head_count(modes: AnyModes, body_class: BodyClass) -> int:
     """Number of a network's heads: one a traction mode, and where there is lift the moment's."""
-    return modes.count + (modes.lift_index is not None)
+    lifting = modes.lift_index is not None
+    return modes.count + lifting * (1 + len(levers_of(body_class)))
 
 
 def make_network(
@@ -156,13 +180,7 @@ def make_network(
     width = width or (WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
     z = jax.vmap(lambda *case: inputs.features(inputs(*case)))(parameters, reynolds)
-    images = inputs.feature_mirror * z
-    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
-    odd = [False, *[True] * (outputs.shape[1] - 1)]
-    trends = tuple(
-        jnp.asarray(np.linalg.lstsq(features - mirrored if k else features + mirrored, 2 * y)[0])
-        for k, y in zip(odd, np.asarray(outputs).T, strict=True)
-    )
+    trends = _fitted_trends(inputs, z, np.asarray(outputs))
     relative = -oseen / oseen[:, :1]
     last = jax.tree.map(lambda leaf: LAST_LAYER_SCALE * leaf, blank.layers[-1])
     even = blank.modes.mirror > 0  # the mean of the others over bodies and mirror images is zero
@@ -178,16 +196,39 @@ def make_network(
     )
 
 
+def _fitted_trends(inputs, z, outputs):
+    """Trends by least squares: of each output, and of the moment in space all heads together."""
+    images, turns = inputs.feature_mirror * z, turn_of(inputs.body_class) is not None
+    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
+    trends = []
+    for k, values in enumerate(outputs.T):
+        columns = [(features, mirrored)]
+        if k == 2 and turns:
+            factors, image_factors = (
+                np.asarray(jax.vmap(lambda one: moment_factors(inputs, one))(x)).T
+                for x in (z, images)
+            )
+            columns = [
+                (own[:, None] * features, image[:, None] * mirrored)
+                for own, image in zip(factors, image_factors, strict=True)
+            ]
+        matrix = np.hstack([own + PARITY[k] * image for own, image in columns])
+        found = np.linalg.lstsq(matrix, 2 * values)[0]
+        trends += map(jnp.asarray, np.split(found, len(columns)))
+    return tuple(trends)
+
+
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:
     """Random layers from a scene's inputs to its traction modes; trends and scales are zero."""
     body_class, modes = scene.family.body_class, traction_modes(scene.family, scene.fidelity)
     seen = len(features_of(body_class))
-    sizes = (seen, *hidden, head_count(modes))
+    sizes = (seen, *hidden, head_count(modes, body_class))
     layers = tuple(
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
+    heads = load_heads(modes, body_class)
     count, scales = len(body_class.names) + 1, jnp.zeros(modes.count)
     inputs = Inputs(jnp.zeros(count), jnp.zeros(count), body_class)
-    trends = (jnp.zeros((seen + 1) * (seen + 2) // 2),) * len(load_heads(modes))
+    trends = (jnp.zeros((seen + 1) * (seen + 2) // 2),) * len(heads)
     return LoadNetwork(layers, trends, inputs, scales, scales, modes)

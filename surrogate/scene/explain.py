@@ -6,7 +6,7 @@ from typing import NamedTuple
 from surrogate.body.family import Family
 from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity
-from surrogate.scene.limits import ONSET_OF_SHEDDING
+from surrogate.scene.limits import ONSET_OF_INSTABILITY
 from surrogate.scene.stream import Stream, describe_stream, window_height
 
 
@@ -14,13 +14,15 @@ class Words(NamedTuple):
     """What differs between 2-D and 3-D.
 
     The part of the window that is gridded, the same of bodies with camber or incidence ("" is all
-    of it), tested ranges, what is left out, and the onset of shedding of bodies that are not round.
+    of it), tested ranges, what is left out, and what instability does to the round body and when to
+    others.
     """
 
     part: str
     without_mirror: str
     tested: str
     left_out: str
+    unsteady: str
     others: str
 
 
@@ -30,10 +32,16 @@ WORDS = {
         "",
         "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window",
         "the third dimension, ",
-        "slender bodies later, those wider than long sooner",
+        "sheds vortices",
+        "slender bodies do later, those wider than long sooner",
     ),
     3: Words(
-        "quarter", "half", "Re 0.1 to 100 and aspect 0.5 to 4", "", "those wider than long sooner"
+        "quarter",
+        "half",
+        "Re 0.1 to 100 and aspect 0.5 to 4",
+        "",
+        "has an unstable wake",
+        "those of bodies wider than long sooner",
     ),
 }
 
@@ -68,8 +76,8 @@ def explain_scene(
             f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
             f"{words.tested}; every solved flow says whether it meets this, with its expected "
             "error and a bound that 95 % of the errors are within.",
-            f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} sheds "
-            f"vortices beyond Re {ONSET_OF_SHEDDING[dimension]:g}, {words.others}), "
+            f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
+            f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
             f"On this machine one convolution with G takes {1e3 * seconds:.2g} ms, so {bodies} "
             f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "

@@ -15,7 +15,9 @@ from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.stream import Stream, Tunnel
 
 REYNOLDS = {2: (1e-3, 350.0), 3: (1e-3, 300.0)}  # that the steady solver is tested for
-ONSET_OF_SHEDDING = {2: 46.7, 3: 210.0}  # cylinder, sphere, in an unbounded stream
+# Re above which the steady flow past a cylinder, a sphere is unstable, in an unbounded stream. The
+# cylinder then sheds vortices; the sphere's wake loses its symmetry and sheds beyond about 270.
+ONSET_OF_INSTABILITY = {2: 46.7, 3: 210.0}
 ROUNDING = 1e-9  # relative, of a limit
 
 
@@ -42,16 +44,18 @@ class OnsetRule2D(NamedTuple):
 
 
 class OnsetRule3D(NamedTuple):
-    """The onset of unsteadiness in 3-D, sqrt(plate^2 + (slope s)^2) by the narrower side across.
+    """The onset of instability in 3-D, of a body as it lies in the stream.
 
-    That is of bodies as wide as high; with slenderness s = length * thickness / height over the
-    narrower of width and height. The less this is of the broader side, the nearer the onset is to
-    that of a cylinder of the slenderness s: the excess over it has the ratio's ``power`` as a
-    factor. Slender bodies have a steady wake for longer than the sphere, whose onset stands for
-    theirs.
+    With n and w, the narrower and the broader one of height and width, and the slenderness
+    s = (length / n) (thickness / height), see ``StreamwiseProfile``,
+
+        Re = (R2 + (R3 - R2) (n / w)^power) / n,    R3 = sqrt(plate^2 + (slope s)^2),
+
+    where R2 is that of a cylinder of the same slenderness by its height (``OnsetRule2D``). The flow
+    past slender bodies is stable for longer than that past the sphere, whose onset is the limit.
 
     Attributes:
-      plate: onset, by the diameter, of a disc across the stream.
+      plate: R3 of slenderness 0, extrapolated; a thin disc across the stream has 115.
       slope: about what slenderness adds to it.
       power: of the ratio of the sides across the stream.
     """
@@ -61,14 +65,16 @@ class OnsetRule3D(NamedTuple):
     power: float
 
 
-RULE_3D = OnsetRule3D(126.5, 170.0, 0.4)  # fitted to studies ``onset`` and ``onset_incidence``
+RULE_3D = OnsetRule3D(126.5, 170.0, 0.4)  # fitted, studies ``onset`` and ``onset_incidence``
 RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
 
 
-def onset_of_shedding(
+def onset_of_instability(
     extent: Float[AnyArray, " axes"], contour: Float[AnyArray, "nodes 2"]
 ) -> Float[Array, ""]:
-    """Return the Re from which a body may have no steady wake, by linear stability of the flow.
+    """Return an estimate of the Re above which the steady flow past a body is unstable.
+
+    Its rules are fitted to linear stability by finite elements.
 
     Args:
       extent: length, (in 3-D width,) and height, all in D or all halved.
@@ -83,7 +89,14 @@ def onset_in_3d(
     rule: OnsetRule3D = RULE_3D,
     plane: OnsetRule2D = RULE_2D,
 ) -> Float[Array, ""]:
-    """Return the onset of unsteadiness of a 3-D body, by rule and in 2-D; see ``OnsetRule3D``."""
+    """Return the onset of instability of a 3-D body by ``OnsetRule3D``.
+
+    Args:
+      extent: length, width and height, all in D or all halved.
+      contour: of the section by the plane of symmetry, as it lies in the stream.
+      rule: constants of the rule.
+      plane: constants of the rule of cylinders.
+    """
     length, height, thickness, *_ = streamwise_profile(contour)
     width = height * extent[1] / extent[2]
     narrow, broad = jnp.minimum(width, height), jnp.maximum(width, height)
@@ -91,7 +104,7 @@ def onset_in_3d(
     compact = jnp.hypot(rule.plate, rule.slope * slenderness)
     long = jnp.sqrt(plane.plate**2 + plane.slope**2 * slenderness**plane.power)
     onset = (long + (compact - long) * (narrow / broad) ** rule.power) / narrow
-    return jnp.minimum(onset, ONSET_OF_SHEDDING[3])
+    return jnp.minimum(onset, ONSET_OF_INSTABILITY[3])
 
 
 def onset_in_2d(
@@ -105,8 +118,8 @@ def onset_in_2d(
 
 
 def onset_of(shape: Shape) -> float:
-    """Return ``onset_of_shedding`` of a body as a number."""
-    return float(onset_of_shedding(shape.extent, shape.draw(NODES)))
+    """Return ``onset_of_instability`` of a body as a number."""
+    return float(onset_of_instability(shape.extent, shape.draw(NODES)))
 
 
 def check_reynolds(
@@ -119,7 +132,7 @@ def check_reynolds(
 
     Args:
       reynolds: U D / nu.
-      allow_unsteady: accept it beyond the onset of vortex shedding too.
+      allow_unsteady: accept it beyond the onset of instability too.
       dimension: 2 or 3.
       onset: that of the body, see ``onset_of``; by default of the cylinder or the sphere.
 
@@ -131,15 +144,15 @@ def check_reynolds(
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
     low, high = REYNOLDS[dimension]
-    onset = ONSET_OF_SHEDDING[dimension] if onset is None else onset
+    onset = ONSET_OF_INSTABILITY[dimension] if onset is None else onset
     if value < low * (1 - ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
     if value > high * (1 + ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
     if value > onset * (1 + ROUNDING) and not allow_unsteady:
         raise InvalidInput(
-            f"Reynolds number {value:g}: such a body sheds vortices beyond "
-            f"{onset:.3g}, so no steady flow is observed there; "
+            f"Reynolds number {value:g}: the steady flow past such a body is unstable beyond "
+            f"{onset:.3g} and not observed there; "
             "allow_unsteady (--allow-unsteady) asks for it all the same"
         )
     return value

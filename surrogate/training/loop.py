@@ -116,10 +116,10 @@ def make_setup(
     compiled = time.perf_counter()
     physics, velocities = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start
-    oseen = np.asarray(physics.tractions)
+    oseen_tractions = np.asarray(physics.tractions)
     outputs = np.asarray(physics.outputs)
     network = make_network(
-        plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen, outputs
+        plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen_tractions, outputs
     )
     failed = plan.held_out - held_out.count
     return TrainingSetup(physics, velocities, held_out, labels, failed, network, setup_s, compile_s)
@@ -128,12 +128,16 @@ def make_setup(
 def solve_held_out(
     flow: Flow, plan: Plan, devices: Devices, report: Report = silent
 ) -> tuple[Samples, FlowBatch]:
-    """Held-out bodies and their flows; those that are not found are left out.
+    """Return the held-out bodies whose flows converge, and these flows.
 
-    ``report`` as of ``make_setup``.
+    Args:
+      flow: of the plan's scene.
+      plan: of the training.
+      devices: over which the flows are distributed.
+      report: as of ``make_setup``.
 
     Raises:
-      NotConverged: more than a tenth of them were not found.
+      NotConverged: more than a tenth of the flows, at least two, or all of them did not converge.
     """
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
     size, parts = min(held_out.count, AT_ONCE * devices.lanes * devices.count), []

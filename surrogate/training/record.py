@@ -52,11 +52,18 @@ def surrogate_of(
         "budget_s": plan.budget_s,
         "iterations": last.iteration,
         "failed_samples": last.failed,
+        "beyond_onset": _beyond_onset(setup.physics),
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],
         **(notes or {}),
     }
     return Surrogate(trained.network, plan.scene, record)
+
+
+def _beyond_onset(physics):
+    """How many training samples are beyond the onset of instability of their steady flow."""
+    onsets = physics.flow.bodies.check(np.asarray(physics.samples.parameters)).onset
+    return int(np.sum(np.asarray(physics.samples.reynolds) > onsets))
 
 
 def measured_anew(

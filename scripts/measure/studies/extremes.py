@@ -84,7 +84,7 @@ def loads_of_section(run: Run, incidence: float, aspect: float, reynolds: float,
         flow = functools.partial(solved, body, reynolds, allow_unsteady=False)
         found = flow(run.fidelity("standard"), estimate=True)
     except InvalidInput as reason:
-        return {"outcome": "unsteady" if "sheds" in str(reason) else "refused"}
+        return {"outcome": "unsteady" if "unstable" in str(reason) else "refused"}
     except NotConverged:
         return {"outcome": "not converged"}
     truth = flow(fine)

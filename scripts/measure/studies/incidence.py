@@ -77,7 +77,7 @@ def elements(run: Run, parameters: Mapping[str, float], reynolds: float, degree:
 
 @functools.cache
 def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
-    return loads_in_space(dict(body), reynolds, COARSE if tiny else CUBIC)
+    return loads_in_space(dict(body), reynolds, COARSE if tiny else USUAL)
 
 
 def stokes(run: Run, aspect: float, incidence: float) -> Row:

@@ -26,8 +26,8 @@ BODIES = (
 MESH = Elements(order=3, box=40.0, wall=0.06, near=0.2, wake=0.6)
 COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
 SHIFT = 0.05  # of eigenvalues, U / D: the mode that begins to grow is the nearest to it
-START = 1.3, 1.2  # Re over the limit; there the mode stands out from those that decay
-CLOSE = 3e-3  # of Re, over the limit
+START = 1.3, 1.2  # Re over the rule's onset; there the mode stands out from those that decay
+CLOSE = 3e-3  # of Re, over the rule's onset
 SECANTS, INVERSES = 8, 300  # at most
 TOLERANCE = 1e-6  # of an eigenvalue, U / D
 
@@ -35,19 +35,28 @@ TOLERANCE = 1e-6  # of an eigenvalue, U / D
 def measure(run: Run, body: str, parameters: Mapping[str, float]) -> Row:
     """The critical Re, or None where the search fails."""
     shape, onset = family_shape(parameters, dimension=3), None
+    guesses = (share * onset_of(shape) for share in START)
     with contextlib.suppress(NotConverged):
-        onset = critical(growth_of(parameters, run.pick(COARSE, MESH)), onset_of(shape))
+        growth = growth_of(parameters, run.pick(COARSE, MESH))
+        onset = critical(growth, *guesses, CLOSE * onset_of(shape))
     return {"slenderness": shape.extent[0] / max(shape.extent[1:]), "onset": onset}
 
 
-def critical(growth: Callable[[float], float], limit: float, close: float = CLOSE) -> float:
-    """Re at which the growth rate is zero, by the secant method, within ``close`` of the limit.
+def critical(
+    growth: Callable[[float], float], first: float, second: float, tolerance: float
+) -> float:
+    """Return the argument at which a growth rate is zero, by the secant method.
+
+    Args:
+      growth: rate as a function of Re or of 1 / Re.
+      first: a guess of the argument.
+      second: another guess.
+      tolerance: of the argument, absolute.
 
     Raises:
       NotConverged: It is not found.
     """
-    first, second = (share * limit for share in START)
-    found = root_scalar(growth, x0=first, x1=second, xtol=close * limit, maxiter=SECANTS)
+    found = root_scalar(growth, x0=first, x1=second, xtol=tolerance, maxiter=SECANTS)
     if not found.converged:
         raise NotConverged(f"onset: not found near Re {found.root:.3g}")
     return found.root

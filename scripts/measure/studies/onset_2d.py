@@ -61,9 +61,9 @@ HELD_OUT: tuple[dict[str, Any], ...] = (
 )
 MESH = Elements(order=2, box=30.0, wall=0.06, near=0.15, wake=0.5)
 COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
-START = 1.5  # Re over the guess, divided by those of ``onset``: 1.15 and 1.25, where modes grow
+START = 0.867, 0.8  # 1 / Re times the guess: Re 1.15 and 1.25 times the guess, where modes grow
 MOST = 330.0  # Re of a guess
-CLOSE = 0.01  # of 1 / Re, over the guess; its secants lose an error of 1 % in one step
+CLOSE = 0.0067  # of 1 / Re, times the guess; secants lose an error of 1 % in one step
 PULSATION = 0.74  # omega h / U near the onset, about; h is the height across the stream
 AROUND = 0.9, 1.15  # of it, where the mode is sought at first
 GROWTH = 0.12  # of the pulsation, of those shifts: the modes that decay are farther from them
@@ -81,7 +81,9 @@ def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool) ->
     guess = min(onset_of(shape), MOST)
     wave = Disturbance(shape, run.pick(COARSE, MESH))
     with contextlib.suppress(NotConverged):
-        onset = 1 / critical(lambda viscosity: wave.growth(1 / viscosity), 1 / START / guess, CLOSE)
+        guesses = (share / guess for share in START)
+        found = critical(lambda viscosity: wave.growth(1 / viscosity), *guesses, CLOSE / guess)
+        onset = 1 / found
     pulsation = None if onset is None else wave.mode.imag * height
     return {"length": length, "height": height, "onset": onset, "pulsation": pulsation}
 

@@ -1,8 +1,9 @@
 """Critical Re at which the steady flow past a 3-D body turned or flattened loses its stability.
 
 There a disturbance of the flow, symmetric or antisymmetric about each mirror plane, neither grows
-nor decays. Ellipsoids across the stream lie along it as other ellipsoids, of which a quarter of
-space is solved; bodies at other incidences are solved in half of space.
+nor decays. An ellipsoid at 90 degrees is one at 0 degrees with its axes exchanged, so that a
+quarter of space suffices; bodies at other incidences are solved in half of space. The mirror planes
+are y = 0, "flank", and z = 0, "floor".
 """
 
 import contextlib
@@ -47,8 +48,8 @@ HALF_SPACE = Part(
     MESH,
 )
 NORMALS = {"flank": "y", "floor": "z"}  # of the mirror planes
-START = 1.25  # Re over the rule's onset, divided by those of ``onset``: 0.96 and 1.04
-CLOSE = 0.03  # of 1 / Re, over the guess; its secants lose an error of 3 % in one step
+START = 1.04, 0.96  # 1 / Re times the rule's onset
+CLOSE = 0.024  # of 1 / Re, times the rule's onset; secants lose an error of 3 % in one step
 FLOW_TOLERANCE = 1e-4  # of the steady flow
 SHIFT = 2.0  # U / D, of the filter that modes of a frequency near zero and near 1 pass alike
 KRYLOV, RITZ = 40, 6  # vectors, and Ritz vectors that may be modes
@@ -169,7 +170,9 @@ def measure(run: Run, body: str, parameters: Mapping[str, float], mesh: str) -> 
     flow, onset = Disturbances(parameters, MESHES[run.pick("tiny", mesh)]), None
     guess = onset_of(family_shape(parameters, dimension=3))
     with contextlib.suppress(NotConverged):
-        onset = 1 / critical(lambda viscosity: flow.growth(1 / viscosity), 1 / START / guess, CLOSE)
+        guesses = (share / guess for share in START)
+        found = critical(lambda viscosity: flow.growth(1 / viscosity), *guesses, CLOSE / guess)
+        onset = 1 / found
     return _described(flow, parameters) | {"onset": onset}
 
 

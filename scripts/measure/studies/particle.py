@@ -24,6 +24,7 @@ KINDS = {  # what is drawn of each: prolate spheroids, oblate ones, flattened el
 LOADS = ("cd", "cl", "cm")
 POLARS = cases(aspect=(2.5, 0.5), incidence=range(0, 91, 15))  # a prolate and an oblate spheroid
 POLAR_REYNOLDS = 20.0
+ALIGNED = 5.0  # degrees from 0 and 90, within which lift and moment are too small to compare with
 LINES = (
     "-",
     "--",
@@ -142,12 +143,34 @@ def text(result: Result) -> str:
             if said:
                 words.append(f"{kind} {', '.join(said)}")
         parts.append(f"{name}: {'; '.join(words)}")
+    own = "; ".join(_of_itself(rows, *ends) for ends in ((0.0, 1.0), (1.0, 10.0), (10.0, np.inf)))
     return (
+        f"Errors of the surrogate's Cl and Cm over these loads themselves, of bodies at more than "
+        f"{ALIGNED:g} degrees from the stream and from across it: {own}. "
         f"The last three tables and the picture are polars at Re {POLAR_REYNOLDS:g}. Of oblate "
         "spheroids no correlation here has lift or torque. "
         "Errors over Cd by the flow, on average and at most, of bodies that no training has seen, "
         f"each correlation within its range. {'. '.join(parts)}."
     )
+
+
+def _of_itself(rows, low, high):
+    """Median and largest errors of Cl and Cm over themselves, between two Reynolds numbers."""
+    some = [
+        row
+        for row in rows
+        if low <= row["reynolds"] < high
+        and ALIGNED < row["parameters"]["incidence"] < 90.0 - ALIGNED
+    ]
+    if not some:
+        return f"Re {low:g} to {high:g} none"
+    parts = []
+    for name, symbol in (("cl", "Cl"), ("cm", "Cm")):
+        errors = [abs(row["surrogate"][name] * row["cd"] / row[name]) for row in some]
+        parts.append(f"{symbol} {np.median(errors):.1%} and {max(errors):.0%}")
+    ends = f"below Re {high:g}" if low == 0 else f"Re {low:g} to {high:g}"
+    ends = f"above Re {low:g}" if high == np.inf else ends
+    return f"{ends} (median and largest of {len(some)} bodies) {', '.join(parts)}"
 
 
 def in_short(result: Result) -> str:
@@ -163,9 +186,9 @@ def in_short(result: Result) -> str:
         f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
         f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
         f"bodies, and by up to {100 * record['drag_error_max']:.1f} % in Cd on its "
-        f"{record['held_out']} held-out ones; of the published correlations tried the "
-        f"closest, Froehlich's of prolate spheroids, by "
-        f"{means('Froehlich', theirs)} % within its range."
+        f"{record['held_out']} held-out ones; on the {len(theirs)} prolate spheroids within the "
+        f"range of the closest of the published correlations tried, Froehlich's, by "
+        f"{means('surrogate', theirs)} %, and the correlation by {means('Froehlich', theirs)} %."
     )
 
 
