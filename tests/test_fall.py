@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from correlations import Ellipsoid, ellipsoid, oberbeck
 
-from shapeopt.fall import fall
+from shapeopt.fall import constants_of, fall, rates_of
 from shapeopt.orientation import Orientation, orientations, small_swings
 from surrogate import InvalidInput, Particle, Scene, Surrogate, load
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
@@ -105,6 +105,35 @@ def test_heavy_bodies_swing_and_light_ones_do_not():
     turns = np.flatnonzero(np.diff(np.sign(swing)) != 0)[-3:]
     at = late.time[turns] - swing[turns] * np.diff(late.time)[0] / np.diff(swing)[turns]
     assert 0.5 / np.diff(at) == pytest.approx(frequency, rel=0.02)
+
+
+class ShearedLoads(StokesLoads):
+    """The same with a moment by inertia, and one of Stokes flow that is odd in beta2."""
+
+    def loads(self, parameters, reynolds):
+        drag, lift, moment = super().loads(parameters, reynolds)
+        across = jnp.sin(jnp.deg2rad(parameters[2]))
+        return jnp.stack([drag, lift, moment * reynolds + parameters[1] * across * drag])
+
+
+def test_torque_below_the_trained_range_is_continuous_in_the_shape():
+    """There the moment of Stokes flow goes on as 1 / Re, that by inertia does not change."""
+    network, body_class = ShearedLoads(1.0), SCENE.family.body_class
+    constants = constants_of(surrogate(), np.array(SPINDLE), SMALL)
+    constants[3] = 0.0  # no resistance to rotation
+    momentum = 1e-2 * np.array([0.6, 0.8]) * constants[:2]  # at Re 0.01
+    state = np.array([0, 0, 0.0, *momentum, 0.0])
+
+    def torque(beta2):
+        body = jnp.array([2.0, beta2, 0.0])
+        return float(rates_of(network, body_class, body, constants, state)[5] * constants[2])
+
+    assert torque(1e-9) == pytest.approx(torque(0.0), rel=1e-6)
+    at = np.rad2deg(np.arctan2(0.8, 0.6))
+    drag, _, moment = network.loads(jnp.array([2.0, 0.0, at]), 0.1)
+    assert torque(0.0) == pytest.approx(-np.pi / 8 * 1e-4 * float(moment), rel=1e-6)
+    stokes = 0.1 * 0.8 * float(drag) * 0.1 / 0.01
+    assert torque(0.1) - torque(0.0) == pytest.approx(-np.pi / 8 * 1e-4 * stokes, rel=1e-6)
 
 
 @pytest.mark.parametrize(
