@@ -15,9 +15,9 @@ ellipsoid: that of the same volume, aspect and flatness, its sine modes left out
 those of steady motion at the momentary incidence and R, its torque included. Left out are what
 rotation does to drag and lift, the memory of the flow, and inertia in the resistance to rotation.
 
-Below the least Re of the surrogate Cd Re and Cl Re are those of Stokes flow. Of the moment the part
-that is odd in the even sine modes is that of Stokes flow, Cm Re likewise; the even part is by
-inertia, and Cm does not depend on Re.
+Below the least Re of the surrogate Cd Re and Cl Re are kept. Cm is split: the part that is odd in
+the even sine modes is that of Stokes flow, of which Cm Re is kept; the even part is by inertia, of
+which Cm is kept.
 """
 
 import dataclasses
@@ -197,9 +197,9 @@ def rates_of(network, body_class, body, constants, state):
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
     angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
     known = jnp.maximum(speed, slowest)
-    odd = np.array([-1 if p.odd_fore_and_aft else 1 for p in body_class.parameters])
+    reversal = np.array([-1 if p.odd_fore_and_aft else 1 for p in body_class.parameters])
     drag, lift, moment = loads_at(network, body_class, body, angle, known)
-    by_stokes = (moment - loads_at(network, body_class, odd * body, angle, known)[2]) / 2
+    by_stokes = (moment - loads_at(network, body_class, reversal * body, angle, known)[2]) / 2
     moment = known * by_stokes + speed * (moment - by_stokes)
     stream = -velocity / speed
     upward = jnp.stack([-stream[1], stream[0]])

@@ -18,6 +18,7 @@ from surrogate.flow.grid.oseen_3d import space_kernel
 from surrogate.flow.loads import LOADS
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.scene.fidelity import NAMED
+from surrogate.scene.limits import onset_of
 from surrogate.scene.stream import Unbounded
 
 FAMILY = Family(dimension=3, aspect=(0.6, 2.0), beta2=(-0.2, 0.2), incidence=(-90, 90))
@@ -157,6 +158,13 @@ def test_the_box_of_forces_ends_at_the_edges_of_a_coarse_grid():
     domain = fitted_domain(Unbounded(), level, turned, 20.0)
     assert domain.box[2] == domain.lattice.shape[2]
     assert np.all(domain.half_extent >= turned.extent / 2)
+
+
+def test_the_onset_of_traced_bodies_is_that_of_shapes():
+    bodies = np.array([[1.6, 0.2, 90.0], [0.6, -0.2, 30.0], [1.0, 0.1, 0.0]])
+    traced = FLOW.bodies.check(bodies).onset
+    shapes = [family_shape(FAMILY.named(body), dimension=3) for body in bodies]
+    assert traced == pytest.approx([onset_of(shape) for shape in shapes], rel=2e-2)
 
 
 def test_the_box_of_a_family_holds_its_bodies():

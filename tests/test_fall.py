@@ -107,7 +107,7 @@ def test_heavy_bodies_swing_and_light_ones_do_not():
     assert 0.5 / np.diff(at) == pytest.approx(frequency, rel=0.02)
 
 
-class ShearedLoads(StokesLoads):
+class EggLoads(StokesLoads):
     """The same with a moment by inertia, and one of Stokes flow that is odd in beta2."""
 
     def loads(self, parameters, reynolds):
@@ -118,7 +118,7 @@ class ShearedLoads(StokesLoads):
 
 def test_torque_below_the_trained_range_is_continuous_in_the_shape():
     """There the moment of Stokes flow goes on as 1 / Re, that by inertia does not change."""
-    network, body_class = ShearedLoads(1.0), SCENE.family.body_class
+    network, body_class = EggLoads(1.0), SCENE.family.body_class
     constants = constants_of(surrogate(), np.array(SPINDLE), SMALL)
     constants[3] = 0.0  # no resistance to rotation
     momentum = 1e-2 * np.array([0.6, 0.8]) * constants[:2]  # at Re 0.01

@@ -40,7 +40,7 @@ def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> 
 
     Raises:
       InvalidInput: neither or both are given, or one is outside the range of the solver. Whether
-        the body sheds vortices is not asked here.
+        the flow past the body is stable there is not asked.
     """
     if (arguments.reynolds is None) == (arguments.chord_reynolds is None):
         raise InvalidInput("--reynolds: give it, or --chord-reynolds instead")

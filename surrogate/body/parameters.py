@@ -14,8 +14,8 @@ x = -(c/2) cos t, y = b (sin t + beta2 sin 2t + beta3 sin 3t + ... - gamma2 cos 
 from the nose, t = 0, over the upper side to the tail, t = pi, and back along the lower one;
 aspect = c / (2 b), scaled to area pi/4, so that D = 1.""",
     3: """\
-x = -(c/2) cos t from the nose, t = 0, to the tail, t = pi, and around it ellipses of the half
-height b (sin t + beta2 sin 2t + beta3 sin 3t + ...) and flatness times this half width;
+x = -(c/2) cos t from the nose, t = 0, to the tail, t = pi, and around it ellipses of half height
+h = b (sin t + beta2 sin 2t + beta3 sin 3t + ...) and half width flatness * h;
 aspect = c / (2 b sqrt(flatness)), scaled to volume pi/6, so that D = 1.""",
 }
 FAMILY = f"{FORMULAS[2]}\nIn 3-D {FORMULAS[3]}"

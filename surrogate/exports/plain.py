@@ -11,10 +11,10 @@ The loads follow from
 
 for any number of hidden layers. Of bodies that turn in space the third of these is replaced by
 
-    Re / (Re + inertial) f_2 + sum_k z_levers(k) f_(2 + k),   k = 1, 2, ...
+    Re / (Re + inertial) f_2 + sum_j z_levers(j) f_(2 + j),   j = 1, 2, ...
 
-The outputs y = (log Cd, Cl / Cd, Cm / Cd) are f itself, or with
-the mirror image z' = mirror * z of a body with lift (f(z) + parity * f(z')) / 2.
+The outputs y = (log Cd, Cl / Cd, Cm / Cd) are f itself, or with lift (f(z) + parity * f(z')) / 2
+with the features z' = mirror * z of the mirror image, in all places.
 """
 
 import dataclasses

@@ -73,7 +73,7 @@ class DiscreteBodies:
         cells = thickness / self.domain.lattice.step[0]
         fits = jnp.all(half_extent <= self.domain.half_extent)
         onset = onset_of_instability(
-            half_extent, self.body_class.contour(parameters, OUTLINE_NODES)
+            2 * half_extent, self.body_class.contour(parameters, OUTLINE_NODES)
         )
         return Coverage(onset, fits, cells, cells >= self.domain.MIN_THICKNESS)
 

@@ -23,7 +23,8 @@ WIDTH, LIFTING_WIDTH = 20, 32  # of both hidden layers, for drag alone and for t
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
 PARITY = np.array([1.0, -1.0, -1.0])  # of log Cd, Cl / Cd, Cm / Cd under the mirror image
-INERTIAL_RE = 5.0  # Re above which the moment by inertia over Cd grows slowly; below, as Re does
+INERTIAL_RE = 5.0  # a choice: below it Cm / Cd of spheroids grows about as Re, above it slowly
+FEWEST = 1e-3  # singular values over the largest that the initial trends of the moment keep
 
 
 class LoadNetwork(OutputModel):
@@ -35,14 +36,15 @@ class LoadNetwork(OutputModel):
 
         f(z) = trend . q(z) + 0.3 MLP(z),   y_0 = (f(z) + f(z')) / 2,   y_1,2 = (f(z) - f(z')) / 2
 
-    In Stokes flow a body in space that is symmetric fore and aft has no moment, at low Re one by
-    inertia whose coefficient Cm does not depend on Re. There f_2 is replaced by
+    Of bodies that turn in space f_2 is replaced by
 
-        Re / (Re + 5) f_2(z) + sum_k beta_k sin a  f_{2 + k}(z)
+        Re / (Re + 5) f_2(z) + sum_j b_j f_{2 + j}(z),    j = 1, 2, ...,
 
-    with the features beta_k sin a of the even sine modes, see ``surrogate.model.features``. So the
-    moment has the right sign also where it is a small part of the drag. The traction modes a, each
-    made even or odd in the same way, are
+    with the features b_j = beta_k sin a of the even sine modes, see ``surrogate.model.features``.
+    The first term is the moment by inertia: at low Re its Cm is constant while Cd grows as 1 / Re.
+    The others are, to first order in the modes, the moment in Stokes flow, which bodies that are
+    symmetric fore and aft do not have. So the moment has the right sign also where it is a small
+    part of the drag. The traction modes a, each made even or odd in the same way, are
 
         a_0 = -Cd / 2,   a_lift = -Cl / 2,   a_k = (mode_mean_k + mode_scale_k MLP_k) Cd / 2
 
@@ -73,7 +75,7 @@ class LoadNetwork(OutputModel):
         """
         outputs, heads = self._outputs_and_heads(self.inputs(parameters, reynolds))
         mean, scale = jax.lax.stop_gradient((self.mode_mean, self.mode_scale))
-        relative = (mean + scale * heads[: self.modes.count]).at[0].set(-1.0)
+        relative = (mean + scale * heads).at[0].set(-1.0)
         if self.modes.lift_index is not None:
             relative = relative.at[self.modes.lift_index].set(-outputs[1])
         return -drag_amplitude(jnp.exp(outputs[0])) * relative
@@ -103,7 +105,7 @@ class LoadNetwork(OutputModel):
 
     @property
     def load_heads(self) -> tuple[int, ...]:
-        """Indices of the MLP's outputs that correct the trends; the moment has some of its own."""
+        """Indices of the MLP's outputs that correct the trends, see ``load_heads``."""
         return load_heads(self.modes, self.inputs.body_class)
 
     @property
@@ -112,14 +114,14 @@ class LoadNetwork(OutputModel):
         return self.layers[:-1], last.weight[own], last.bias[own], self.trends
 
     def _outputs_and_heads(self, z):
-        """Return the outputs and the MLP's outputs, each even or odd under mirroring."""
+        """Return the outputs and the MLP's outputs of tractions, each even or odd."""
         features = self.inputs.features(z)
         values, heads = self._unsymmetric(features)
         if self.modes.lift_index is None:
             return values, heads
         mirrored = self._unsymmetric(self.inputs.feature_mirror * features)
-        parity = np.append(self.modes.mirror, -np.ones(heads.size - self.modes.count))
-        return (values + PARITY * mirrored[0]) / 2, (heads + parity * mirrored[1]) / 2
+        tractions, images = (each[: self.modes.count] for each in (heads, mirrored[1]))
+        return (values + PARITY * mirrored[0]) / 2, (tractions + self.modes.mirror * images) / 2
 
     def _unsymmetric(self, z):
         heads = self._mlp(z)
@@ -145,7 +147,10 @@ def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Arr
 
 
 def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
-    """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd."""
+    """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd.
+
+    The moment of bodies that turn in space has a head for inertia and one for each even sine mode.
+    """
     if modes.lift_index is None:
         return (0,)
     return 0, modes.lift_index, *range(modes.count, head_count(modes, body_class))
@@ -213,7 +218,7 @@ def _fitted_trends(inputs, z, outputs):
                 for own, image in zip(factors, image_factors, strict=True)
             ]
         matrix = np.hstack([own + PARITY[k] * image for own, image in columns])
-        found = np.linalg.lstsq(matrix, 2 * values)[0]
+        found = np.linalg.lstsq(matrix, 2 * values, FEWEST if k == 2 and turns else None)[0]
         trends += map(jnp.asarray, np.split(found, len(columns)))
     return tuple(trends)
 

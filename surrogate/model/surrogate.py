@@ -172,6 +172,15 @@ class Surrogate:
         return {name: d for name, d in pairs if d > 0}
 
     @property
+    def unseen(self) -> int:
+        """The number of held-out bodies that the recorded errors are of: whose flows converged.
+
+        Raises:
+          InvalidInput: the record lacks the number of held-out bodies.
+        """
+        return self.recorded("held_out") - self.record.get("held_out_failed", 0)
+
+    @property
     def ranges(self) -> TrainedRanges:
         """The ranges of the shape parameters and of log Re that it was trained in."""
         return TrainedRanges(self.scene)

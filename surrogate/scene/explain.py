@@ -40,8 +40,8 @@ WORDS = {
         "half",
         "Re 0.1 to 100 and aspect 0.5 to 4",
         "",
-        "has an unstable wake",
-        "those of bodies wider than long sooner",
+        "is unstable",
+        "bodies wider than long sooner",
     ),
 }
 

@@ -77,7 +77,7 @@ def onset_of_instability(
     Its rules are fitted to linear stability by finite elements.
 
     Args:
-      extent: length, (in 3-D width,) and height, all in D or all halved.
+      extent: length, (in 3-D width,) and height in D, each twice the farthest from the centroid.
       contour: of the body as it lies in the stream, in 3-D of its section by the plane of symmetry.
     """
     return onset_in_2d(contour) if len(extent) == 2 else onset_in_3d(extent, contour)
@@ -92,14 +92,13 @@ def onset_in_3d(
     """Return the onset of instability of a 3-D body by ``OnsetRule3D``.
 
     Args:
-      extent: length, width and height, all in D or all halved.
+      extent: length, width and height in D, each twice the farthest from the centroid.
       contour: of the section by the plane of symmetry, as it lies in the stream.
       rule: constants of the rule.
       plane: constants of the rule of cylinders.
     """
     length, height, thickness, *_ = streamwise_profile(contour)
-    width = height * extent[1] / extent[2]
-    narrow, broad = jnp.minimum(width, height), jnp.maximum(width, height)
+    narrow, broad = jnp.minimum(extent[1], height), jnp.maximum(extent[1], height)
     slenderness = length * thickness / height / narrow
     compact = jnp.hypot(rule.plate, rule.slope * slenderness)
     long = jnp.sqrt(plane.plate**2 + plane.slope**2 * slenderness**plane.power)
@@ -137,8 +136,8 @@ def check_reynolds(
       onset: that of the body, see ``onset_of``; by default of the cylinder or the sphere.
 
     Raises:
-      InvalidInput: it is not a number, is beyond what the solver is tested for, or the body sheds
-        vortices there and ``allow_unsteady`` is not set.
+      InvalidInput: it is not a number, is beyond what the solver is tested for, or the body's
+        steady flow is unstable there and ``allow_unsteady`` is not set.
     """
     value = finite_number("Reynolds number", reynolds)
     if value <= 0:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from surrogate.flow.flow import Flow
+from surrogate.flow.loads import LOADS
 from surrogate.model.network import WIDTH, blank_network
 from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.training.methods.sip import LabelRegression
@@ -73,9 +74,9 @@ def _inverse_seconds(plan, batch):
     if plan.method != "hig":
         return 0.0
     network = _network(plan)
-    first, last = network.layers[0], network.layers[-1]
-    best = len(network.trends) * (1 + first.in_features)
-    outcomes = 1 + last.out_features if plan.published else best
+    loads = 1 if network.modes.lift_index is None else len(LOADS)
+    best = loads * (1 + network.inputs.low.size)  # the outputs and their gradients
+    outcomes = 1 + network.modes.count + (loads > 1) if plan.published else best
     trained = network.weights if plan.published else network.load_weights
     rows = min(trained.size, batch * outcomes)
     matrix = np.random.default_rng(0).normal(size=(rows, rows))

@@ -35,7 +35,7 @@ from surrogate.training.step import LearnerState, Step, compile_step, first_stat
 # have about 0.3 (study ``stability``).
 BLOWN_UP = 10.0
 HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always may
-AT_ONCE = 16  # held-out flows per lane between two reports
+AT_ONCE = 16  # most held-out flows between two reports, per lane of each device
 
 Report = Callable[[int, int], None]
 
@@ -140,7 +140,8 @@ def solve_held_out(
       NotConverged: more than a tenth of the flows, at least two, or all of them did not converge.
     """
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    size, parts = min(held_out.count, AT_ONCE * devices.lanes * devices.count), []
+    most, parts = AT_ONCE * devices.lanes * devices.count, []
+    size = -(-held_out.count // -(-held_out.count // most))  # of parts of equal size
     for start in range(0, held_out.count, size):
         own = np.arange(start, min(start + size, held_out.count))
         part = flow.solve_all(*held_out.at(np.resize(own, size)), devices)

@@ -180,13 +180,13 @@ def in_short(result: Result) -> str:
         errors = [[row[name][key] for row in rows] for key in LOADS]
         return "/".join(f"{100 * mean_and_most(each)[0]:.2f}" for each in errors)
 
-    rows, record = result["rows"], load(SURROGATE).record
+    rows, net = result["rows"], load(SURROGATE)
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
     return (
         f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
         f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
-        f"bodies, and by up to {100 * record['drag_error_max']:.1f} % in Cd on its "
-        f"{record['held_out']} held-out ones; on the {len(theirs)} prolate spheroids within the "
+        f"bodies, and by up to {100 * net.recorded('drag_error_max'):.1f} % in Cd on its "
+        f"{net.unseen} held-out ones; on the {len(theirs)} prolate spheroids within the "
         f"range of the closest of the published correlations tried, Froehlich's, by "
         f"{means('surrogate', theirs)} %, and the correlation by {means('Froehlich', theirs)} %."
     )

@@ -192,7 +192,7 @@ contains
                 + own * inertia * (1 - inertia) / scale_(inputs_)
         end if
         l = loads_ + 1
-        do while (l <= heads_)
+        do while (l <= heads_) ! compilers warn of a loop by a counter that makes no trips
             k = lever(l - loads_)
             f(loads_) = f(loads_) + z(k) * f(l)
             if (with_derivatives) then
