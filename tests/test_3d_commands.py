@@ -26,7 +26,7 @@ def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("--dimension 3 --aspect 0.5 --reynolds 1,150", "beyond 113"),
+        ("--dimension 3 --aspect 0.5 --reynolds 1,150", "beyond 121"),
         ("--dimension 3 --naca 0012 --reynolds 10", "goes with --aspect"),
         ("--dimension 3 --aspect 1", "or --settling instead"),
         ("--dimension 3 --aspect 1 --settling 2,3", "density ratio,viscosity,size"),
