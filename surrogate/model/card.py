@@ -43,7 +43,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
         "Bodies: " + FORMULAS[scene.dimension].replace("\n", "\n  "),
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
-        f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
+        f"Training: {METHODS.get(method, method)} on {_trained_on(record)} bodies, "
         f"seed {record.get('seed')}.",
         f"Errors over Cd on {_unseen(record)} unseen bodies, against the flow solver:",
         *(f"  {line}" for line in _errors(record)),
@@ -56,6 +56,12 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Made by drag-surrogates {version}, MIT licence; {_weights(record)}.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _trained_on(record):
+    """How many bodies have labels; methods that solve each flow once count those that failed."""
+    once = record.get("method") in ("hig", "supervised") and not record.get("published")
+    return record.get("samples", 0) - once * record.get("failed_samples", 0)
 
 
 def _unseen(record):
