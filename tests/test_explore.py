@@ -24,7 +24,8 @@ def test_page_holds_the_weights_and_scales(name):
     for part in ("weights", "biases"):
         for saved, own in zip(data[part], getattr(plain, part), strict=True):
             np.testing.assert_array_equal(saved, own)
-    for part in ("logs", "scale", "shift", "mirror", "constant", "linear", "quadratic"):
+    numbers = "logs", "scale", "shift", "mirror", "constant", "linear", "quadratic"
+    for part in (*numbers, "inertial", "levers"):
         np.testing.assert_array_equal(data[part], getattr(plain, part))
 
 

@@ -72,9 +72,9 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
 
 def _values_of_a_case(plain):
     """How many numbers the batch function holds for each case."""
-    inputs, features, loads = len(plain.inputs), len(plain.mirror), len(plain.loads)
+    inputs, features, heads = len(plain.inputs), len(plain.mirror), len(plain.constant)
     widest, nodes = max(plain.sizes), sum(plain.sizes[:-1])
-    return inputs + features + 2 * loads * (1 + features) + 2 * 5 + nodes + 2 * widest + 4
+    return inputs + features + 2 * heads * (1 + features) + 2 * 5 + nodes + 2 * widest + 4
 
 
 def _literal(precision):
@@ -93,13 +93,14 @@ def _data(plain, precision):
 
     numbers = {
         **{"SCALE": plain.scale, "SHIFT": plain.shift, "MIRROR": plain.mirror},
-        **{"ANGLE": np.array([plain.angle])},
+        **{"ANGLE": np.array([plain.angle]), "INERTIAL": np.array([plain.inertial])},
         **{"LOW": low, "HIGH": high, "LEAST": plain.least, "MOST": plain.most},
         **{"CONSTANT": plain.constant, "LINEAR": plain.linear, "QUADRATIC": plain.quadratic},
         **{"WEIGHTS": flat(plain.weights), "BIASES": flat(plain.biases)},
     }
     tables = {"SIZES": np.array(plain.sizes), "LOGS": plain.logs * 1}
     tables |= {"SOURCE": plain.sources, "WAVE": plain.waves}
+    tables |= {"LEVER": plain.levers if plain.levers.size else np.zeros(1, int)}  # none in C
     whole = [array(name, values, "int") for name, values in tables.items()]
     return "\n".join([*whole, *(array(name, values) for name, values in numbers.items())])
 

@@ -56,6 +56,7 @@ def _data(plain, precision):
     numbers = {
         **{
             "angle": np.array([plain.angle]),
+            "inertial": np.array([plain.inertial]),
             "scale_": plain.scale,
             "shift_": plain.shift,
             "mirror": plain.mirror,
@@ -69,6 +70,8 @@ def _data(plain, precision):
     logs = ", ".join(".true." if log else ".false." for log in plain.logs)
     whole = {"sizes": ("layers + 1", plain.sizes), "source": ("features_", plain.sources + 1)}
     whole |= {"wave": ("features_", plain.waves)}
+    levers = (plain.levers + 1).tolist() or [1]  # an array of none has no literal
+    whole |= {"lever": (len(levers), levers)}
     lines = [
         *(
             f"    integer, parameter :: {name}({size}) = [{', '.join(map(str, values))}]"

@@ -64,6 +64,7 @@ def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:
         "features": len(plain.mirror),
         "turn": plain.turn,
         "outputs": len(plain.loads),
+        "heads": len(plain.constant),
         "layers": len(plain.weights),
         "widest": max(plain.sizes),
         "nodes": sum(plain.sizes[:-1]),

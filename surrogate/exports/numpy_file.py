@@ -19,7 +19,13 @@ def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
 
     low, high = precision.ends(plain)
     numbers = {"scale": plain.scale, "shift": plain.shift, "mirror": plain.mirror}
-    numbers |= {"angle": plain.angle, "parity": plain.parity, "low": low, "high": high}
+    numbers |= {
+        "inertial": plain.inertial,
+        "angle": plain.angle,
+        "parity": plain.parity,
+        "low": low,
+        "high": high,
+    }
     numbers |= {"least": plain.least, "most": plain.most, "constant": plain.constant}
     numbers |= {"linear": plain.linear, "quadratic": plain.quadratic}
     return template(
@@ -34,6 +40,7 @@ def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
         turn=plain.turn if plain.turn >= 0 else None,
         sources=plain.sources.tolist(),
         waves=plain.waves.tolist(),
+        levers=plain.levers.tolist(),
         weights=arrays(plain.weights),
         biases=arrays(plain.biases),
         **{name: nested(values) for name, values in numbers.items()},

@@ -1,5 +1,6 @@
 """A surrogate as an ONNX model: inputs -> loads, jacobian, status."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,7 +153,7 @@ def _evaluated(g, plain, z):
     for weight, bias in zip(plain.weights[:-1], plain.biases[:-1], strict=True):
         trace.append(g("Tanh", g("Add", g("MatMul", trace[-1], weight.T), bias)))
     outputs, derivatives = [], []
-    for k in range(len(plain.loads)):
+    for k in range(len(plain.constant)):
         product = g("MatMul", z, plain.quadratic[k])
         trend = g("Mul", g("Add", product, plain.linear[k]), z)
         trend = g("ReduceSum", trend, g.axes(1), keepdims=1)
@@ -165,7 +166,27 @@ def _evaluated(g, plain, z):
             back = g("MatMul", g("Mul", slope, back), weight)
         trend = g("Add", g("Mul", product, np.full(1, 2.0)), plain.linear[k])
         derivatives.append(g("Add", trend, back))
+    if plain.inertial:
+        return _with_moment(g, plain, z, outputs, derivatives)
     return outputs, derivatives
+
+
+def _with_moment(g, plain, z, outputs, derivatives):
+    """The same with the parts of the moment summed up, for bodies that turn in space."""
+    last, step, one = len(plain.mirror) - 1, plain.scale[-1], np.ones(1)
+    log_re = g("Div", g("Sub", g("Gather", z, g.axes(last), axis=1), [plain.shift[-1]]), [step])
+    inertia = g("Sigmoid", g("Sub", log_re, [math.log(plain.inertial)]))
+    slope = g("Div", g("Mul", inertia, g("Sub", one, inertia)), [step])
+    moment, by = None, None
+    parts = [(inertia, slope, last)]
+    parts += [(g("Gather", z, g.axes(k), axis=1), one, k) for k in plain.levers.tolist()]
+    for part, own, (factor, change, k) in zip(outputs[2:], derivatives[2:], parts, strict=True):
+        unit = (np.arange(last + 1) == k).astype(float)
+        changed = g("Mul", g("Mul", part, change), unit)
+        term = g("Mul", factor, part), g("Add", g("Mul", factor, own), changed)
+        moment = term[0] if moment is None else g("Add", moment, term[0])
+        by = term[1] if by is None else g("Add", by, term[1])
+    return [*outputs[:2], moment], [*derivatives[:2], by]
 
 
 def _status(g, plain, precision, logarithms):

@@ -9,8 +9,12 @@ The loads follow from
 
     f(z) = constant + linear . z + z^T quadratic z + (W_3 tanh(W_2 tanh(W_1 z + b_1) + b_2) + b_3)
 
-for any number of hidden layers. The outputs y = (log Cd, Cl / Cd, Cm / Cd) are f itself, or with
-the mirror image z' = mirror * z of a body with lift (f(z) + parity * f(z')) / 2.
+for any number of hidden layers. Of bodies that turn in space the third of these is replaced by
+
+    Re / (Re + inertial) f_2 + sum_j z_levers(j) f_(2 + j),   j = 1, 2, ...
+
+The outputs y = (log Cd, Cl / Cd, Cm / Cd) are f itself, or with lift (f(z) + parity * f(z')) / 2
+with the features z' = mirror * z of the mirror image, in all places.
 """
 
 import dataclasses
@@ -22,12 +26,10 @@ from jaxtyping import Bool, Float, Int
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.files import JsonObject
 from surrogate.flow.loads import LOADS
-from surrogate.model.features import features_of, turn_of
-from surrogate.model.network import CORRECTION_SCALE
+from surrogate.model.features import features_of, levers_of, turn_of
+from surrogate.model.network import CORRECTION_SCALE, INERTIAL_RE, PARITY
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import REYNOLDS
-
-PARITY = (1.0, -1.0, -1.0)  # of Cd, Cl, Cm under the mirror image
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,10 +47,12 @@ class PlainNetwork:
       sources: of the features.
       waves: of the features.
       mirror: factors from the features of a body to those of its mirror image.
+      inertial: the Reynolds number in the factor of the moment by inertia, 0 for no such factor.
+      levers: features by which the further parts of the moment are multiplied.
       constant: of the trends.
       linear: of the trends.
       quadratic: of the trends, symmetric.
-      weights: of the layers; the last gives one correction a load.
+      weights: of the layers; the last gives one correction a load, and one a lever.
       biases: of the layers.
       low: ends of the trained ranges, by the logarithm for Re alone.
       high: likewise.
@@ -67,9 +71,11 @@ class PlainNetwork:
     sources: Int[np.ndarray, " features"]
     waves: Int[np.ndarray, " features"]
     mirror: Float[np.ndarray, " features"]
-    constant: Float[np.ndarray, " loads"]
-    linear: Float[np.ndarray, "loads features"]
-    quadratic: Float[np.ndarray, "loads features features"]
+    inertial: float
+    levers: Int[np.ndarray, " levers"]
+    constant: Float[np.ndarray, " heads"]
+    linear: Float[np.ndarray, "heads features"]
+    quadratic: Float[np.ndarray, "heads features features"]
     weights: tuple[Float[np.ndarray, "_ _"], ...]
     biases: tuple[Float[np.ndarray, " _"], ...]
     low: Float[np.ndarray, " inputs"]
@@ -80,13 +86,13 @@ class PlainNetwork:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of values from the features through the hidden layers to the loads."""
+        """Numbers of values from the features through the hidden layers to the corrections."""
         return (len(self.mirror), *(len(bias) for bias in self.biases))
 
     @property
     def parity(self) -> tuple[float, ...]:
         """Factors from the outputs of a body to those of its mirror image."""
-        return PARITY[: len(self.loads)]
+        return tuple(PARITY[: len(self.loads)].tolist())
 
     def record(self) -> JsonObject:
         """Return all numbers as a JSON object, under their names."""
@@ -118,7 +124,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     least, most = np.array([*(p.limits for p in parameters), reynolds]).T
     return PlainNetwork(
         inputs=(*family.names, "reynolds"),
-        loads=tuple(LOADS)[: len(heads)],
+        loads=tuple(LOADS)[: 1 if network.modes.lift_index is None else None],
         logs=np.array([*(p.kind is Kind.RATIO for p in parameters), True]),
         scale=2 / width,
         shift=-2 * low / width - 1,
@@ -127,6 +133,8 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
         sources=np.array([feature.source for feature in seen]),
         waves=np.array([int(feature.wave) for feature in seen]),
         mirror=np.asarray(inputs.feature_mirror, float),
+        inertial=0.0 if turn is None else INERTIAL_RE,
+        levers=np.array(levers_of(inputs.body_class), int),
         constant=trends[:, 0],
         linear=trends[:, 1 : count + 1],
         quadratic=(quadratic + quadratic.swapaxes(1, 2)) / 2,

@@ -43,7 +43,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
         "Bodies: " + FORMULAS[scene.dimension].replace("\n", "\n  "),
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
-        f"Training: {METHODS.get(method, method)} on {record.get('samples')} bodies, "
+        f"Training: {METHODS.get(method, method)} on {_trained_on(record)} bodies, "
         f"seed {record.get('seed')}.",
         f"Errors over Cd on {_unseen(record)} unseen bodies, against the flow solver:",
         *(f"  {line}" for line in _errors(record)),
@@ -58,6 +58,12 @@ def model_card(scene: Scene, record: JsonObject) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _trained_on(record):
+    """How many bodies have labels; methods that solve each flow once count those that failed."""
+    once = record.get("method") in ("hig", "supervised") and not record.get("published")
+    return record.get("samples", 0) - once * record.get("failed_samples", 0)
+
+
 def _unseen(record):
     """How many held-out bodies the errors are of: those whose flow converged."""
     count = record.get("held_out")
@@ -68,8 +74,6 @@ def _limits(scene, record):
     """Lines on flattened bodies at incidence, and on bodies whose steady flow is unstable."""
     if {"flatness", "incidence"} <= set(scene.family.names):
         yield "Bodies of a flatness other than 1: the stream is in the plane of length and height."
-    if not scene.family.body_class.symmetric and scene.dimension == 3:
-        yield "Below Re 1 the error of the moment may exceed it, except where beta2 is large."
     if count := record.get("beyond_onset"):
         yield (
             f"{count} of the training bodies are beyond the estimated onset of instability of "

@@ -60,6 +60,17 @@ def features_of(body_class: BodyClass) -> tuple[Feature, ...]:
     return tuple(found)
 
 
+def levers_of(body_class: BodyClass) -> tuple[int, ...]:
+    """Return the indices of the features beta_k sin a of bodies that turn in space.
+
+    The moment in Stokes flow is a sum of multiples of these, since a body that is symmetric fore
+    and aft has none there.
+    """
+    if turn_of(body_class) is None:
+        return ()
+    return tuple(k for k, f in enumerate(features_of(body_class)) if f.wave is Wave.SIN)
+
+
 def evaluate_features(
     body_class: BodyClass, z: Float[AnyArray, " inputs"], degrees: Float[AnyArray, ""] | float
 ) -> Float[Array, " features"]:

@@ -10,9 +10,10 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.body_class import BodyClass
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.flow.loads import AnyModes, drag_amplitude
-from surrogate.model.features import features_of
+from surrogate.model.features import features_of, levers_of, turn_of
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.model.outputs import OutputModel
 from surrogate.scene.scene import Scene
@@ -21,6 +22,9 @@ CORRECTION_SCALE = 0.3  # of the outputs about their trend, per unit of the MLP'
 WIDTH, LIFTING_WIDTH = 20, 32  # of both hidden layers, for drag alone and for three loads
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
+PARITY = np.array([1.0, -1.0, -1.0])  # of log Cd, Cl / Cd, Cm / Cd under the mirror image
+INERTIAL_RE = 5.0  # a choice: below it Cm / Cd of spheroids grows about as Re, above it slowly
+FEWEST = 1e-3  # singular values over the largest that the initial trends of the moment keep
 
 
 class LoadNetwork(OutputModel):
@@ -32,7 +36,15 @@ class LoadNetwork(OutputModel):
 
         f(z) = trend . q(z) + 0.3 MLP(z),   y_0 = (f(z) + f(z')) / 2,   y_1,2 = (f(z) - f(z')) / 2
 
-    and the traction modes a, each made even or odd in the same way,
+    Of bodies that turn in space f_2 is replaced by
+
+        Re / (Re + 5) f_2(z) + sum_j b_j f_{2 + j}(z),    j = 1, 2, ...,
+
+    with the features b_j = beta_k sin a of the even sine modes, see ``surrogate.model.features``.
+    The first term is the moment by inertia: at low Re its Cm is constant while Cd grows as 1 / Re.
+    The others are, to first order in the modes, the moment in Stokes flow, which bodies that are
+    symmetric fore and aft do not have. So the moment has the right sign also where it is a small
+    part of the drag. The traction modes a, each made even or odd in the same way, are
 
         a_0 = -Cd / 2,   a_lift = -Cl / 2,   a_k = (mode_mean_k + mode_scale_k MLP_k) Cd / 2
 
@@ -63,7 +75,7 @@ class LoadNetwork(OutputModel):
         """
         outputs, heads = self._outputs_and_heads(self.inputs(parameters, reynolds))
         mean, scale = jax.lax.stop_gradient((self.mode_mean, self.mode_scale))
-        relative = (mean + scale * heads[: self.modes.count]).at[0].set(-1.0)
+        relative = (mean + scale * heads).at[0].set(-1.0)
         if self.modes.lift_index is not None:
             relative = relative.at[self.modes.lift_index].set(-outputs[1])
         return -drag_amplitude(jnp.exp(outputs[0])) * relative
@@ -93,8 +105,8 @@ class LoadNetwork(OutputModel):
 
     @property
     def load_heads(self) -> tuple[int, ...]:
-        """Indices of the MLP's outputs that correct the trends; the moment has one of its own."""
-        return load_heads(self.modes)
+        """Indices of the MLP's outputs that correct the trends, see ``load_heads``."""
+        return load_heads(self.modes, self.inputs.body_class)
 
     @property
     def _of_loads(self):
@@ -102,20 +114,23 @@ class LoadNetwork(OutputModel):
         return self.layers[:-1], last.weight[own], last.bias[own], self.trends
 
     def _outputs_and_heads(self, z):
-        """Return the outputs and the MLP's outputs, each even or odd under mirroring."""
+        """Return the outputs and the MLP's outputs of tractions, each even or odd."""
         features = self.inputs.features(z)
         values, heads = self._unsymmetric(features)
         if self.modes.lift_index is None:
             return values, heads
         mirrored = self._unsymmetric(self.inputs.feature_mirror * features)
-        parity = np.append(self.modes.mirror, -1.0)
-        heads = (heads + parity * mirrored[1]) / 2
-        return (values + parity[np.array(self.load_heads)] * mirrored[0]) / 2, heads
+        tractions, images = (each[: self.modes.count] for each in (heads, mirrored[1]))
+        return (values + PARITY * mirrored[0]) / 2, (tractions + self.modes.mirror * images) / 2
 
     def _unsymmetric(self, z):
         heads = self._mlp(z)
         trend = jnp.stack(self.trends) @ quadratic(z)
-        return trend + CORRECTION_SCALE * heads[np.array(self.load_heads)], heads
+        values = trend + CORRECTION_SCALE * heads[np.array(self.load_heads)]
+        if turn_of(self.inputs.body_class) is None:
+            return values, heads
+        factors = moment_factors(self.inputs, z)
+        return jnp.append(values[:2], factors @ values[2:]), heads
 
     def _mlp(self, z):
         for layer in self.layers[:-1]:
@@ -123,14 +138,28 @@ class LoadNetwork(OutputModel):
         return self.layers[-1](z)
 
 
-def load_heads(modes: AnyModes) -> tuple[int, ...]:
-    """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd."""
-    return (0,) if modes.lift_index is None else (0, modes.lift_index, modes.count)
+def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Array, " heads"]:
+    """Factors of the heads whose sum is Cm / Cd of a body that turns in space, at features z."""
+    width, low = jax.lax.stop_gradient((inputs.width[-1], inputs.low[-1]))
+    log_re = low + width * (z[-1] + 1) / 2
+    inertia = jax.nn.sigmoid(log_re - np.log(INERTIAL_RE))
+    return jnp.append(inertia, z[np.array(levers_of(inputs.body_class), int)])
 
 
-def head_count(modes: AnyModes) -> int:
+def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
+    """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd.
+
+    The moment of bodies that turn in space has a head for inertia and one for each even sine mode.
+    """
+    if modes.lift_index is None:
+        return (0,)
+    return 0, modes.lift_index, *range(modes.count, head_count(modes, body_class))
+
+
+def head_count(modes: AnyModes, body_class: BodyClass) -> int:
     """Number of a network's heads: one a traction mode, and where there is lift the moment's."""
-    return modes.count + (modes.lift_index is not None)
+    lifting = modes.lift_index is not None
+    return modes.count + lifting * (1 + len(levers_of(body_class)))
 
 
 def make_network(
@@ -156,13 +185,7 @@ def make_network(
     width = width or (WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
     z = jax.vmap(lambda *case: inputs.features(inputs(*case)))(parameters, reynolds)
-    images = inputs.feature_mirror * z
-    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
-    odd = [False, *[True] * (outputs.shape[1] - 1)]
-    trends = tuple(
-        jnp.asarray(np.linalg.lstsq(features - mirrored if k else features + mirrored, 2 * y)[0])
-        for k, y in zip(odd, np.asarray(outputs).T, strict=True)
-    )
+    trends = _fitted_trends(inputs, z, np.asarray(outputs))
     relative = -oseen / oseen[:, :1]
     last = jax.tree.map(lambda leaf: LAST_LAYER_SCALE * leaf, blank.layers[-1])
     even = blank.modes.mirror > 0  # the mean of the others over bodies and mirror images is zero
@@ -178,16 +201,39 @@ def make_network(
     )
 
 
+def _fitted_trends(inputs, z, outputs):
+    """Trends by least squares: of each output, and of the moment in space all heads together."""
+    images, turns = inputs.feature_mirror * z, turn_of(inputs.body_class) is not None
+    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
+    trends = []
+    for k, values in enumerate(outputs.T):
+        columns = [(features, mirrored)]
+        if k == 2 and turns:
+            factors, image_factors = (
+                np.asarray(jax.vmap(lambda one: moment_factors(inputs, one))(x)).T
+                for x in (z, images)
+            )
+            columns = [
+                (own[:, None] * features, image[:, None] * mirrored)
+                for own, image in zip(factors, image_factors, strict=True)
+            ]
+        matrix = np.hstack([own + PARITY[k] * image for own, image in columns])
+        found = np.linalg.lstsq(matrix, 2 * values, FEWEST if k == 2 and turns else None)[0]
+        trends += map(jnp.asarray, np.split(found, len(columns)))
+    return tuple(trends)
+
+
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:
     """Random layers from a scene's inputs to its traction modes; trends and scales are zero."""
     body_class, modes = scene.family.body_class, traction_modes(scene.family, scene.fidelity)
     seen = len(features_of(body_class))
-    sizes = (seen, *hidden, head_count(modes))
+    sizes = (seen, *hidden, head_count(modes, body_class))
     layers = tuple(
         eqx.nn.Linear(fan_in, fan_out, key=jax.random.fold_in(key, k), dtype=float)
         for k, (fan_in, fan_out) in enumerate(itertools.pairwise(sizes))
     )
+    heads = load_heads(modes, body_class)
     count, scales = len(body_class.names) + 1, jnp.zeros(modes.count)
     inputs = Inputs(jnp.zeros(count), jnp.zeros(count), body_class)
-    trends = (jnp.zeros((seen + 1) * (seen + 2) // 2),) * len(load_heads(modes))
+    trends = (jnp.zeros((seen + 1) * (seen + 2) // 2),) * len(heads)
     return LoadNetwork(layers, trends, inputs, scales, scales, modes)

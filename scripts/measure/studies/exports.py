@@ -152,7 +152,8 @@ def _polynomial(net: Surrogate) -> Evaluate:
     """The trend alone: polynomials of degree 2, by NumPy."""
     inputs = net.network.inputs
     features = _jitted(jax.vmap(lambda x: quadratic(inputs.features(inputs(x[:-1], x[-1])))))
-    trends = np.stack(net.network.trends)
+    heads = np.stack(net.network.trends)  # of the moment in space the part by inertia alone
+    trends = heads[: len(plain_network(net).loads)]
     return lambda x: np.asarray(features(x)) @ trends.T
 
 
@@ -176,10 +177,10 @@ def _least(net: Surrogate, language: str, folder: Path) -> float:
 
 def operations(plain: PlainNetwork) -> tuple[int, int]:
     """Multiply-adds and tanh of one answer; with lift the mirror image is evaluated too."""
-    sizes, loads = plain.sizes, len(plain.loads)
+    sizes, heads = plain.sizes, len(plain.constant)
     products = sum(a * b for a, b in itertools.pairwise(sizes))
-    products += loads * sizes[0] * (sizes[0] + 1)
-    times = 2 if loads > 1 else 1
+    products += heads * sizes[0] * (sizes[0] + 1)
+    times = 2 if len(plain.loads) > 1 else 1
     return times * products, times * sum(sizes[1:-1])
 
 

@@ -3,7 +3,8 @@ const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 function makeNetwork(data) {
   const { logs, scale, shift, mirror, constant, linear, quadratic, weights, biases } = data;
-  const { turn, angle, sources, waves } = data; // of the features of bodies that turn in space
+  // of bodies that turn in space: their features, and the parts of their moment
+  const { turn, angle, sources, waves, inertial, levers } = data;
   const PARITY = [1, -1, -1]; // of the mirror image: equal drag, opposite lift and moment
 
   // The features at scaled inputs, and the map from slopes in them to slopes in the inputs.
@@ -55,13 +56,25 @@ function makeNetwork(data) {
   // The outputs at features before they are made even or odd, and if asked for their gradients.
   function unsymmetric(z, sloped) {
     const trace = forward(z);
-    return weights.at(-1).map((row, load) => {
-      const own = trend(load, z);
-      const value = own.value + dot(row, trace.at(-1)) + biases.at(-1)[load];
+    const heads = weights.at(-1).map((row, head) => {
+      const own = trend(head, z);
+      const value = own.value + dot(row, trace.at(-1)) + biases.at(-1)[head];
       if (!sloped) return { value, slopes: [] };
       const back = backward(trace, row);
       return { value, slopes: own.slopes.map((slope, i) => slope + back[i]) };
     });
+    return inertial ? [...heads.slice(0, 2), momentOf(heads.slice(2), z)] : heads;
+  }
+
+  // The moment of a body that turns in space: by inertia, and that of Stokes flow by the levers.
+  function momentOf(heads, z) {
+    const step = scale.at(-1), last = z.length - 1;
+    const share = 1 / (1 + inertial * Math.exp((shift.at(-1) - z[last]) / step));
+    const factors = [share, ...levers.map((k) => z[k])];
+    const steps = [share * (1 - share) / step, ...levers.map(() => 1)];
+    const slopes = heads[0].slopes.map((_, i) => dot(factors, heads.map((head) => head.slopes[i])));
+    if (slopes.length) [last, ...levers].forEach((k, j) => (slopes[k] += steps[j] * heads[j].value));
+    return { value: dot(factors, heads.map((head) => head.value)), slopes };
   }
 
   // Log Cd is even and the others odd where a body changes to its mirror image.

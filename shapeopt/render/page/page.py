@@ -31,7 +31,7 @@ SCRIPTS = {
 }
 NUMBERS = (  # of the plain network that network.js evaluates
     *("logs", "scale", "shift", "turn", "angle", "sources", "waves", "mirror"),
-    *("constant", "linear", "quadratic", "weights", "biases"),
+    *("inertial", "levers", "constant", "linear", "quadratic", "weights", "biases"),
 )
 START = 1.6  # aspect of the body shown first, over the reference body's
 START_INCIDENCE = 4.0  # degrees, of the body shown first
@@ -126,7 +126,7 @@ def _lead(surrogate: Surrogate) -> str:
     text = (
         "Every number comes from a trained network that runs in this page: "
         f"{100 * recorded('drag_error_mean'):.2f} % off on average, "
-        f"{100 * recorded('drag_error_max'):.2f} % at worst, on {recorded('held_out')} unseen "
+        f"{100 * recorded('drag_error_max'):.2f} % at worst, on {surrogate.unseen} unseen "
         "bodies."
     )
     errors = [surrogate.record.get(f"{load}_error_mean") for load in ("lift", "moment")]

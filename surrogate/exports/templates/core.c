@@ -1,6 +1,6 @@
 
-/* Outputs before they are made even or odd, and by[load][feature] their derivatives in z. */
-static void P_outputs_L(real z[FEATURES][L], real f[LOADS][L], real by[LOADS][FEATURES][L],
+/* The heads of the network, and by[head][feature] their derivatives in z. */
+static void P_heads_L(real z[FEATURES][L], real f[HEADS][L], real by[HEADS][FEATURES][L],
                         int with_derivatives)
 {
     real trace[NODES][L];
@@ -26,7 +26,7 @@ static void P_outputs_L(real z[FEATURES][L], real f[LOADS][L], real by[LOADS][FE
         weight += rows * columns;
         bias += rows;
     }
-    for (int l = 0; l < LOADS; l++) {
+    for (int l = 0; l < HEADS; l++) {
         for (int v = 0; v < L; v++) f[l][v] += CONSTANT[l];
         for (int i = 0; i < FEATURES; i++) {
             real sum[L];
@@ -41,9 +41,9 @@ static void P_outputs_L(real z[FEATURES][L], real f[LOADS][L], real by[LOADS][FE
         }
     }
     if (!with_derivatives) return;
-    for (int l = 0; l < LOADS; l++) { /* backpropagation */
+    for (int l = 0; l < HEADS; l++) { /* backpropagation */
         real back[WIDEST][L], next[WIDEST][L];
-        int end = from, last = weight - LOADS * SIZES[LAYERS - 1];
+        int end = from, last = weight - HEADS * SIZES[LAYERS - 1];
         for (int j = 0; j < SIZES[LAYERS - 1]; j++)
             for (int v = 0; v < L; v++) back[j][v] = WEIGHTS[last + l * SIZES[LAYERS - 1] + j];
         for (int layer = LAYERS - 2; layer >= 0; layer--) {
@@ -67,6 +67,33 @@ static void P_outputs_L(real z[FEATURES][L], real f[LOADS][L], real by[LOADS][FE
         }
         for (int k = 0; k < FEATURES; k++)
             for (int v = 0; v < L; v++) by[l][k][v] += back[k][v];
+    }
+}
+
+/* Outputs before they are made even or odd, and their derivatives in z: of bodies that turn in space
+ * the parts of the moment are summed up. */
+static void P_outputs_L(real z[FEATURES][L], real f[HEADS][L], real by[HEADS][FEATURES][L],
+                        int with_derivatives)
+{
+    P_heads_L(z, f, by, with_derivatives);
+    if (TURN < 0) return;
+    enum { RE = INPUTS - 1, LAST = FEATURES - 1, MOMENT = LOADS - 1 };
+    for (int v = 0; v < L; v++) {
+        const real inertia = 1 / (1 + INERTIAL[0] * R(exp)((SHIFT[RE] - z[LAST][v]) / SCALE[RE]));
+        const real own = f[MOMENT][v];
+        f[MOMENT][v] *= inertia;
+        if (with_derivatives) {
+            for (int k = 0; k < FEATURES; k++) by[MOMENT][k][v] *= inertia;
+            by[MOMENT][LAST][v] += own * inertia * (1 - inertia) / SCALE[RE];
+        }
+    }
+    for (int l = LOADS; l < HEADS; l++) {
+        const int lever = LEVER[l - LOADS];
+        for (int v = 0; v < L; v++) f[MOMENT][v] += z[lever][v] * f[l][v];
+        if (!with_derivatives) continue;
+        for (int k = 0; k < FEATURES; k++)
+            for (int v = 0; v < L; v++) by[MOMENT][k][v] += z[lever][v] * by[l][k][v];
+        for (int v = 0; v < L; v++) by[MOMENT][lever][v] += f[l][v];
     }
 }
 
@@ -96,7 +123,7 @@ static void P_waves_L(real s[INPUTS][L], real wave[WAVES][L], real slope[WAVES][
 /* Loads of L cases at inputs[case][input]; jacobian[case][load][input] may be NULL. */
 static void P_cases_L(const real *inputs, real *loads, real *jacobian)
 {
-    real s[INPUTS][L], z[FEATURES][L], f[LOADS][L], by[LOADS][FEATURES][L] = {{{0}}};
+    real s[INPUTS][L], z[FEATURES][L], f[HEADS][L], by[HEADS][FEATURES][L] = {{{0}}};
     real wave[WAVES][L] = {{0}}, slope[WAVES][L] = {{0}};
     for (int k = 0; k < INPUTS; k++)
         for (int v = 0; v < L; v++) {
@@ -108,7 +135,7 @@ static void P_cases_L(const real *inputs, real *loads, real *jacobian)
         for (int v = 0; v < L; v++) z[j][v] = s[SOURCE[j]][v] * wave[WAVE[j]][v];
     P_outputs_L(z, f, by, jacobian != NULL);
     if (LOADS > 1) { /* the part that is even (Cd) or odd (Cl, Cm) under the mirror image */
-        real image[LOADS][L], by_image[LOADS][FEATURES][L] = {{{0}}};
+        real image[HEADS][L], by_image[HEADS][FEATURES][L] = {{{0}}};
         for (int k = 0; k < FEATURES; k++)
             for (int v = 0; v < L; v++) z[k][v] *= MIRROR[k];
         P_outputs_L(z, image, by_image, jacobian != NULL);

@@ -41,8 +41,8 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 #include <string.h>
 
 typedef ${prefix}_real real;
-enum { INPUTS = $count, FEATURES = $features, LOADS = $outputs, LAYERS = $layers, WIDEST = $widest,
-       NODES = $nodes, BLOCK = $block, WAVES = 5, TURN = $turn };
+enum { INPUTS = $count, FEATURES = $features, LOADS = $outputs, HEADS = $heads, LAYERS = $layers,
+       WIDEST = $widest, NODES = $nodes, BLOCK = $block, WAVES = 5, TURN = $turn };
 #define R(name) name$suffix
 
 $data

@@ -12,6 +12,7 @@ module $prefix
     integer, parameter, public :: ${prefix}_kind = kind($one)
     integer, parameter, public :: ${prefix}_inputs = $count, ${prefix}_outputs = $outputs
     integer, parameter :: rk = ${prefix}_kind, inputs_ = $count, loads_ = $outputs
+    integer, parameter :: heads_ = $heads
     integer, parameter :: features_ = $features, turn = $turn + 1
     integer, parameter :: layers = $layers, widest = $widest, nodes = $nodes
     integer :: i_
@@ -27,8 +28,8 @@ contains
         real(rk), intent(out) :: loads(loads_)
         integer, intent(out) :: status
         real(rk), intent(out), optional :: jacobian(loads_, inputs_)
-        real(rk) :: s(inputs_), z(features_), f(loads_), image(loads_), step(inputs_), cd
-        real(rk) :: by(loads_, features_), by_image(loads_, features_), waves(0:4), slopes(0:4)
+        real(rk) :: s(inputs_), z(features_), f(heads_), image(heads_), step(inputs_), cd
+        real(rk) :: by(heads_, features_), by_image(heads_, features_), waves(0:4), slopes(0:4)
         integer :: j, k, l
 
         loads = 0
@@ -55,7 +56,7 @@ contains
         end if
         cd = exp(f(1))
         loads(1) = cd
-        loads(2:) = cd * f(2:)
+        loads(2:) = cd * f(2:loads_)
         if (present(jacobian)) then
             f(1) = 0 ! Cd is no multiple of itself
             do j = 1, features_
@@ -63,9 +64,9 @@ contains
                     image(l) = cd * (by(l, j) + f(l) * by(1, j))
                 end do
                 k = source(j)
-                if (k /= turn) jacobian(:, k) = jacobian(:, k) + image * waves(wave(j))
+                if (k /= turn) jacobian(:, k) = jacobian(:, k) + image(1:loads_) * waves(wave(j))
                 k = max(turn, 1)
-                if (turn > 0) jacobian(:, k) = jacobian(:, k) + image * s(source(j)) * slopes(wave(j))
+                if (turn > 0) jacobian(:, k) = jacobian(:, k) + image(1:loads_) * s(source(j)) * slopes(wave(j))
             end do
             do k = 1, inputs_
                 jacobian(:, k) = jacobian(:, k) * step(k)
@@ -125,7 +126,7 @@ contains
     !> Outputs before they are made even or odd, and their derivatives in the features z.
     pure subroutine evaluate(z, f, by, with_derivatives)
         real(rk), intent(in) :: z(features_)
-        real(rk), intent(out) :: f(loads_), by(loads_, features_)
+        real(rk), intent(out) :: f(heads_), by(heads_, features_)
         logical, intent(in) :: with_derivatives
         real(rk) :: trace(nodes), values(widest), back(widest), next(widest), slope(features_)
         integer :: layer, rows, columns, from, weight, bias, i, l
@@ -148,13 +149,13 @@ contains
             weight = weight + rows * columns
             bias = bias + rows
         end do
-        do l = 1, loads_
+        do l = 1, heads_
             slope = matmul(quadratic(:, :, l), z)
             f(l) = constant(l) + dot_product(linear(:, l) + slope, z) + values(l)
             if (.not. with_derivatives) cycle
             columns = sizes(layers)
             from = nodes
-            weight = size(weights) - loads_ * columns
+            weight = size(weights) - heads_ * columns
             back(1:columns) = weights(weight + (l - 1) * columns + 1:weight + l * columns)
             do layer = layers - 1, 1, -1 ! backpropagation
                 rows = sizes(layer + 1)
@@ -171,5 +172,34 @@ contains
             end do
             by(l, :) = linear(:, l) + 2 * slope + back(1:features_)
         end do
+        if (turn > 0) call sum_up_moment(z, f, by, with_derivatives)
     end subroutine evaluate
+
+    !> The parts of the moment of bodies that turn in space are summed up.
+    pure subroutine sum_up_moment(z, f, by, with_derivatives)
+        real(rk), intent(in) :: z(features_)
+        real(rk), intent(inout) :: f(heads_), by(heads_, features_)
+        logical, intent(in) :: with_derivatives
+        real(rk) :: inertia, own
+        integer :: l, k
+
+        inertia = 1 / (1 + inertial(1) * exp((shift_(inputs_) - z(features_)) / scale_(inputs_)))
+        own = f(loads_)
+        f(loads_) = inertia * own
+        if (with_derivatives) then
+            by(loads_, :) = inertia * by(loads_, :)
+            by(loads_, features_) = by(loads_, features_) &
+                + own * inertia * (1 - inertia) / scale_(inputs_)
+        end if
+        l = loads_ + 1
+        do while (l <= heads_) ! compilers warn of a loop by a counter that makes no trips
+            k = lever(l - loads_)
+            f(loads_) = f(loads_) + z(k) * f(l)
+            if (with_derivatives) then
+                by(loads_, :) = by(loads_, :) + z(k) * by(l, :)
+                by(loads_, k) = by(loads_, k) + f(l)
+            end if
+            l = l + 1
+        end do
+    end subroutine sum_up_moment
 end module $prefix
