@@ -10,6 +10,7 @@ from conftest import TINY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from run import RESULTS
+from studies.onset import with_rule
 from studies.onset_2d import shape_of
 
 from surrogate import (
@@ -316,11 +317,8 @@ def test_the_onset_in_3d_is_that_of_linear_stability():
     found = []
     for study in ("onset", "onset_incidence"):
         rows = json.loads((RESULTS / f"{study}.json").read_text())["result"]["rows"]
-        for row in (row for row in rows if row["onset"] is not None):
-            pairs = (part.split() for part in row["body"].split(", "))
-            body = {name: float(value) for name, value in pairs}
-            rule = onset_of(family_shape(body, dimension=3))
-            found.append((rule / row["onset"] - 1, "beta3" in body))
+        for row in with_rule([row for row in rows if row["onset"] is not None]):
+            found.append((row["error"], "beta3" in row["body"]))
     assert len(found) > 9
     assert all(-0.08 < error < 0.08 for error, blunt in found if not blunt)
     assert all(-0.12 < error < 0.0 for error, blunt in found if blunt)

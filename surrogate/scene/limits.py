@@ -42,6 +42,10 @@ class OnsetRule2D(NamedTuple):
     lean: float
     nose: float
 
+    def by_height(self, slenderness: Float[AnyArray, ""]) -> Float[Array, ""]:
+        """Return the onset by the height, of a slenderness length / height."""
+        return jnp.sqrt(self.plate**2 + self.slope**2 * slenderness**self.power)
+
 
 class OnsetRule3D(NamedTuple):
     """The onset of instability in 3-D, of a body as it lies in the stream.
@@ -101,7 +105,7 @@ def onset_in_3d(
     narrow, broad = jnp.minimum(extent[1], height), jnp.maximum(extent[1], height)
     slenderness = length * thickness / height / narrow
     compact = jnp.hypot(rule.plate, rule.slope * slenderness)
-    long = jnp.sqrt(plane.plate**2 + plane.slope**2 * slenderness**plane.power)
+    long = plane.by_height(slenderness)
     onset = (long + (compact - long) * (narrow / broad) ** rule.power) / narrow
     return jnp.minimum(onset, ONSET_OF_INSTABILITY[3])
 
@@ -113,7 +117,7 @@ def onset_in_2d(
     length, height, thickness, rise, front = streamwise_profile(contour)
     height = jnp.maximum(height, jnp.hypot(thickness, rule.lean * rise))
     slenderness = length * jnp.minimum(front, 1.0) ** rule.nose / height
-    return jnp.sqrt(rule.plate**2 + rule.slope**2 * slenderness**rule.power) / height
+    return rule.by_height(slenderness) / height
 
 
 def onset_of(shape: Shape) -> float:
