@@ -12,7 +12,8 @@ from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, p
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.scene.samples import held_out_samples, training_samples
 from surrogate.training import train as training
-from surrogate.training.loop import load_errors, make_setup, run_training, solve_held_out
+from surrogate.training.held_out import solve_held_out
+from surrogate.training.loop import load_errors, make_setup, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
 from surrogate.training.methods.sip import ScaleInvariantPhysics
 from surrogate.training.plan import METHODS, Plan, make_plan

@@ -17,8 +17,9 @@ from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
-from surrogate.scene.samples import Samples, held_out_samples, network_key, training_samples
+from surrogate.scene.samples import Samples, network_key, training_samples
 from surrogate.training.checkpoint import Checkpoints
+from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.history import (
     HistoryPoint,
     blank_history,
@@ -34,14 +35,6 @@ from surrogate.training.step import LearnerState, Step, compile_step, first_stat
 # Mean relative drag error at which a training ends. A choice, not measured: untrained networks
 # have about 0.3 (study ``stability``).
 BLOWN_UP = 10.0
-HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always may
-AT_ONCE = 16  # most held-out flows between two reports, per lane of each device
-
-Report = Callable[[int, int], None]
-
-
-def silent(done: int, of: int) -> None:
-    """Report nothing."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -123,39 +116,6 @@ def make_setup(
     )
     failed = plan.held_out - held_out.count
     return TrainingSetup(physics, velocities, held_out, labels, failed, network, setup_s, compile_s)
-
-
-def solve_held_out(
-    flow: Flow, plan: Plan, devices: Devices, report: Report = silent
-) -> tuple[Samples, FlowBatch]:
-    """Return the held-out bodies whose flows converge, and these flows.
-
-    Args:
-      flow: of the plan's scene.
-      plan: of the training.
-      devices: over which the flows are distributed.
-      report: as of ``make_setup``.
-
-    Raises:
-      NotConverged: more than a tenth of the flows, at least two, or all of them did not converge.
-    """
-    held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    most, parts = AT_ONCE * devices.lanes * devices.count, []
-    size = -(-held_out.count // -(-held_out.count // most))  # of parts of equal size
-    for start in range(0, held_out.count, size):
-        own = np.arange(start, min(start + size, held_out.count))
-        part = flow.solve_all(*held_out.at(np.resize(own, size)), devices)
-        parts.append(jax.tree.map(lambda leaf, count=own.size: leaf[:count], part))
-        report(start + own.size, held_out.count)
-    found = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-    failed = int(np.sum(~found.converged))
-    if failed > max(1, HELD_OUT_FAILURES * held_out.count) or failed == held_out.count:
-        raise NotConverged(
-            f"training: {failed} of {held_out.count} held-out flows did not converge, at most a "
-            "tenth may fail; more cells or lower Reynolds numbers in the scene would help"
-        )
-    keep = np.flatnonzero(found.converged)
-    return held_out.at(keep), jax.tree.map(lambda leaf: leaf[keep], found)
 
 
 def run_training(

@@ -13,8 +13,9 @@ from surrogate.model.confidence import Novelty, error_scales
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.scene import Scene
+from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.history import load_errors
-from surrogate.training.loop import Report, TrainingResult, TrainingSetup, silent, solve_held_out
+from surrogate.training.loop import TrainingResult, TrainingSetup
 from surrogate.training.plan import Plan
 
 SETTINGS = {  # of a plan and of a record, as messages call them
