@@ -56,6 +56,12 @@ class Partition(eqx.Module):
             lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), sharded.rows
         )
 
+    def zeros(self, shape: tuple[int, ...]) -> Sharded:
+        """Sharded zeros of this shape for every body."""
+        shape = self.shard_size * self.devices.count, *shape
+        sharding = NamedSharding(self.devices.mesh, P(AXIS))
+        return Sharded(jnp.zeros(shape, device=sharding))
+
     def map(self, function: Callable, sharded: Sharded) -> Sharded:
         """``function`` of every row, ``lanes`` at a time on each device; to be traced."""
         lanes = self.devices.lanes

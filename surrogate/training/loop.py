@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.devices import Devices, Sharded, choose_devices
+from surrogate.devices import Devices, choose_devices
 from surrogate.errors import NotConverged
 from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
@@ -71,13 +71,12 @@ class TrainingState(NamedTuple):
 class TrainingSetup(NamedTuple):
     """What all methods share: the flow solver of the samples, held-out flows, initial network.
 
-    ``oseen`` are the velocities of the samples' Oseen flows; ``labels`` the flows of the held-out
-    bodies, those that were not found being left out and counted. ``setup_s`` are the seconds of
-    assembling the operators, ``compile_s`` those of compiling that.
+    ``labels`` are the flows of the held-out bodies, those that were not found being left out and
+    counted. ``setup_s`` are the seconds of assembling the operators, ``compile_s`` those of
+    compiling that.
     """
 
     physics: Physics
-    oseen: Sharded
     held_out: Samples
     labels: FlowBatch
     held_out_failed: int
@@ -107,7 +106,7 @@ def make_setup(
     start = time.perf_counter()
     prepare = prepare_physics.lower(flow, samples, partition).compile(devices.options)
     compiled = time.perf_counter()
-    physics, velocities = jax.block_until_ready(prepare(samples, partition))
+    physics = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start
     oseen_tractions = np.asarray(physics.tractions)
     outputs = np.asarray(physics.outputs)
@@ -115,7 +114,7 @@ def make_setup(
         plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen_tractions, outputs
     )
     failed = plan.held_out - held_out.count
-    return TrainingSetup(physics, velocities, held_out, labels, failed, network, setup_s, compile_s)
+    return TrainingSetup(physics, held_out, labels, failed, network, setup_s, compile_s)
 
 
 def run_training(
@@ -139,7 +138,7 @@ def run_training(
       checkpoint_every_s: least seconds between checkpoints.
       method: replaces the plan's own, for studies of its settings.
       evaluating: called during a step with the fraction of the training done, the number of
-        samples evaluated and that of the batch.
+        samples whose labels are final and that of all samples.
 
     Raises:
       InvalidInput: the checkpoint is damaged, or belongs to another plan.
@@ -160,7 +159,8 @@ def run_training(
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
             state = part
-            evaluating(done, int(np.sum(state.evaluated)), batch.size)
+            pending = state.learner.labels.pending(np.arange(physics.count))
+            evaluating(done, int(np.sum(~pending)), physics.count)
             checkpoints.save_if_due(state)
         state, loss = _updated(state, step, batch, done)
         done, iteration = _done(plan, state), int(state.iteration)
@@ -188,7 +188,7 @@ def _first_state(plan, setup, method):
     physics = setup.physics
     assembled = physics.count * physics.domain.assembly_cost
     return TrainingState(
-        first_state(method, setup.network, physics, setup.oseen),
+        first_state(method, setup.network, physics),
         np.zeros(physics.count, bool),
         *map(np.asarray, (0, 0.0, assembled, 0, 0)),
         blank_history(plan.iterations // plan.report_every + 1),

@@ -1,10 +1,11 @@
-"""The flow solver of a training: operators and Oseen flows of all samples, assembled once."""
+"""The flow solver of a training: operators of all samples, loads of their Oseen flows."""
 
 import functools
 from collections.abc import Callable
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
@@ -44,6 +45,10 @@ class Sample(eqx.Module):
         """log Cd, and where there is lift Cl / Cd and Cm / Cd, of a traction on this body."""
         return outputs_of(self.loads(amplitude))
 
+    def start(self, operators: Operators, last: Float[Array, "axes ..."]) -> Array:
+        """The last velocity, or that of the Oseen flow where there is none, which is zero."""
+        return jnp.where(jnp.any(last), last, steady.oseen_velocity(operators, self.oseen))
+
     @property
     def renewal(self) -> int:
         """Convolutions that ``operators`` takes: 0 where the operators are stored."""
@@ -78,6 +83,11 @@ class Physics(eqx.Module):
     def count(self) -> int:
         return self.samples.count
 
+    @property
+    def velocity_shape(self) -> tuple[int, ...]:
+        """The shape of the velocity of one sample."""
+        return self.domain.lattice.dimension, *self.domain.lattice.shape
+
     def evaluate(
         self, batch: Array, velocities: Sharded, function: Callable, *arguments: Array | tuple
     ) -> Evaluated:
@@ -102,8 +112,8 @@ def partition_samples(family: Family, samples: Samples, devices: Devices) -> Par
 
 
 @functools.partial(jax.jit, static_argnames="flow")
-def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple[Physics, Sharded]:
-    """Assemble operators and Oseen flows of all samples: the physics, and the Oseen velocities.
+def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> Physics:
+    """Assemble the operators of all samples and solve their Oseen flows.
 
     Takes ``assembly_cost`` convolutions per sample.
     """
@@ -116,16 +126,16 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> tuple
             for compute in (steady.oseen_flow, steady.influence_matrix)
         )
         outputs = outputs_of(_loads(flow, sample[0], oseen.amplitude))
-        return stored, oseen.velocity, (oseen.amplitude, outputs, influence)
+        return stored, (oseen.amplitude, outputs, influence)
 
     rows = partition.map(prepare, partition.scatter(tuple(samples))).rows
-    stored, velocities, small = (Sharded(part) for part in rows)
-    return Physics(samples, stored, *partition.gather(small), partition, flow), velocities
+    stored, small = (Sharded(part) for part in rows)
+    return Physics(samples, stored, *partition.gather(small), partition, flow)
 
 
 def _loads(flow, parameters, amplitude):
     at = flow.domain.modes, amplitude, flow.bodies.markers(parameters)
-    return jax.numpy.stack([load(*at) for load in flow.bodies.loads])
+    return jnp.stack([load(*at) for load in flow.bodies.loads])
 
 
 def restored(flow: Flow, stored: StoredOperators) -> Operators:

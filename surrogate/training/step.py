@@ -10,7 +10,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
@@ -25,7 +24,10 @@ NO_COST = EvaluationCost(0, 0, 0)
 
 
 class LearnerState(NamedTuple):
-    """What a step changes: network, optimiser's state, labels, last velocity of every sample."""
+    """What a step changes: network, optimiser's state, labels, last velocity of every sample.
+
+    Velocities are zero until a flow is solved, and empty where the method does not start from them.
+    """
 
     network: LoadNetwork
     optimiser: PyTree
@@ -57,7 +59,7 @@ class Step(NamedTuple):
           batch: indices of samples.
           evaluated: samples that this step has evaluated already, before an interruption.
         """
-        if not state.labels.needs_evaluation(batch):
+        if not np.any(state.labels.pending(batch)):
             return
         partition = self.physics.partition
         network = partition.devices.place(jax.tree.map(np.asarray, state.network))
@@ -83,13 +85,11 @@ class Step(NamedTuple):
         return state._replace(labels=labels, velocities=velocities), cost
 
 
-def first_state(
-    method: Method, network: LoadNetwork, physics: Physics, oseen: Sharded
-) -> LearnerState:
-    """The state before the first step; ``oseen`` are the velocities of the Oseen flows."""
+def first_state(method: Method, network: LoadNetwork, physics: Physics) -> LearnerState:
+    """The state before the first step."""
     devices = physics.partition.devices
     optimiser, labels = jax.jit(method.init)(devices.place(network), physics)
-    velocities = jax.tree.map(jnp.copy, oseen)  # steps donate their buffers
+    velocities = physics.partition.zeros(physics.velocity_shape if method.warm_starts else (0,))
     return LearnerState(network, devices.local(optimiser), labels, velocities)
 
 

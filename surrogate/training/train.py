@@ -204,7 +204,7 @@ def train_with_bar(
             )
 
         def evaluating(done: float, count: int, of: int) -> None:
-            if count < of:
+            if count:
                 update(done, f"flows {count} of {of}")
 
         trained = run_training(

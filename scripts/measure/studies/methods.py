@@ -157,7 +157,7 @@ def half_inverse(run: Run, size: float) -> list[Row]:
     """An untrained network's chain dy/da da/dw: dense, then matrix-free by Lanczos vectors."""
     flow = Flow(Scene(fidelity=run.fidelity("draft")))
     samples = training_samples(flow.scene, 0, run.pick(4, 16))
-    physics, _ = prepare_physics(
+    physics = prepare_physics(
         flow, samples, partition_samples(flow.scene.family, samples, choose_devices())
     )
     oseen, key = np.asarray(physics.tractions), jax.random.key(1)

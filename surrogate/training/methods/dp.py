@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
 from jaxtyping import Array, Bool, Float, Int
 
@@ -65,6 +66,7 @@ class DifferentiablePhysics(Method):
     goal: float = 30.0
     slopes: float = 1.0
     trains_traction = True
+    warm_starts = True
 
     def init(self, network, physics):
         state = adam(self.learning_rate).init(network.weights)
@@ -99,9 +101,9 @@ class LossGradient(NamedTuple):
     valid: Bool[AnyArray, "*samples"]
     products: Int[AnyArray, "*samples"]
 
-    def needs_evaluation(self, batch: Batch) -> bool:
-        """Always: every step needs the flows of its own tractions."""
-        return True
+    def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
+        """All: every step needs the flows of its own tractions."""
+        return np.ones(len(batch), bool)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,6 +117,7 @@ class PublishedDifferentiablePhysics(Method):
     learning_rate: float = 1e-2
     goal: float = 3.0
     trains_traction = True
+    warm_starts = True
 
     def init(self, network, physics):
         count, modes = physics.tractions.shape
@@ -133,7 +136,8 @@ class PublishedDifferentiablePhysics(Method):
     ) -> tuple[LossGradient, Array]:
         """The loss of one sample and its gradient in the traction; the velocity to start from."""
         domain, operators = sample.domain, sample.operators()
-        velocity, info = steady.forced_flow(domain, operators, traction, velocity, FLOW)
+        start = sample.start(operators, velocity)
+        velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)
         state = FlowState(velocity, traction)
         slip = steady.slip_residual(domain, operators, state)
         weights, work = slip_weights(drag, domain, operators, state, ADJOINT)
@@ -145,7 +149,7 @@ class PublishedDifferentiablePhysics(Method):
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
         products = info.products + work.products + work_too.products + sample.renewal
         result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, products)
-        return result, jnp.where(valid, velocity, steady.oseen_velocity(operators, sample.oseen))
+        return result, jnp.where(valid, velocity, 0.0)
 
     def update(self, network, optimiser, labels, samples, batch, done):
         gradient, loss, valid, _ = jax.tree.map(lambda leaf: leaf[batch], labels)

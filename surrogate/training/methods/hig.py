@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
@@ -64,6 +65,7 @@ class HalfInverseGradients(Method):
     limited: bool = True
     newton: NewtonSettings = LABEL_FLOW
     trains_traction = False
+    warm_starts = False
 
     def init(self, network, physics):
         return jnp.array(0), no_labels(physics)
@@ -104,9 +106,9 @@ class LinearisedSlip(NamedTuple):
     y: Float[AnyArray, "samples outcomes"]
     by_traction: Float[AnyArray, "samples outcomes modes"]
 
-    def needs_evaluation(self, batch: Batch) -> bool:
-        """Always: every step needs the flows of its own tractions."""
-        return True
+    def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
+        """All: every step needs the flows of its own tractions."""
+        return np.ones(len(batch), bool)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,6 +127,7 @@ class PublishedHalfInverseGradients(Method):
     kappa: float = 0.5
     goal: float = 3.0
     trains_traction = True
+    warm_starts = True
 
     def init(self, network, physics):
         count, modes = physics.tractions.shape
@@ -164,14 +167,15 @@ class PublishedHalfInverseGradients(Method):
 def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[ForcedFlowResult, Array]:
     """Slip and compliance of the flow that a traction drives; the velocity to start from."""
     domain, operators = sample.domain, sample.operators()
-    velocity, info = steady.forced_flow(domain, operators, traction, velocity, FLOW)
+    start = sample.start(operators, velocity)
+    velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)
     state = FlowState(velocity, traction)
     slip = steady.slip_residual(domain, operators, state)
     matrix, work = slip_jacobian(domain, operators, state, TANGENT)
     valid = info.converged & work.converged
     products = info.products + work.products + sample.renewal
     result = ForcedFlowResult(slip, matrix, valid, products)
-    return result, jnp.where(valid, velocity, steady.oseen_velocity(operators, sample.oseen))
+    return result, jnp.where(valid, velocity, 0.0)
 
 
 def with_goal_row(

@@ -52,9 +52,9 @@ class TrainingLabels(NamedTuple):
     valid: Bool[AnyArray, "*samples"]
     converged: Bool[AnyArray, "*samples"]
 
-    def needs_evaluation(self, batch: Batch) -> bool:
-        """Whether a label of these samples has not converged."""
-        return not np.all(np.asarray(self.converged)[batch])
+    def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
+        """Whether the label of a sample has not converged."""
+        return ~np.asarray(self.converged)[batch]
 
 
 def no_labels(physics: Physics) -> TrainingLabels:
@@ -86,6 +86,7 @@ class Inversion(abc.ABC):
     """A way to invert the flow solver: from a body and its no-slip condition to the traction."""
 
     slopes: bool  # whether a converged label gets its slopes, by an adjoint solve a load
+    warm_starts: bool  # whether the velocity of the last evaluation is needed, and stored
 
     @abc.abstractmethod
     def invert(
@@ -96,7 +97,7 @@ class Inversion(abc.ABC):
         Args:
           sample: body and Reynolds number.
           predicted: the network's traction modes.
-          stored: velocity and traction of the last valid evaluation.
+          stored: traction of the last valid evaluation; its velocity too with ``warm_starts``.
           valid: whether there was one.
         """
 
@@ -167,6 +168,7 @@ class CoupledStep(Inversion):
     slopes: bool = False
     tolerance: float = 1e-4
     effort: Effort = Effort(1e-2, 30)
+    warm_starts = True
 
     def invert(self, sample, predicted, stored, valid):
         operators = sample.operators()
@@ -191,12 +193,14 @@ class FullSolve(Inversion):
 
     slopes: bool = False
     newton: NewtonSettings = LABEL_FLOW
+    warm_starts = False
 
     def invert(self, sample, predicted, stored, valid):
         operators = sample.operators()
         state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
         slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
         found = info.converged & good
+        state = FlowState(stored.velocity, state.amplitude)
         return InversionResult(state, slopes, found, jnp.array(True), info.products + products)
 
 

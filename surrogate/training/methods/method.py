@@ -9,8 +9,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
 from surrogate.devices import Sharded
@@ -28,8 +29,8 @@ Batch = Int[AnyArray, " batch"]  # indices of samples
 class LabelStore(Protocol):
     """Results of all evaluations so far: arrays with one row per sample, on every device."""
 
-    def needs_evaluation(self, batch: Batch) -> bool:
-        """Whether evaluating these samples again could improve a label."""
+    def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
+        """Whether evaluating a sample again could improve its label."""
         ...
 
 
@@ -45,11 +46,13 @@ class Method(abc.ABC):
     """A training method; implementations are frozen dataclasses of its settings.
 
     ``batch`` is the number of samples per step; ``trains_traction`` says whether all traction modes
-    of the network are trained, or the drag alone. JAX traces ``init``, ``evaluate``, ``update``.
+    of the network are trained, or the drag alone; ``warm_starts`` whether an evaluation starts from
+    the velocity of the sample's last one. JAX traces ``init``, ``evaluate``, ``update``.
     """
 
     batch: int
     trains_traction: bool
+    warm_starts: bool
 
     @abc.abstractmethod
     def init(self, network: LoadNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:

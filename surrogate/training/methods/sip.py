@@ -43,6 +43,10 @@ class LabelRegression(Method):
     def trains_traction(self) -> bool:
         return self.modes > 0
 
+    @property
+    def warm_starts(self) -> bool:
+        return self.inversion.warm_starts
+
     def init(self, network, physics):
         return adam(self.learning_rate).init(network.weights), no_labels(physics)
 
