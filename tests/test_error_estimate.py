@@ -162,10 +162,10 @@ def errors_of(grid, domain):
 def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_up_are_not():
     cancel, add = errors_of(0.005, -0.002), errors_of(0.005, 0.002)
     assert (cancel.status, add.status) == ("accurate", "degraded")
-    assert cancel.expected_error == pytest.approx(0.003, rel=0.01)  # root of 2^2 + 2^2 + 1^2
-    assert add.expected_error == pytest.approx(0.0064, rel=0.01)  # of 6^2 + 2^2 + 1^2
-    assert add.estimated_error == pytest.approx(MODEL.SAFETY * add.expected_error)
-    assert add.estimated_lift_error == pytest.approx(add.estimated_error, rel=0.01)  # Cl is 1
+    assert cancel.expected_error == pytest.approx(0.0027, rel=0.01)  # 0.9 root of 2^2 + 2^2 + 1^2
+    assert add.expected_error == pytest.approx(0.00576, rel=0.01)  # of 6^2 + 2^2 + 1^2
+    assert add.estimated_error == pytest.approx(MODEL.SAFETY / MODEL.EXPECTED * add.expected_error)
+    assert add.estimated_lift_error == pytest.approx(add.estimated_error, rel=0.02)  # Cl is 1
     assert add.estimated_moment_error == pytest.approx(add.estimated_lift_error)  # Cm is -1
     assert add.sufficient == "fine"
 

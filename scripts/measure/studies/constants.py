@@ -277,7 +277,7 @@ def constants(run: Run) -> Iterator[Row]:
     ):
         yield from sweep(name, values, what, partial(parts_left, key))
     what = "share of errors beyond their bound, 2-D"
-    yield from sweep("SPREAD", (0.064, 0.128, 0.256, 0.512), what, spread_uncovered)
+    yield from sweep("SPREAD", (2.5e-4, 5e-4, 1e-3, 2e-3), what, spread_uncovered)
     for dimension in (2, 3):
         what = "share of errors beyond it times the likely error"
         values, errors = (1.0, 1.25, 1.5, 2.0, 2.25, 2.5), partial(uncovered, dimension)
