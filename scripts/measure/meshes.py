@@ -42,7 +42,7 @@ def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
     far = box(-extent, extent, extent, extent / 8)
     whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
     _name_sides(whole.edges, extent, ("axis",))
-    return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
+    return _mesh(ng, _triangles(occ, whole, outline, elements.wall), elements)
 
 
 def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
@@ -64,7 +64,7 @@ def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
     far = box(-extent, extent, -extent, extent, extent / 8)
     whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
     _name_sides(whole.edges, extent)
-    return _mesh(ng, occ.OCCGeometry(whole, dim=2).GenerateMesh(grading=0.25), elements)
+    return _mesh(ng, _triangles(occ, whole, outline, elements.wall), elements)
 
 
 def quarter(ng: Any, body: FamilyShape, elements: Elements) -> Any:
@@ -105,6 +105,21 @@ def _space(ng: Any, body: FamilyShape, elements: Elements, mirrors: tuple[str, .
     whole = occ.Glue([near - skin, wake, far - near - wake])
     _name_sides(whole.faces, extent, mirrors, 3)
     return _mesh(ng, occ.OCCGeometry(whole).GenerateMesh(grading=0.3), elements)
+
+
+def _triangles(occ: Any, faces: Any, outline: np.ndarray, wall: float) -> Any:
+    """Triangles of the faces, on the body no wider than its radius of curvature."""
+    from netgen.meshing import MeshingParameters
+
+    points = outline @ np.array([1, 1j])
+    behind, ahead = points - np.roll(points, 1), np.roll(points, -1) - points
+    turn = np.abs(np.angle(ahead * behind.conj()))
+    radii = (np.abs(ahead) + np.abs(behind)) / np.maximum(2 * turn, 1e-12)
+    parameters = MeshingParameters(grading=0.25)
+    for (x, y), radius in zip(outline.tolist(), radii.tolist(), strict=True):
+        if radius < wall:
+            parameters.RestrictH(x, y, 0, radius)
+    return occ.OCCGeometry(faces, dim=2).GenerateMesh(parameters)
 
 
 def _name_sides(

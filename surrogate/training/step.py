@@ -26,7 +26,8 @@ NO_COST = EvaluationCost(0, 0, 0)
 class LearnerState(NamedTuple):
     """What a step changes: network, optimiser's state, labels, last velocity of every sample.
 
-    Velocities are zero until a flow is solved, and empty where the method does not start from them.
+    Velocities are zero until a flow is solved; where the method does not start from them, one zero
+    stands for each.
     """
 
     network: LoadNetwork
@@ -89,7 +90,7 @@ def first_state(method: Method, network: LoadNetwork, physics: Physics) -> Learn
     """The state before the first step."""
     devices = physics.partition.devices
     optimiser, labels = jax.jit(method.init)(devices.place(network), physics)
-    velocities = physics.partition.zeros(physics.velocity_shape if method.warm_starts else (0,))
+    velocities = physics.partition.zeros(physics.velocity_shape if method.warm_starts else (1,))
     return LearnerState(network, devices.local(optimiser), labels, velocities)
 
 
