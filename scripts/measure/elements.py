@@ -20,7 +20,8 @@ from surrogate import InvalidInput, NotConverged, family_shape
 
 START = 5.0  # highest Re at which Newton's method converges from rest
 RISE = 5.0  # largest ratio of successive Re of the continuation
-STEPS = 20  # of Newton's method
+STEPS = 40  # of Newton's method, most of them with the factors of an earlier one
+FALL = 0.2  # of a step, over the last one; where steps fall less the Jacobian is factored anew
 TOLERANCE = 1e-6
 BOX_RATIO = 0.377  # of the errors of Cd in a box and in one of half its size
 START_OF_SERIES = 0.5  # Re from which a box of 100 D ends where the series of K0 holds
@@ -158,6 +159,23 @@ def continuation(reynolds: float) -> Iterator[float]:
         yield reynolds * (START / reynolds) ** (left / max(steps, 1))
 
 
+class Jacobian:
+    """The factors of a form's Jacobian matrix, kept while the steps of Newton's method fall."""
+
+    def __init__(self, form: Any):
+        self.form, self.factors, self.last = form, None, math.inf
+
+    def solve(self, ng: Any, flow: Any, residual: Any, change: Any) -> None:
+        """Overwrite the change of the flow by that which the residual asks for."""
+        if self.factors is not None:
+            change.data = self.factors * residual
+        if self.factors is None or ng.Norm(change) > FALL * self.last:
+            self.form.AssembleLinearization(flow.vec)
+            self.factors = self.form.mat.Inverse(flow.space.FreeDofs())
+            change.data = self.factors * residual
+        self.last = ng.Norm(change)
+
+
 def _newton(
     ng: Any, flow: Any, reynolds: float, force: float, geometry: Geometry, tolerance: float
 ) -> float:
@@ -169,15 +187,14 @@ def _newton(
     along = ng.CF((1, 0, 0)[: space.mesh.dim])
     axial.components[0].Set(along, definedon=space.mesh.Boundaries("body"))
     residual, change = flow.vec.CreateVector(), flow.vec.CreateVector()
-    free = ng.Projector(space.FreeDofs(), True)
+    free, jacobian = ng.Projector(space.FreeDofs(), True), Jacobian(form)
     for _ in range(STEPS):
         outside = along - strength * velocity
         sides.components[0].Set(outside, definedon=space.mesh.Boundaries("stream"))
         residual.data = free * flow.vec
         flow.vec.data = residual + sides.vec
         form.Apply(flow.vec, residual)
-        form.AssembleLinearization(flow.vec)
-        change.data = form.mat.Inverse(space.FreeDofs()) * residual
+        jacobian.solve(ng, flow, residual, change)
         flow.vec.data -= change
         force = -geometry.multiplicity * ng.InnerProduct(residual, axial.vec)
         settled = abs(force - strength.Get()) < tolerance * force

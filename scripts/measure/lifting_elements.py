@@ -15,6 +15,7 @@ from elements import (
     START_OF_SERIES,
     STEPS,
     TOLERANCE,
+    Jacobian,
     cartesian_form,
     continuation,
     green_2d,
@@ -130,14 +131,13 @@ def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarra
         rigid.append(ng.GridFunction(space))
         rigid[-1].components[0].Set(motion, definedon=space.mesh.Boundaries("body"))
     residual, change = flow.vec.CreateVector(), flow.vec.CreateVector()
-    free = ng.Projector(space.FreeDofs(), True)
+    free, jacobian = ng.Projector(space.FreeDofs(), True), Jacobian(form)
     for _ in range(STEPS):
         sides.components[0].Set(along - velocity, definedon=space.mesh.Boundaries("stream"))
         residual.data = free * flow.vec
         flow.vec.data = residual + sides.vec
         form.Apply(flow.vec, residual)
-        form.AssembleLinearization(flow.vec)
-        change.data = form.mat.Inverse(space.FreeDofs()) * residual
+        jacobian.solve(ng, flow, residual, change)
         flow.vec.data -= change
         loads = np.array([-ng.InnerProduct(residual, motion.vec) for motion in rigid])
         loads *= multiplicity
