@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import Fidelity, Flow, InvalidInput, Scene, family_shape, train
+from surrogate import FIDELITIES, Fidelity, Flow, InvalidInput, Scene, family_shape, train
 
 COARSE = Flow(Scene(fidelity=Fidelity("coarse", 6, 4, 8, 8)))
 THIN, THICK = [5.0, 0.3, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0]
@@ -62,3 +62,15 @@ def test_a_tunnel_too_coarse_for_the_estimate_alone_is_answered():
     assert found.status == "degraded"
     assert found.estimated_error is None
     assert found.drag > 9.0  # blocked by a third, 5.5 times the unbounded drag
+
+
+@pytest.mark.parametrize(
+    ("reynolds", "chord", "cells", "harmonics"),
+    [(1.0, 2.0, 16, 7), (40.0, 2.2, 16, 7), (150.0, 2.0, 32, 7), (200.0, 2.45, 40, 14)],
+)
+def test_thin_boundary_layers_get_cells_and_the_thinnest_harmonics(
+    reynolds, chord, cells, harmonics
+):
+    found = FIDELITIES["standard"].for_layers(reynolds, chord)
+    assert (found.cells, found.harmonics) == (cells, harmonics)
+    assert found.for_layers(reynolds, chord) == found  # refined once
