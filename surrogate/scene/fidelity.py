@@ -19,8 +19,8 @@ REFINEMENT = {2: 3.0, 3: 1.0}  # default of ``refinement`` by dimension
 # 1 / thickness of a boundary layer in 1 / D, sqrt(Re / r) with r the radius of an ellipse's nose,
 # up to which the levels' cells suffice (study ``lift``): that of aspect 5 at Re 45.
 THIN_LAYER = 32.0
-# Factor of the cells from which bodies of so thin layers have twice as many harmonics: without them
-# NACA 0012 at chord Re 1000 has Cl 6 % too low (study ``lift``).
+# Factor of the cells from which bodies of so thin layers have twice as many harmonics, as NACA 0012
+# at chord Re 1000 needs (study ``lift``).
 SHARP = 2.5
 MOST_HARMONICS = 31
 

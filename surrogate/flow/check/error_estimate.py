@@ -97,7 +97,7 @@ class ErrorModel2D(ErrorModel):
     COARSER, WINDOW, WINDOW_ERROR, SAFETY, TALLEST = 1 / 2, 1.25, 0.5, 2.0, 1.5
     GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
     SPREAD, SPREAD_CELLS = 1e-3, 16  # of the error left, over ``size``, on so many cells per D
-    EXPECTED = 0.9  # over the likely error: with 1, three times as many good flows are degraded
+    EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
 
     def order(self, reynolds: float) -> float:
         return 2.0

@@ -66,7 +66,7 @@ class DifferentiablePhysics(Method):
     goal: float = 30.0
     slopes: float = 1.0
     trains_traction = True
-    warm_starts = True
+    warm_starts = CoupledStep.warm_starts
 
     def init(self, network, physics):
         state = adam(self.learning_rate).init(network.weights)

@@ -65,7 +65,7 @@ class HalfInverseGradients(Method):
     limited: bool = True
     newton: NewtonSettings = LABEL_FLOW
     trains_traction = False
-    warm_starts = False
+    warm_starts = FullSolve.warm_starts
 
     def init(self, network, physics):
         return jnp.array(0), no_labels(physics)
