@@ -34,21 +34,24 @@ class Samples(NamedTuple):
 
 
 def training_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """Draw training samples by a scrambled Sobol sequence over the parameters and log Re.
+    """Draw training samples by a scrambled Sobol sequence over the ranges and log Re.
 
     Bodies that cross themselves are skipped.
     """
-    low, high = np.concatenate([scene.family.bounds, np.log([scene.reynolds])]).T
-    sequence = qmc.Sobol(low.size, rng=seed)
-    rows = np.empty((0, low.size))
-    while len(rows) < count:
-        drawn = low + (high - low) * sequence.random(max(2 ** count.bit_length(), MIN_DRAW))
-        rows = np.concatenate([rows, drawn[scene.family.clear(drawn[:, :-1])]])
-    return Samples(jnp.asarray(rows[:count, :-1]), jnp.exp(jnp.asarray(rows[:count, -1])))
+    low, high = np.log(scene.reynolds)
+    sequence = qmc.Sobol(len(scene.family.names) + 1, rng=seed)
+    bodies, log_re = np.empty((0, len(scene.family.names))), np.empty(0)
+    while len(bodies) < count:
+        shares = sequence.random(max(2 ** count.bit_length(), MIN_DRAW))
+        drawn = np.asarray(scene.family.within(shares[:, :-1]))
+        clear = scene.family.clear(drawn)
+        bodies = np.concatenate([bodies, drawn[clear]])
+        log_re = np.concatenate([log_re, low + (high - low) * shares[clear, -1]])
+    return Samples(jnp.asarray(bodies[:count]), jnp.exp(jnp.asarray(log_re[:count])))
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """Draw held-out samples: bodies uniform in their bounds, Re uniform in log Re.
+    """Draw held-out samples: bodies uniform in their ranges, Re uniform in log Re.
 
     Independent of the training samples of the same seed.
     """
