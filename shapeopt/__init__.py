@@ -5,8 +5,10 @@ problem -> search -> runs -> render; the payoff and the commands are above them.
 """
 
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import Glide, Robust, Settling, Tumbling, Weighted
+from shapeopt.problem.objective import Glide, Weighted
+from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.robust import Robust
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.runs import load_run, save_run
 from shapeopt.search.design import Design

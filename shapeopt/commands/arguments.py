@@ -8,16 +8,10 @@ from contextlib import contextmanager
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import (
-    AtReynolds,
-    Glide,
-    Objective,
-    Robust,
-    Settling,
-    Tumbling,
-    Weighted,
-)
+from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
+from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.robust import Robust
 from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.body_2d import Body2D

@@ -25,8 +25,8 @@ from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import plain_queries, query_stream
 from shapeopt.payoff.strategies import compile_all, rivals, trained, trained_with_memory
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
-from shapeopt.problem.objective import Robust
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.robust import Robust
 from shapeopt.problem.uncertainty import LogNormal
 from shapeopt.render.sheets import before_and_after, render_panels
 from shapeopt.runs import check_run_folder, load_run, save_run

@@ -1,0 +1,107 @@
+"""Objectives of particles: drag averaged over all orientations, and the terminal velocity."""
+
+import dataclasses
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from shapeopt.problem.objective import AtReynolds, Objective, scenarios_of
+from shapeopt.problem.scenarios import Scenarios
+from surrogate.body.parameters import INCIDENCE, QUARTER_TURN
+from surrogate.checks import finite_number
+from surrogate.errors import InvalidInput
+from surrogate.flow.settling import BALANCED, SMALLEST, sphere_reynolds
+from surrogate.scene.scene import Scene
+
+ORIENTATIONS = 6  # points of Gauss's rule over the cosine of the incidence
+MOST_ARCHIMEDES = 1e6  # a sphere settles at Re 2000, beyond any steady flow
+
+
+@dataclasses.dataclass(frozen=True)
+class Tumbling(AtReynolds):
+    """Cd averaged over all orientations of a body that tumbles, at one Reynolds number.
+
+    For scenes of 3-D bodies at incidences from 0 to 90 degrees. The axis points everywhere with
+    equal probability, so that the incidence has the density sin(incidence). Bodies that are not
+    alike fore and aft are averaged over the half of the orientations with the nose ahead. The
+    incidence of the design itself is 45 degrees, about which those of the cases are spread.
+    """
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        names, middle = scene.family.names, QUARTER_TURN / 2
+        turned = dict(scene.family.ranges).get(INCIDENCE.name) == (0, QUARTER_TURN)
+        if scene.dimension != 3 or not turned:
+            raise InvalidInput(
+                "tumbling: needs a scene of 3-D bodies with the incidences 0 to 90, as that of "
+                "pretrained:particle"
+            )
+        cosines, weight = np.polynomial.legendre.leggauss(ORIENTATIONS)
+        angles = np.rad2deg(np.arccos((1 + cosines) / 2))
+        angles = np.append(angles, [0, QUARTER_TURN])  # without weight: they keep the design at 45
+        shift = np.zeros((len(angles), len(names)))
+        shift[:, names.index(INCIDENCE.name)] = angles - middle
+        reynolds = [scene.check_reynolds(self.reynolds)] * len(angles)
+        return scenarios_of(scene, reynolds, np.append(weight / 2, [0, 0]), shift)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settling(Objective):
+    """The terminal velocity of a particle, which is maximised, for scenes of 3-D bodies.
+
+    A body moves steadily where the force on it balances its weight less buoyancy,
+    C Re^2 = 4/3 Ar with C = sqrt(Cd^2 + Cl^2). Its velocity is Re nu / D, and its incidence is that
+    to its motion. The least C Re^2 of all bodies grows with Re, so the fastest body has the least C
+    at its own Re: C is minimised at one Re after another, by Newton's method in log Re.
+
+    Args:
+      archimedes: Ar = |density ratio - 1| g D^3 / nu^2, as ``Particle.archimedes``.
+      reynolds: where the search begins; by default that of the sphere, by Schiller and Naumann.
+    """
+
+    archimedes: float
+    reynolds: float | None = None
+
+    fixed: ClassVar[bool] = False
+
+    def __post_init__(self):
+        archimedes = finite_number("Archimedes number", self.archimedes)
+        if not SMALLEST <= archimedes <= MOST_ARCHIMEDES:
+            raise InvalidInput(
+                f"Archimedes number {archimedes:g}: from {SMALLEST:g} to {MOST_ARCHIMEDES:g}"
+            )
+        object.__setattr__(self, "archimedes", archimedes)
+        begin = sphere_reynolds(archimedes) if self.reynolds is None else self.reynolds
+        object.__setattr__(self, "reynolds", finite_number("Reynolds number", begin))
+
+    @property
+    def nominal(self) -> float:
+        return self.reynolds
+
+    def scenarios(self, scene: Scene) -> Scenarios:
+        if scene.dimension != 3:
+            raise InvalidInput("settling: needs a scene of 3-D bodies, dimension 3")
+        return scenarios_of(scene, [self._within(scene)], [1.0], force=True)
+
+    def following(self, scene, loads, by_log_reynolds):
+        at, force = self._within(scene), np.asarray(loads)[:2]  # Cd and, where there is one, Cl
+        thrust = np.linalg.norm(force) * at**2
+        excess = math.log(thrust / (4 / 3 * self.archimedes))
+        if abs(excess) <= BALANCED and at == self.reynolds:
+            return None
+        slope = 2 + force @ np.asarray(by_log_reynolds)[:2] / (force @ force)
+        reynolds = float(np.clip(at * math.exp(-excess / slope), *scene.reynolds))
+        if reynolds == at and abs(excess) > BALANCED:
+            side, most = ("above", "at most") if excess < 0 else ("below", "at least")
+            raise InvalidInput(
+                f"Archimedes number {self.archimedes:g}: the fastest body settles {side} Re "
+                f"{at:g}, where the scene ends; {most} {0.75 * thrust:.4g} would do"
+            )
+        return dataclasses.replace(self, reynolds=reynolds)
+
+    def record(self, scene: Scene) -> dict[str, Any]:
+        return {"archimedes": self.archimedes}
+
+    def _within(self, scene):
+        """Return the Re of the search, within the scene's range."""
+        return float(np.clip(self.reynolds, *scene.reynolds))
