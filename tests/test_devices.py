@@ -141,6 +141,11 @@ def test_many_queries_have_the_same_designs_on_three_devices():
     assert done.returncode == 0, done.stderr
 
 
+def test_two_devices_train_without_stored_velocities(tmp_path):
+    """Supervised regression solves each flow once, so that no velocities are sharded."""
+    assert np.isfinite(_trained_on(tmp_path, 2, ["supervised"])["supervised"]).all()
+
+
 EVERY = pytest.param(["sip", "dp", "hig", "supervised"], 1e-10, marks=pytest.mark.slow)
 
 
@@ -151,19 +156,7 @@ def test_weights_are_the_same_on_any_number_of_devices(tmp_path, methods, roundi
 
     The fast test compiles quickly, which rounds differently on four; the slow one as users do.
     """
-    found = {}
-    for count in (1, 4):
-        run = [sys.executable, str(HERE / "trained_on_devices.py"), str(count)]
-        folder = tmp_path / f"{count}"
-        done = subprocess.run(
-            [*run, str(folder), str(tmp_path / "checkpoint"), *methods],
-            env=_environment(quick=methods == ["sip"]),
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stderr
-        with np.load(folder / "weights.npz") as arrays:
-            found[count] = dict(arrays)
+    found = {count: _trained_on(tmp_path, count, methods) for count in (1, 4)}
     assert set(found[1]) == set(methods)
     assert set(found[4]) == {*methods, "resumed"}
     resumed = found[4].pop("resumed")
@@ -298,6 +291,21 @@ def test_processes_answer_a_stream_together_and_lose_nothing(tmp_path):
     assert len(kept) == sum(answer["flows"] for answer in said)
     assert len({json.dumps(flow[:2]) for flow in kept}) == len(kept)
     assert max(answer["observations"] for answer in said) == len(kept)
+
+
+def _trained_on(tmp_path, count, methods):
+    """Return the weights by methods on devices; quick to compile where there is one method."""
+    folder = tmp_path / f"{count}"
+    arguments = [str(count), str(folder), str(tmp_path / "checkpoint"), *methods]
+    done = subprocess.run(
+        [sys.executable, str(HERE / "trained_on_devices.py"), *arguments],
+        env=_environment(quick=len(methods) == 1),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    with np.load(folder / "weights.npz") as arrays:
+        return dict(arrays)
 
 
 def _start(tmp_path, out, *arguments, samples=8):
