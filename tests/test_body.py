@@ -82,9 +82,9 @@ def test_samples_are_valid_and_inside(family):
 def test_ratios_over_a_decade_are_uniform_in_their_logarithm():
     wide, narrow = Family(aspect=(0.3, 4.8), beta2=(-0.3, 0.3)), Family(aspect=(1, 5))
     assert np.allclose(
-        wide.within([[0, 0], [0.5, 0.5], [1, 1]]), [[0.3, -0.3], [1.2, 0], [4.8, 0.3]]
+        wide.within(np.array([[0, 0], [0.5, 0.5], [1, 1]])), [[0.3, -0.3], [1.2, 0], [4.8, 0.3]]
     )
-    assert np.allclose(narrow.within([[0], [0.5], [1]]), [[1], [3], [5]])
+    assert np.allclose(narrow.within(np.array([[0], [0.5], [1]])), [[1], [3], [5]])
     aspects = np.asarray(wide.sample(jax.random.key(0), 2000))[:, 0]
     assert np.mean(aspects < 1.2) == pytest.approx(0.5, abs=0.05)
 
