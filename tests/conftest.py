@@ -25,7 +25,7 @@ SCRIPTS = TESTS.parent / "scripts"
 sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
-ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, promise=0.1)  # the same in 3-D
+ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
 MOST_MAPS = 20_000  # memory maps of a process, of 65530
 COMPILED = "/jax/core/compile/backend_compile_duration"
 

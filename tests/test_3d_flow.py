@@ -24,7 +24,7 @@ SPHERE = family_shape({"aspect": 1.0}, dimension=3)
 
 @pytest.mark.parametrize("reynolds", [0.1, 40.0])
 def test_exact_kernel_solves_the_discrete_oseen_equations(reynolds):
-    """Momentum without its gradient part, and mass, on every face inside the window."""
+    """Momentum without its gradient part, and mass, on every face inside the domain."""
     lattice = Lattice((36, 10, 10), (0.2,) * 3, 12, folded=(1, 2))
     force = np.zeros((3, *lattice.shape))
     force[:, 8:20, :6, :6] = np.random.default_rng(0).normal(size=(3, 12, 6, 6))
@@ -55,7 +55,7 @@ def test_order_of_the_drag_in_stokes_flow_is_near_three():
     body = family_shape({"aspect": 2.0, "flatness": 2.0}, dimension=3)
 
     def error(cells):
-        """In a window that holds little more than the body, of which this flow is independent."""
+        """In a domain that holds little more than the body, of which this flow is independent."""
         fidelity = Fidelity("near", cells, 2.0, 2.5, 3.5, wake=0.0)
         found = Flow(Scene(dimension=3, fidelity=fidelity)).solve(body, 0.01, estimate=False)
         return found.drag / oberbeck(ellipsoid(2, 2), 0.01) - 1

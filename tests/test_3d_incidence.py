@@ -32,11 +32,11 @@ def solved(parameters, reynolds, flow=DRAFT):
     return flow.solve(family_shape(parameters, dimension=3), reynolds, estimate=False)
 
 
-def test_exact_kernel_of_half_a_window_is_that_of_the_whole():
+def test_exact_kernel_of_half_a_domain_is_that_of_the_whole():
     half, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=(1,)), np.random.default_rng(0)
     whole = half.unfolded
     force = rng.normal(size=(3, *half.shape))
-    force[1, :, -1] = 0.0  # its image's place is outside of the whole window
+    force[1, :, -1] = 0.0  # its image's place is outside of the whole domain
     re = jnp.asarray(7.0)
     by_half, by_whole = (
         np.asarray(lattice.unfold(space_kernel(lattice, re)(jnp.asarray(f))))

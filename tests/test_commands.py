@@ -332,7 +332,7 @@ def test_payoff_of_a_scene_in_a_file(capsys, scene, tmp_path):
     arguments += ["--budget-seconds", "2", "--out", out]
     result = answer(capsys, "payoff", *arguments)
     ways = {row["method"] for row in result["payoff"]}
-    assert {"direct", "growing kriging", "dp", "sip", "hig", "supervised"} < ways
+    assert {"direct", "kriging with memory", "dp", "sip", "hig", "supervised"} < ways
     assert all(row["kkt_max"] <= 1e-2 for row in result["payoff"])
     assert all(0 <= row["gap_max"] < 2e-3 for row in result["payoff"])
     assert result["direct"]["flows_per_design"] > 2

@@ -53,7 +53,7 @@ def test_thirty_contours_compile_a_few_times(compiled, generator):
     assert sum(solves) <= 5
     assert (
         compiled.count("jit(solve)") <= 9
-    )  # three windows of a flow and of the two of its estimate
+    )  # three domains of a flow and of the two of its estimate
 
 
 @pytest.mark.parametrize("enabled", [True, False])

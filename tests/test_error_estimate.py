@@ -1,4 +1,4 @@
-"""Error estimates of the drag: retraction, extrapolation, status, coarser grids, windows."""
+"""Error estimates of the drag: retraction, extrapolation, status, coarser grids, domains."""
 
 import dataclasses
 
@@ -103,7 +103,7 @@ def test_accurate_in_3d_needs_a_margin_of_few_cells_per_boundary_layer(reynolds,
     order = 3 if reynolds == 1 else 2
 
     def solve(fidelity):
-        return Loads(1 + error * DRAFT.promise * (24 / fidelity.cells) ** order, 0.0, 0.0)
+        return Loads(1 + error * DRAFT.tolerance * (24 / fidelity.cells) ** order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
     assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3, 1.0).status == status
@@ -112,12 +112,12 @@ def test_accurate_in_3d_needs_a_margin_of_few_cells_per_boundary_layer(reynolds,
     )
 
 
-def test_a_wake_longer_than_the_window_is_degraded():
-    """An ellipse across the stream, in a window that does not grow with its wake."""
+def test_a_wake_longer_than_the_domain_is_degraded():
+    """An ellipse across the stream, in a domain that does not grow with its wake."""
     short = dataclasses.replace(DRAFT, wake=0.0)
     found = Flow(Scene(fidelity=short)).solve(ellipse(0.4), 40.0, allow_unsteady=True)
     assert found.status == "degraded"
-    assert found.estimated_error > DRAFT.promise
+    assert found.estimated_error > DRAFT.tolerance
 
 
 def test_a_body_too_thin_for_the_coarser_grid_has_no_estimate():
@@ -152,8 +152,8 @@ def errors_of(grid, domain):
 
     def solve(fidelity):
         size = fidelity.height / standard.height
-        window = domain * size ** (np.log(MODEL.WINDOW_ERROR) / np.log(MODEL.WINDOW))
-        error = grid * (standard.cells / fidelity.cells) ** 2 + window
+        of_domain = domain * size ** (np.log(MODEL.DOMAIN_ERROR) / np.log(MODEL.OTHER_DOMAIN))
+        error = grid * (standard.cells / fidelity.cells) ** 2 + of_domain
         return Loads(2 * (1 + error), 1 + error, -1 - error)
 
     return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 1.0)
@@ -203,7 +203,7 @@ def test_accuracy_in_words(answer, text):
     assert accuracy_text(*errors, 0.004, sufficient) == text
 
 
-def test_windows_grow_with_the_wake():
+def test_domains_grow_with_the_wake():
     standard = FIDELITIES["standard"]
     assert standard.for_wake(40.0, 1.0) == standard
     assert standard.for_wake(45.0, 1.4).downstream > standard.downstream
@@ -230,4 +230,4 @@ def test_robust_every_accurate_drag_is_within_its_tolerance(log_re, log_aspect, 
         reference = Flow(Scene(stream=stream)).solve(
             shape, reynolds, estimate=False, allow_unsteady=True
         )
-        assert abs(found.drag / reference.drag - 1) < 2 * DRAFT.promise + 0.004
+        assert abs(found.drag / reference.drag - 1) < 2 * DRAFT.tolerance + 0.004

@@ -52,7 +52,7 @@ def test_golden_fine_grid_is_within_a_thousandth(reynolds):
 
 
 def test_order_of_the_drag_in_a_tunnel():
-    """Second order: between walls the window is cut off along the stream only."""
+    """Second order: between walls the domain is cut off along the stream only."""
     cells = (8, 12, 18)
     errors = [
         solve(CYLINDER, 1.0, Fidelity("", n, 3, 5, 8), Tunnel(8.0)).drag / 18.412 - 1 for n in cells
@@ -66,7 +66,7 @@ def test_order_of_the_drag_in_a_tunnel():
 
 @pytest.mark.slow
 def test_order_of_the_drag_of_a_slender_body():
-    """Errors against a fine grid of the same window."""
+    """Errors against a fine grid of the same domain."""
     body = family_shape({"aspect": 3.0, "beta2": -0.2, "beta3": 0.1, "beta4": 0.05})
 
     def drag(cells):

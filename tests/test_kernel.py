@@ -124,15 +124,15 @@ def test_exact_slip_walls_are_stream_lines(generator):
 
 
 def test_exact_convection_adds_no_force(generator):
-    """In flux form the convection of any velocity sums to zero over the window."""
+    """In flux form the convection of any velocity sums to zero over the domain."""
     velocity = LATTICE.cutoff() * generator.normal(size=(2, *LATTICE.shape))
     total = jnp.sum(LATTICE.convect(jnp.asarray(velocity)), axis=(1, 2))
     assert float(jnp.abs(total).max()) < 1e-10
 
 
 @pytest.mark.parametrize("height", [None, 4.0, 8.0])
-def test_exact_half_a_window_gives_the_whole_of_a_symmetric_flow(height, generator):
-    """Kernel and convection on the upper half agree with the whole window."""
+def test_exact_half_a_domain_gives_the_whole_of_a_symmetric_flow(height, generator):
+    """Kernel and convection on the upper half agree with the whole domain."""
     half = dataclasses.replace(
         LATTICE, shape=(40, 16), folded=(1,), periodic=height == LATTICE.shape[1] * H
     )

@@ -238,7 +238,7 @@ def test_tables_of_columns_and_of_maps():
 def test_without_optional_packages_studies_say_so(tmp_path, capsys, monkeypatch):
     for package in ("ngsolve", "sklearn"):
         monkeypatch.setitem(sys.modules, package, None)
-    assert list(rivals.rivals()) == ["kriging, with slopes"]
+    assert list(rivals.rivals()) == ["gradient-enhanced kriging"]
     with pytest.raises(InvalidInput, match="NGSolve: pip install"):
         solve_by_elements(PLANE, {"aspect": 1.0}, 1.0)
     record = run.main(["onset", "--tiny", "--out", str(tmp_path)])

@@ -26,7 +26,7 @@ from surrogate import (
     family_shape,
 )
 from surrogate.body.parameters import PARAMETERS
-from surrogate.scene.fidelity import LONGEST_WINDOW
+from surrogate.scene.fidelity import LONGEST_DOWNSTREAM
 from surrogate.scene.limits import (
     ONSET_OF_INSTABILITY,
     REYNOLDS,
@@ -58,13 +58,13 @@ families = st.builds(
         st.sampled_from([name for name in PARAMETERS if name.startswith("beta")]), ends(-1, 1)
     ),
 )
-windows = (st.floats(1, 40),) * 3
+domains = (st.floats(1, 40),) * 3
 texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=8)
 fidelities = st.sampled_from(list(FIDELITIES.values())) | st.builds(
     Fidelity,
     texts,
     st.integers(3, 64),
-    *windows,
+    *domains,
     st.integers(1, 31),
     st.floats(0, 1),
     st.floats(0, 1),
@@ -212,7 +212,7 @@ BAD = {
         "[fidelity]\ncells = '8'\nupstream = 4\ndownstream = 8\nheight = 8",
         "must be one number",
     ),
-    "small window": (
+    "small domain": (
         "[fidelity]\ncells = 8\nupstream = 0.1\ndownstream = 8\nheight = 8",
         "upstream 0.1: from 1 to 80",
     ),
@@ -262,7 +262,7 @@ def test_bodies_that_do_not_fit_a_scene_are_refused_before_any_work():
     short = dataclasses.replace(FIDELITIES["draft"], upstream=2)
     with pytest.raises(InvalidInput, match="leaves less than half a diameter"):
         Flow(Scene(stream=Tunnel(1.5))).domain  # noqa: B018
-    with pytest.raises(InvalidInput, match="too large for the draft window"):
+    with pytest.raises(InvalidInput, match="too large for the draft domain"):
         Flow(Scene(family=Family(aspect=(15, 20)), fidelity=short)).domain  # noqa: B018
 
 
@@ -279,7 +279,7 @@ def test_reynolds_numbers_of_a_scene():
 
 
 @pytest.mark.parametrize("wide", [{"fidelity": Fidelity("c", 16, 3, 6, 4)}, {"fidelity": None}])
-def test_a_window_of_ones_own_in_3d_is_not_lengthened_by_the_wake_of_2d(wide, tmp_path):
+def test_a_domain_of_ones_own_in_3d_is_not_lengthened_by_the_wake_of_2d(wide, tmp_path):
     """It would have 3 million cells."""
     path = tmp_path / "scene.toml"
     path.write_text(
@@ -292,9 +292,9 @@ def test_a_window_of_ones_own_in_3d_is_not_lengthened_by_the_wake_of_2d(wide, tm
 
 
 @pytest.mark.parametrize("fidelity", FIDELITIES.values(), ids=FIDELITIES)
-def test_no_window_is_longer_than_the_longest(fidelity):
+def test_no_domain_is_longer_than_the_longest(fidelity):
     longest = max(fidelity.for_wake(re, 3.0).downstream for re in range(1, 300))
-    assert longest == LONGEST_WINDOW
+    assert longest == LONGEST_DOWNSTREAM
 
 
 def measured_onsets():

@@ -84,7 +84,7 @@ def example_strategies():
     direct = Strategy("direct", [Cost()], [[known_design(3, 110), known_design(5, 90, 1.02)]])
     sip = Strategy("sip", [Cost(30.0, 900.0)], [[known_design(1, 10, 1.01), known_design(1, 10)]])
     kriging = [[known_design(2, 100 / (k + 1)) for k in range(2)]]
-    return direct, sip, Strategy("growing kriging", [Cost()], kriging, keeps_flows=True)
+    return direct, sip, Strategy("kriging with memory", [Cost()], kriging, keeps_flows=True)
 
 
 def test_payoff_of_known_designs():
@@ -96,7 +96,7 @@ def test_payoff_of_known_designs():
     assert pays_after(sip, direct, "green_applications").designs == pytest.approx(10.0)
     assert np.allclose(best_known([direct, sip]), 1.0)
     rows = payoff_rows([sip], [direct, kriging], seed=0)
-    assert [row["method"] for row in rows] == ["direct", "growing kriging", "sip"]
+    assert [row["method"] for row in rows] == ["direct", "kriging with memory", "sip"]
     assert [row["gap_max"] for row in rows] == pytest.approx([0.02, 0.0, 0.01])
     assert rows[2]["break_even_g"] == pytest.approx(10.0)
     assert rows[2]["g_per_design"] == 10.0

@@ -144,7 +144,7 @@ RECORDS = {
     "none": ({"sizes": []}, "do not end in"),
     "text sizes": ({"sizes": "32"}, "layer '3': must be one number"),
     "number sizes": ({"sizes": 32}, "damaged or not a surrogate"),
-    "format": ({"format": 99}, "format 99, this version reads 3"),
+    "format": ({"format": 99}, "format 99, this version reads 4"),
     "scene": ({"scene": {"reynolds": [40, 1]}}, "low must not be above high"),
     "scene text": ({"scene": "tunnel"}, "must be a table"),
     "dimension": ({"scene": {"dimension": 3}}, "do not end in the 27 outputs"),
@@ -164,7 +164,7 @@ def test_damaged_records_are_refused(folder, damage, unchecked):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "no JSON", "[]", "3", "null", "[" * 100_000, '{"format": 3}', "\udcff"],
+    ["", "no JSON", "[]", "3", "null", "[" * 100_000, '{"format": 4}', "\udcff"],
     ids=["empty", "words", "list", "number", "null", "nested", "bare", "bytes"],
 )
 def test_records_that_are_none_are_refused(folder, text):

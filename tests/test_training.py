@@ -403,7 +403,7 @@ def test_all_trainings_of_a_payoff_are_checked_before_any_work(
 
 
 def test_training_warns_of_a_large_error(plan, setup, monkeypatch):
-    rough = dataclasses.replace(plan.scene.fidelity, promise=1e-6)
+    rough = dataclasses.replace(plan.scene.fidelity, tolerance=1e-6)
     scene = dataclasses.replace(plan.scene, fidelity=rough)
     monkeypatch.setattr(training, "make_setup", lambda *_: setup)
     monkeypatch.setattr(training, "make_plan", lambda *_: dataclasses.replace(plan, scene=scene))

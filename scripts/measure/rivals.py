@@ -1,4 +1,4 @@
-"""Regressions on solved drags that need no network: polynomials and kriging, with slopes or not."""
+"""Regressions on solved drags without a network: polynomials, kriging with gradients or without."""
 
 import math
 import warnings
@@ -48,8 +48,12 @@ def rivals() -> dict[str, Fit]:
     try:
         import sklearn  # noqa: F401
     except ImportError:
-        return {"kriging, with slopes": _with_slopes}
-    return {"polynomial": _polynomial, "kriging": _kriging, "kriging, with slopes": _with_slopes}
+        return {"gradient-enhanced kriging": _with_slopes}
+    return {
+        "polynomial": _polynomial,
+        "kriging": _kriging,
+        "gradient-enhanced kriging": _with_slopes,
+    }
 
 
 def _with_slopes(solved: Solved) -> Predictor:

@@ -12,7 +12,7 @@ MOST = 1000  # designs
 QUANTITIES = {"seconds": "wall seconds", "green_applications": "convolutions (G)"}
 # Line styles: strategies without training by name, the variants of a method by a word of theirs,
 # and solid for a method at its best.
-UNTRAINED = {"direct": "--", "direct, from the nearest answer": ":", "growing kriging": "-"}
+UNTRAINED = {"direct": "--", "direct, from the nearest answer": ":", "kriging with memory": "-"}
 VARIANTS = {"as published": ":", "bodies": "--", "and kriging": "-."}
 
 

@@ -32,7 +32,7 @@ def rivals(queries: Queries, flow: Flow) -> list[Strategy]:
     return [
         _answer("direct", queries, lambda problem: design_directly(problem, flow)),
         _answer("direct, from the nearest answer", queries, solve_from_nearest, True),
-        _answer("growing kriging", queries, kriging.design, True),
+        _answer("kriging with memory", queries, kriging.design, True),
     ]
 
 

@@ -63,7 +63,14 @@ def payoff_tables(result: Row) -> str:
 
 def break_even_table(rows: Sequence[Row]) -> str:
     """Return the full table, one line for each strategy."""
-    heads = ["way", "error mean / max", *COSTS, "gap, KKT at most", *PAYS, "beats kriging, by G"]
+    heads = [
+        "strategy",
+        "error mean / max",
+        *COSTS,
+        "gap, KKT at most",
+        *PAYS,
+        "beats kriging, by G",
+    ]
     lines = [
         [
             row["method"],
@@ -82,11 +89,11 @@ def short_table(rows: Sequence[Row]) -> str:
     """Return the costs and break-even alone, without the methods as published."""
     chosen = [row for row in rows if "published" not in row["method"]]
     lines = [[row["method"], *_costs(row), *_break_evens(row)] for row in chosen]
-    return markdown(["way", *COSTS, *PAYS], lines)
+    return markdown(["strategy", *COSTS, *PAYS], lines)
 
 
 def _cumulative_table(rows):
-    heads = ["applications of G after designs", "1", "5", "10", "50", "1000"]
+    heads = ["convolutions (G) after designs", "1", "5", "10", "50", "1000"]
     return markdown(heads, [[r["method"], *(f"{g:,.0f}" for g in r["cumulative_g"])] for r in rows])
 
 

@@ -47,12 +47,13 @@ class Tumbling(AtReynolds):
 
 @dataclasses.dataclass(frozen=True)
 class Settling(Objective):
-    """The terminal velocity of a particle, which is maximised, for scenes of 3-D bodies.
+    """The speed of a particle that settles steadily, which is maximised, for scenes of 3-D bodies.
 
     A body moves steadily where the force on it balances its weight less buoyancy,
-    C Re^2 = 4/3 Ar with C = sqrt(Cd^2 + Cl^2). Its velocity is Re nu / D, and its incidence is that
-    to its motion. The least C Re^2 of all bodies grows with Re, so the fastest body has the least C
-    at its own Re: C is minimised at one Re after another, by Newton's method in log Re.
+    C Re^2 = 4/3 Ar with C = sqrt(Cd^2 + Cl^2). The speed along its path is Re nu / D, and the
+    incidence is that to its motion; with lift the path is inclined. The least C Re^2 of all bodies
+    grows with Re, so the fastest body has the least C at its own Re: C is minimised at one Re after
+    another, by Newton's method in log Re.
 
     Args:
       archimedes: Ar = |density ratio - 1| g D^3 / nu^2, as ``Particle.archimedes``.

@@ -159,8 +159,9 @@ class Family:
     ) -> Float[Array, "bodies parameters"]:
         """Return the bodies at shares, from 0 to 1, of the ranges of their parameters.
 
-        Of a ratio of lengths over a decade or more it is the share of its logarithm. Else 8 % of
-        the bodies with an aspect of 0.3 to 4 would be flatter than 0.6, on which drag depends most.
+        Of a length ratio whose range spans a decade or more it is a share of the range of its
+        logarithm. Else 8 % of the bodies with aspects from 0.3 to 4 would be below 0.6, where
+        drag depends on it most.
         """
         low, high = self.bounds.T
         ratios = np.isin(np.arange(len(low)), self.body_class.indices(Kind.RATIO))

@@ -101,9 +101,10 @@ class Flow:
     ) -> Float[Array, "3"]:
         """Return Cd, Cl and Cm of a family body at Re = U D / nu, as an array.
 
-        As ``drag``, with the lift along y and the moment about the centroid, nose up, over
-        (1/2) rho U^2 D^2; ``jax.jacobian`` takes one adjoint for each of them. Bodies that are
-        symmetric about the stream have Cl = Cm = 0, at no cost.
+        As ``drag``, with the lift across the stream and the moment M about the centroid, nose up:
+        in 2-D Cl = 2 Fy and Cm = 2 M per unit span, in 3-D Cl = 8 Fz / pi and Cm = 8 M / pi.
+        ``jax.jacobian`` takes one adjoint for each of them. Bodies that are symmetric about the
+        stream have Cl = Cm = 0, at no cost.
 
         Args:
           parameters: of the body, shape (parameters,).
@@ -132,7 +133,9 @@ class Flow:
         return values
 
     def slope(self, parameters: Body, reynolds: Number) -> LoadsAndGradients:
-        """Return loads and their gradients by an adjoint each to 2e-4, cheaper than ``jax.grad``.
+        """Return loads and their gradients by an adjoint each, cheaper than ``jax.grad``.
+
+        The adjoints are solved to a relative residual of 2e-4.
 
         Raises:
           InvalidInput: as ``drag``, except beyond the onset of instability.
@@ -234,7 +237,7 @@ class Flow:
             reynolds=reynolds,
             **force,
             **error._asdict(),
-            tolerance=self.scene.fidelity.promise,
+            tolerance=self.scene.fidelity.tolerance,
             green_applications=work,
             newton_steps=int(found.info.steps),
             seconds=seconds,

@@ -62,9 +62,11 @@ class Particle:
 
 
 class Settled(NamedTuple):
-    """A particle at its terminal velocity in m/s, its Re, and the number of flows that took.
+    """A particle that moves steadily: its speed along its path in m/s and its Re.
 
-    ``solution`` is its flow; below Re 0.001 that at 0.001, where Cd Re is the same.
+    The vertical velocity is the speed times the cosine of ``drift``. ``flows`` is the number of
+    flows that were solved, ``solution`` the last; below Re 0.001 that at 0.001, where Cd Re is the
+    same.
     """
 
     velocity: float

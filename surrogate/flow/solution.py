@@ -37,7 +37,7 @@ class Solution:
       status: "accurate" where Cd is expected to meet the tolerance, else "degraded", or "unknown"
         without an estimate; ``accuracy`` says why.
       expected_error: expected relative error of Cd; None where there is no estimate.
-      estimated_error: relative bound of the error of Cd, which 95 % of the errors are within.
+      estimated_error: relative bound of the error of Cd, made to cover 95 % of the errors.
       estimated_lift_error: bound of the error of Cl itself.
       estimated_moment_error: bound of the error of Cm itself.
       sufficient: name of a fidelity that should meet the tolerance that this one does not.

@@ -49,7 +49,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         *(f"  {line}" for line in _errors(record)),
         "Bounds for the errors of each answer: Surrogate.error_bounds in Python, predict_drag.py.",
         f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "
-        f"drags within {100 * fidelity.promise:g} % of the exact flow.",
+        f"drags within {100 * fidelity.tolerance:g} % of the exact flow.",
         *_limits(scene, record),
         "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
         "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",

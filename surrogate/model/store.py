@@ -30,7 +30,7 @@ from surrogate.model.surrogate import LOAD_NAMES, Surrogate, network_loads
 from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 
-FORMAT = 3
+FORMAT = 4
 RECORD, WEIGHTS, CARD = "surrogate.json", "weights.eqx", "card.txt"
 # One surrogate per method, from one setup: of three seeds the one whose designs take fewest flows.
 PRETRAINED = Path(__file__).parent / "pretrained"

@@ -123,7 +123,7 @@ class Surrogate:
     def error_bounds(self, parameters: Bodies, reynolds: Numbers) -> Float[np.ndarray, "*batch 3"]:
         """Return bounds for the errors of Cd, Cl and Cm, over Cd, against the flow solver.
 
-        Each load's bound holds for 95 % of bodies drawn uniformly from the trained ranges. It is
+        Each load's bound holds for 95 % of the bodies that ``Family.sample`` draws. It is
         wider where the training samples say less of the answer (``Novelty``), and scaled on the
         held-out bodies. Outside the trained ranges nothing is known: bodies there are refused.
 
@@ -189,11 +189,11 @@ class Surrogate:
     def inaccuracy(self) -> str | None:
         """What is to be said of a surrogate of large error; None if its error is not large.
 
-        The error on held-out bodies is large where its mean exceeds the flow's error tolerance,
-        ``scene.fidelity.promise``, so that the network errs more than the flow that it stands for;
-        or where its maximum exceeds 10 times that.
+        The error on held-out bodies is large where its mean exceeds the error tolerance of the
+        flow, ``scene.fidelity.tolerance``, so that the network errs more than the flow that it
+        stands for; or where its maximum exceeds 10 times that.
         """
-        tolerance = self.scene.fidelity.promise
+        tolerance = self.scene.fidelity.tolerance
         mean, most = (
             max(self.record.get(f"{name}_error_{key}", 0.0) for name in LOAD_NAMES)
             for key in ("mean", "max")

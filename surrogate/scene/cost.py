@@ -36,7 +36,7 @@ CONVOLUTIONS = {
     2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
     3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
 }
-# Without the mirror plane y = 0 a window has twice the rows, and gradients take three adjoints. A
+# Without the mirror plane y = 0 a domain has twice the rows, and gradients take three adjoints. A
 # body's operators take about as many convolutions as with it, see ``CompressedResponse``.
 WHOLE, ADJOINTS = 2, 3
 
@@ -52,8 +52,8 @@ def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> f
     """Return the seconds of a flow per convolution.
 
     Args:
-      shape: cells of the part of the window that is gridded if the flow is symmetric.
-      symmetric: whether it is; else the whole window is gridded.
+      shape: cells of the part of the domain that is gridded if the flow is symmetric.
+      symmetric: whether it is; else the whole domain is gridded.
     """
     seconds = CONVOLUTIONS[len(shape)].overhead * convolution_seconds(shape)
     return seconds if symmetric else WHOLE * seconds

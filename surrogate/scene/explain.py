@@ -7,13 +7,13 @@ from surrogate.body.family import Family
 from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
-from surrogate.scene.stream import Stream, describe_stream, window_height
+from surrogate.scene.stream import Stream, describe_stream, domain_height
 
 
 class Words(NamedTuple):
     """What differs between 2-D and 3-D.
 
-    The part of the window that is gridded, the same of bodies with camber or incidence ("" is all
+    The part of the domain that is gridded, the same of bodies with camber or incidence ("" is all
     of it), tested ranges, what is left out, and what instability does to the round body and when to
     others.
     """
@@ -30,7 +30,7 @@ WORDS = {
     2: Words(
         "upper half",
         "",
-        "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer window",
+        "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer domain",
         "the third dimension, ",
         "sheds vortices",
         "slender bodies do later, those wider than long sooner",
@@ -49,15 +49,15 @@ WORDS = {
 def explain_scene(
     stream: Stream, reynolds: tuple[float, float], family: Family, f: Fidelity, bodies: int
 ) -> str:
-    """Return what ``Scene.explain`` says; ``f`` is the fidelity with its longest window."""
+    """Return what ``Scene.explain`` says; ``f`` is the fidelity with its longest domain."""
     dimension, words = family.dimension, WORDS[family.dimension]
-    symmetric, height = family.body_class.symmetric, window_height(stream, f.height)
+    symmetric, height = family.body_class.symmetric, domain_height(stream, f.height)
     rows = round(height * f.cells / 2)
     shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 1)
     cells = math.prod(shape) * (1 if symmetric else WHOLE)
     part = words.part if symmetric else words.without_mirror
     seconds = seconds_per_convolution(shape, symmetric)
-    window = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
+    sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
     takes = convolutions(dimension, symmetric)
     design = takes.design_flows * (takes.flow + takes.adjoint)
@@ -70,12 +70,12 @@ def explain_scene(
             f"Steady laminar flow in {describe_stream(stream)}, "
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
             f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
-            f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a window "
-            f"{window} D ({cells} cells{f' in its {part}' if part else ''}), where "
+            f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a domain "
+            f"{sides} D ({cells} cells{f' in its {part}' if part else ''}), where "
             "the flow is non-linear; outside it the Oseen Green's function G and the far field's "
-            f"momentum flux are exact to F^2. Made for drags within {100 * f.promise:g} % over "
+            f"momentum flux are exact to F^2. Made for drags within {100 * f.tolerance:g} % over "
             f"{words.tested}; every solved flow says whether it meets this, with its expected "
-            "error and a bound that 95 % of the errors are within.",
+            "error and a bound that is made to cover 95 % of the errors.",
             f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",

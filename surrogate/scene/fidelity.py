@@ -8,12 +8,12 @@ from typing import Any
 from surrogate.checks import did_you_mean, expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
 
-LONGEST_WINDOW = 40.0  # D downstream, up to which a window is lengthened for a wake
-LONGER = 8.0  # D, by which a window is lengthened first: few lengths share compiled code
+LONGEST_DOWNSTREAM = 40.0  # D downstream, up to which a domain is lengthened for a wake
+LONGER = 8.0  # D, by which a domain is lengthened first: few lengths share compiled code
 FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thickness
-LONGEST = 2 * LONGEST_WINDOW  # D, any side of a window
+LONGEST = 2 * LONGEST_DOWNSTREAM  # D, any side of a domain
 COARSER = 0.9  # of the cells, at most, that a coarser grid has
-MOST_CELLS, MOST_IN_WINDOW = 128, 16e6  # per D, and in a 2-D window
+MOST_CELLS, MOST_IN_DOMAIN = 128, 16e6  # per D, and in a 2-D domain
 WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
 REFINEMENT = {2: 3.0, 3: 1.0}  # default of ``refinement`` by dimension
 # 1 / thickness of a boundary layer in 1 / D, sqrt(Re / r) with r the radius of an ellipse's nose,
@@ -27,21 +27,21 @@ MOST_HARMONICS = 31
 
 @dataclasses.dataclass(frozen=True)
 class Fidelity:
-    """Resolution of the flow solver: cells per D, and the computational domain ("window").
+    """Resolution of the flow solver: cells per D, and the computational domain.
 
     Args:
       name: by which messages call it.
       cells: grid cells per D.
       upstream: from the body's centroid to the inlet, in D.
       downstream: from the body's centroid to the outlet, in D.
-      height: of the window, in 3-D its width too, in D.
+      height: of the domain, in 3-D its width too, in D.
       harmonics: highest harmonic of the traction on the body.
-      wake: how much longer a window a wake takes: ``downstream`` is at least
+      wake: how much longer a domain a wake takes: ``downstream`` is at least
         wake * Re * (height of the body / D)^2. By default 0.2 in 2-D and 0 in 3-D.
       refinement: greatest factor by which ``cells`` are multiplied for slender bodies at high Re,
         whose boundary layers are thin; from 2.5 on ``harmonics`` are doubled. By default 3 in 2-D
         and 1, for none, in 3-D.
-      promise: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
+      tolerance: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
         expected error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
         2-D, at Re 0.1 to 100 and aspect 0.5 to 4 in 3-D.
     """
@@ -53,7 +53,7 @@ class Fidelity:
     height: float
     harmonics: int = 7
     wake: float | None = None
-    promise: float = 0.015
+    tolerance: float = 0.015
     refinement: float | None = None
 
     def __post_init__(self):
@@ -65,27 +65,27 @@ class Fidelity:
         limits = dict.fromkeys(("upstream", "downstream", "height"), (1, LONGEST))
         limits |= {} if self.wake is None else {"wake": (0, 1)}
         limits |= {} if self.refinement is None else {"refinement": (1, 8)}
-        for name, (low, high) in (limits | {"promise": (0, 1)}).items():
+        for name, (low, high) in (limits | {"tolerance": (0, 1)}).items():
             plain[name] = finite_number(name, getattr(self, name))
             if not low <= plain[name] <= high:
                 raise InvalidInput(f"fidelity: {name} {plain[name]:g}: from {low:g} to {high:g}")
         area = (plain["upstream"] + plain["downstream"]) * plain["height"]
-        if (count := plain["cells"] ** 2 * area) > MOST_IN_WINDOW:
+        if (count := plain["cells"] ** 2 * area) > MOST_IN_DOMAIN:
             raise InvalidInput(
-                f"fidelity: a window of {count / 1e6:.0f} million cells; up to "
-                f"{MOST_IN_WINDOW / 1e6:g} are solved"
+                f"fidelity: a domain of {count / 1e6:.0f} million cells; up to "
+                f"{MOST_IN_DOMAIN / 1e6:g} are solved"
             )
         for name, value in plain.items():
             object.__setattr__(self, name, value)
 
     def for_wake(self, reynolds: float, height: float) -> "Fidelity":
-        """Return the fidelity with a window for wakes of bodies of this height up to this Re."""
+        """Return the fidelity with a domain for wakes of bodies of this height up to this Re."""
         wake = WAKE[2] if self.wake is None else self.wake
-        missing = min(wake * reynolds * height**2, LONGEST_WINDOW) - self.downstream
+        missing = min(wake * reynolds * height**2, LONGEST_DOWNSTREAM) - self.downstream
         if missing <= 2:
             return self
-        longer = self.downstream + LONGER if missing <= LONGER else LONGEST_WINDOW
-        longer = min(longer, LONGEST_WINDOW)
+        longer = self.downstream + LONGER if missing <= LONGER else LONGEST_DOWNSTREAM
+        longer = min(longer, LONGEST_DOWNSTREAM)
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def for_layers(self, reynolds: float, chord: float) -> "Fidelity":
@@ -121,7 +121,7 @@ class Fidelity:
         return dataclasses.replace(self, cells=max(round(share * self.cells), usual, fewest))
 
     def scaled(self, share: float) -> "Fidelity":
-        """Return the fidelity with all lengths of the window multiplied by ``share``."""
+        """Return the fidelity with all lengths of the domain multiplied by ``share``."""
         sizes = ("upstream", "downstream", "height")
         scaled = {name: min(share * getattr(self, name), LONGEST) for name in sizes}
         return dataclasses.replace(self, **scaled)
@@ -129,14 +129,14 @@ class Fidelity:
 
 LEVELS = {
     2: (
-        Fidelity("draft", 10, 4, 8, 8, wake=0.15, promise=0.015, refinement=3.0),
-        Fidelity("standard", 16, 6, 12, 8, wake=0.2, promise=0.004, refinement=3.0),
-        Fidelity("fine", 32, 8, 20, 12, wake=0.3, promise=0.001, refinement=3.0),
+        Fidelity("draft", 10, 4, 8, 8, wake=0.15, tolerance=0.015, refinement=3.0),
+        Fidelity("standard", 16, 6, 12, 8, wake=0.2, tolerance=0.004, refinement=3.0),
+        Fidelity("fine", 32, 8, 20, 12, wake=0.3, tolerance=0.001, refinement=3.0),
     ),
     3: (
-        Fidelity("draft", 8, 3, 6, 4, wake=0.0, promise=0.02, refinement=1.0),
-        Fidelity("standard", 16, 3, 6, 4, wake=0.0, promise=0.005, refinement=1.0),
-        Fidelity("fine", 24, 4, 8, 6, wake=0.0, promise=0.001, refinement=1.0),
+        Fidelity("draft", 8, 3, 6, 4, wake=0.0, tolerance=0.02, refinement=1.0),
+        Fidelity("standard", 16, 3, 6, 4, wake=0.0, tolerance=0.005, refinement=1.0),
+        Fidelity("fine", 24, 4, 8, 6, wake=0.0, tolerance=0.001, refinement=1.0),
     ),
 }
 NAMED = {dimension: {f.name: f for f in levels} for dimension, levels in LEVELS.items()}

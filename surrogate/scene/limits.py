@@ -78,7 +78,8 @@ def onset_of_instability(
 ) -> Float[Array, ""]:
     """Return an estimate of the Re above which the steady flow past a body is unstable.
 
-    Its rules are fitted to linear stability by finite elements.
+    Its rules are fitted to linear stability by finite elements in an unbounded stream; the effect
+    of tunnel walls is left out.
 
     Args:
       extent: length, (in 3-D width,) and height in D, each twice the farthest from the centroid.
@@ -167,19 +168,19 @@ def check_stream(
     extent: Float[np.ndarray, " axes"],
     clearance: tuple[float, float],
 ) -> None:
-    """Raise InvalidInput unless a body fits the window and, if there is one, the tunnel.
+    """Raise InvalidInput unless a body fits the domain and, if there is one, the tunnel.
 
     Args:
       stream: in which the body is.
-      fidelity: whose window it must fit.
+      fidelity: whose domain it must fit.
       extent: sides in D of a box around the body as it lies: length, ..., height.
-      clearance: D that accuracy needs between this box and the window's edges, along and across.
+      clearance: D that accuracy needs between this box and the domain's edges, along and across.
     """
     along, across = extent[0] / 2 + clearance[0], np.max(extent[1:]) / 2 + clearance[1]
     if along > fidelity.upstream or across > fidelity.height / 2:
         sides = " x ".join(f"{side:g}" for side in extent)
         raise InvalidInput(
-            f"body: {sides} D is too large for the {fidelity.name} window; "
+            f"body: {sides} D is too large for the {fidelity.name} domain; "
             "fine has a larger one, and bodies are best scaled to an equivalent diameter of 1"
         )
     if isinstance(stream, Tunnel) and stream.height < extent[1] + 1:

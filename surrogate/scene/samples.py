@@ -51,7 +51,7 @@ def training_samples(scene: Scene, seed: int, count: int) -> Samples:
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
-    """Draw held-out samples: bodies uniform in their ranges, Re uniform in log Re.
+    """Draw held-out samples: bodies as ``Family.sample`` draws them, Re uniform in log Re.
 
     Independent of the training samples of the same seed.
     """

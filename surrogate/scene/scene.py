@@ -151,7 +151,7 @@ class Scene:
 
     @property
     def fidelity_for_bodies(self) -> Fidelity:
-        """The fidelity with a window for the longest wake and cells for the thinnest layer."""
+        """The fidelity with a domain for the longest wake and cells for the thinnest layer."""
         return self.fidelity.for_body(self.reynolds[1], self.extent[1], self.family.chord)
 
     def check_reynolds(self, reynolds: Any) -> float:

@@ -53,8 +53,8 @@ def parse_stream(text: Any) -> Stream:
     return Tunnel(height)
 
 
-def window_height(stream: Stream, usual: float) -> float:
-    """Return the window's height in D: a tunnel's where that is affordable, else the usual one."""
+def domain_height(stream: Stream, usual: float) -> float:
+    """Return the domain's height in D: a tunnel's where that is affordable, else the usual one."""
     spans = isinstance(stream, Tunnel) and stream.height <= 2 * usual
     return stream.height if spans else usual
 

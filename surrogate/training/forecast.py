@@ -15,7 +15,7 @@ from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
 
 # Convolutions per evaluation of the methods that, as published, evaluate at every step:
-# RESULTS.md, "What training costs": their G over iterations times batch.
+# RESULTS.md, "Cost and accuracy of training": their G over iterations times batch.
 EVALUATION = {"dp": 10.0, "hig": 140.0}
 
 

@@ -79,7 +79,7 @@ def drag_by_wake(
     """Return Cd from a survey of the wake ``station`` D behind the body.
 
     Fx = int (H0 - H) dy - (1/2) int (u'^2 - v'^2) dy - 2 nu int du'/dx dy, the total head H from
-    dH/dy = -u omega + nu domega/dx; what the window cuts off at its sides is left out.
+    dH/dy = -u omega + nu domega/dx; what the domain cuts off at its sides is left out.
     """
     u, v = np.asarray(velocity)
     dx, dy = lattice.step

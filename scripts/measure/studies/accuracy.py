@@ -50,7 +50,7 @@ def flows(run: Run) -> list[Row]:
     wide = {"reynolds": (0.5, 5.0, 45.0), "truth": [FINEST]}
     *grids, fine = (Fidelity("order", n, 3, 5, 5, wake=0.0) for n in (8, 12, 16, 24, 40))
     fixed = {"fidelity": grids, "reynolds": few, "truth": [fine]}
-    domains = [Fidelity("window", 10, *sizes, wake=0.0) for sizes in DOMAINS]
+    domains = [Fidelity("domain", 10, *sizes, wake=0.0) for sizes in DOMAINS]
     size = "{fidelity.upstream:g} + {fidelity.downstream:g} by {fidelity.height:g}"
     aspect, n = "{fidelity.name}, aspect {body[aspect]:g}", "{fidelity.cells}"
     return [
@@ -58,7 +58,7 @@ def flows(run: Run) -> list[Row]:
         *panel("range", aspect, at, cases(fidelity=levels, body=ellipses, **wide)),
         *panel("order", f"cylinder, n = {n}", at, cases(**fixed)),
         *panel("order", f"slender body, n = {n}", at, cases(body=[SLENDER], **fixed)),
-        *panel("window", size, at, cases(fidelity=domains, reynolds=few, truth=[LARGEST])),
+        *panel("domain", size, at, cases(fidelity=domains, reynolds=few, truth=[LARGEST])),
     ]
 
 

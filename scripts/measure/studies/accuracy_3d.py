@@ -159,7 +159,7 @@ def corner(run, parameters, re, fidelity, **_) -> Row:
     if "flatness" in parameters:
         geometry, elements = FLATTENED, FINER
     error = found.drag / reference_cd(geometry, parameters, re, elements) - 1
-    row = {"promise": level.promise, "estimate": found.estimated_error, "status": found.status}
+    row = {"tolerance": level.tolerance, "estimate": found.estimated_error, "status": found.status}
     row["expected"] = found.expected_error
     return row | {"error": error}
 
@@ -195,7 +195,7 @@ def extrapolation_text(result: Result) -> str:
 
 CORNER = columns(
     "body {body} | Re {re:g} | fidelity {fidelity} | error against elements {error:+.2%}"
-    " | error tolerance {promise:.2%} | estimated error {estimate:.2%} | status {status}"
+    " | error tolerance {tolerance:.2%} | estimated error {estimate:.2%} | status {status}"
 )
 EXTRAPOLATION = columns(
     "body {body} | Re {re:.3g} | error of the drag {error:+.2%}"

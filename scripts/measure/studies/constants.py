@@ -51,7 +51,7 @@ CHOSEN = CHOSEN_WALL | {
     "FEW_CELLS": ErrorModel3D.FEW_CELLS,
 }
 CHOSEN |= {f"slip_compliance, {d}-D": kind.slip_compliance for d, kind in DOMAINS.items()}
-for name in ("SAFETY", "WINDOW_ERROR"):
+for name in ("SAFETY", "DOMAIN_ERROR"):
     CHOSEN |= {f"{name}, {d}-D": getattr(model, name) for d, model in ERROR_MODELS.items()}
 PROBES = tuple((first, first + 1, first + 2) for first in (0.5, 1.5, 2.5, 3.5))
 PRESSURE, FRICTION = 5.22, 5.11  # parts of the cylinder's Cd at Re 1, body-fitted elements
@@ -175,7 +175,7 @@ def domains_uncovered(dimension: int, run: Run, value: float) -> Iterator[bool]:
     """Yield whether the domain's error is beyond the bound that another domain gives."""
     model = ERROR_MODELS[dimension]
     level = dataclasses.replace(NAMED[dimension]["standard"], cells={2: 8, 3: 6}[dimension])
-    sizes = 2.0, 1.0, model.WINDOW  # the largest is taken as exact
+    sizes = 2.0, 1.0, model.OTHER_DOMAIN  # the largest is taken as exact
     for aspect in run.pick((1.0,), (0.5, 1.0, 2.0)):
         body = (("aspect", aspect),)
         height = float(family_shape(dict(body), dimension=dimension).extent[-1])
@@ -218,7 +218,7 @@ def parts_left(name: str, run: Run, value: float) -> Iterator[float]:
         if name == "GRID_SHARE":
             share = value
         else:
-            domain *= (1 - ErrorModel2D.WINDOW_ERROR) / (1 - value)
+            domain *= (1 - ErrorModel2D.DOMAIN_ERROR) / (1 - value)
         yield row["error"] - share * row["grid"] - domain
 
 
@@ -236,8 +236,8 @@ def accurate_errors(run: Run, value: float) -> Iterator[float]:
     for row in (row for row in known_errors(3) if row["fidelity"] == "draft"):
         with mock.patch.object(ErrorModel3D, "FEW_CELLS", value):
             margin = ERROR_MODELS[3].margin(SPACE_FIDELITIES["draft"].cells, row["reynolds"])
-        if margin * row["likely"] <= row["promise"]:
-            yield abs(row["error"]) / row["promise"]
+        if margin * row["likely"] <= row["tolerance"]:
+            yield abs(row["error"]) / row["tolerance"]
 
 
 def constants(run: Run) -> Iterator[Row]:
@@ -268,11 +268,11 @@ def constants(run: Run) -> Iterator[Row]:
     what = "share of domain errors beyond SAFETY times their estimate: standard, "
     what += "aspect 0.5 to 2, Re 1 to 40"
     for dimension, values in ((2, (0.3, 0.5, 0.7)), (3, (2.0, 3.0, 5.0, 8.0))):
-        name, errors = f"WINDOW_ERROR, {dimension}-D", partial(domains_uncovered, dimension)
+        name, errors = f"DOMAIN_ERROR, {dimension}-D", partial(domains_uncovered, dimension)
         yield from sweep(name, values, what, errors)
     what = "error of Cd that the estimated errors of grid and domain leave, 2-D"
     for name, key, values in (
-        ("WINDOW_ERROR, 2-D", "WINDOW_ERROR", (0.0, 0.3, 0.5, 0.6)),
+        ("DOMAIN_ERROR, 2-D", "DOMAIN_ERROR", (0.0, 0.3, 0.5, 0.6)),
         ("GRID_SHARE", "GRID_SHARE", (0.6, 0.8, 1.0)),
     ):
         yield from sweep(name, values, what, partial(parts_left, key))

@@ -25,7 +25,7 @@ from surrogate.training.record import surrogate_of
 
 COUNTS = (32, 64, 128, 256)
 LED = 64  # bodies of the models by which designs are led
-GROWING, KRIGING = "growing kriging", "kriging, with slopes"
+GROWING, KRIGING = "kriging with memory", "gradient-enhanced kriging"
 METHODS = ("hig", "sip")
 GOALS = (0.003, 0.001)  # mean errors, for which bodies are counted
 

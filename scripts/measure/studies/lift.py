@@ -93,7 +93,7 @@ def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> 
     """Loads of a NACA section by its chord, by the flow and by elements, beside Lethe's."""
     shape = contour_shape(naca4(section), incidence)
     reynolds = chord_reynolds / shape.chord
-    fidelity = run.pick("draft", "standard")  # the tiny window is too short for a section
+    fidelity = run.pick("draft", "standard")  # the tiny domain is too short for a section
     found = Flow(Scene(fidelity=fidelity)).solve(shape, reynolds, allow_unsteady=True)
     truth = unbounded_loads(shape, reynolds, COARSE if run.tiny else SECTION)
     known = LETHE[incidence] if (section, chord_reynolds) == ("0012", 1000.0) else (None, None)

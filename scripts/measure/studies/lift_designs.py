@@ -11,9 +11,9 @@ from shapeopt.search.design import Design
 from surrogate import Family, Flow, NotConverged, Scene, load
 
 NAME = "pretrained:lift"
-LED, GROWING, DIRECT = "the network", "growing kriging", "direct"
+LED, GROWING, DIRECT = "the network", "kriging with memory", "direct"
 ORIGINS = {GROWING: "by kriging that grows from nothing", DIRECT: "by SLSQP on the flow alone"}
-RIVALS = {GROWING: "growing kriging", DIRECT: "direct optimisation"}
+RIVALS = {GROWING: "kriging with memory", DIRECT: "direct optimisation"}
 QUERIES, SEED = 20, 3
 
 

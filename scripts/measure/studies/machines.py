@@ -59,7 +59,7 @@ def large_training(run: Run, bodies: int) -> Row:
 
 
 def stream(run: Run, way: str) -> Row:
-    """The same designs by growing kriging from nothing; flows that are missing in the file."""
+    """The same designs by kriging with memory from nothing; flows that are missing in the file."""
     scene, (count, shared) = Scene(fidelity=run.pick(TINY, "standard")), WAYS[way]
     queries = query_stream(scene, 0, run.pick(2, QUERIES))
     with tempfile.TemporaryDirectory() as scratch:

@@ -156,25 +156,35 @@ def text(result: Result) -> str:
 
 def _of_itself(rows, low, high):
     """Median and largest errors of Cl and Cm over themselves, between two Reynolds numbers."""
-    some = [
-        row
-        for row in rows
-        if low <= row["reynolds"] < high
-        and ALIGNED < row["parameters"]["incidence"] < 90.0 - ALIGNED
-    ]
+    some = [row for row in _inclined(rows) if low <= row["reynolds"] < high]
     if not some:
         return f"Re {low:g} to {high:g} none"
-    parts = []
-    for name, symbol in (("cl", "Cl"), ("cm", "Cm")):
-        errors = [abs(row["surrogate"][name] * row["cd"] / row[name]) for row in some]
-        parts.append(f"{symbol} {np.median(errors):.1%} and {max(errors):.0%}")
+    errors = _over_themselves(some)
+    parts = [
+        f"{symbol} {np.median(errors[symbol]):.1%} and {max(errors[symbol]):.0%}"
+        for symbol in errors
+    ]
     ends = f"below Re {high:g}" if low == 0 else f"Re {low:g} to {high:g}"
     ends = f"above Re {low:g}" if high == np.inf else ends
     return f"{ends} (median and largest of {len(some)} bodies) {', '.join(parts)}"
 
 
+def _inclined(rows):
+    """Rows of bodies at more than ``ALIGNED`` degrees from the stream and from across it."""
+    return [r for r in rows if ALIGNED < r["parameters"]["incidence"] < 90.0 - ALIGNED]
+
+
+def _over_themselves(rows):
+    """Errors of the surrogate's Cl and Cm over these loads, by symbol."""
+    names = {"Cl": "cl", "Cm": "cm"}
+    return {
+        symbol: [abs(row["surrogate"][name] * row["cd"] / row[name]) for row in rows]
+        for symbol, name in names.items()
+    }
+
+
 def in_short(result: Result) -> str:
-    """One sentence: the shipped surrogate and the best correlation."""
+    """Two sentences: the shipped surrogate and the best correlation, lift and torque themselves."""
 
     def means(name, rows):
         errors = [[row[name][key] for row in rows] for key in LOADS]
@@ -182,13 +192,18 @@ def in_short(result: Result) -> str:
 
     rows, net = result["rows"], load(SURROGATE)
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
+    own = _over_themselves(_inclined(rows))
+    (lift, most_lift), (torque, most_torque) = ((np.median(e), max(e)) for e in own.values())
     return (
         f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
         f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
         f"bodies, and by up to {100 * net.recorded('drag_error_max'):.1f} % in Cd on its "
         f"{net.unseen} held-out ones; on the {len(theirs)} prolate spheroids within the "
         f"range of the closest of the published correlations tried, Froehlich's, by "
-        f"{means('surrogate', theirs)} %, and the correlation by {means('Froehlich', theirs)} %."
+        f"{means('surrogate', theirs)} %, and the correlation by {means('Froehlich', theirs)} %. "
+        f"Over themselves, beyond {ALIGNED:g} degrees off the axes, lift errs by {lift:.1%} in "
+        f"the median and {most_lift:.0%} at most, torque by {torque:.1%} and {most_torque:.0%} (of "
+        "a body whose torque nearly vanishes)."
     )
 
 

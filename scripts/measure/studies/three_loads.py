@@ -35,7 +35,7 @@ SCRIPTS = Path(__file__).parents[2]
 COUNTS = {"particle": (16, 32, 64), "lift": (32, 64, 128, 256)}
 HELD_OUT = 48
 CELLS = {"particle": 10}  # per D in place of the scene's: a fifth of the time
-METHODS = ("hig", "supervised", "kriging, with slopes", "GEKPLS", "polynomial, with slopes")
+METHODS = ("hig", "supervised", "gradient-enhanced kriging", "GEKPLS", "polynomial with gradients")
 MANY = 1000  # answers whose time is taken
 Outputs = Callable[[np.ndarray], np.ndarray]  # of scaled inputs (cases, inputs)
 
@@ -124,9 +124,9 @@ def _fitted(ground: Ground, method: str, count: int, run: Run) -> tuple[Outputs,
     part = SolvedLoads(*(x[:count] for x in ground.known))
     if method == "GEKPLS":
         return gekpls(part), 0.0
-    if method == "polynomial, with slopes":
+    if method == "polynomial with gradients":
         return polynomial_with_slopes(part), 0.0
-    if method == "kriging, with slopes":
+    if method == "gradient-enhanced kriging":
         model, compile_s = kriging(ground.observations[:count], ground.inputs), 0.0
     else:
         model, compile_s = _trained(ground, method, count, run)

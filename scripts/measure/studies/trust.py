@@ -112,7 +112,7 @@ def compared(
 
     The error is against an exact drag, a finer flow, or the extrapolation of a finer flow.
     """
-    row = {"parameters": shape.parameters, "reach": shape.extent, "promise": level.promise}
+    row = {"parameters": shape.parameters, "reach": shape.extent, "tolerance": level.tolerance}
     try:
         coarse, fine = (
             Flow(Scene(stream, dimension=shape.dimension, fidelity=fidelity))
@@ -163,7 +163,7 @@ def rows_of(result: Result) -> list[Row]:
     Estimates of older records are likely errors, and their bounds 2.5 times these.
     """
     return [
-        {name: part.get(name) for name in ("promise", "fidelity")} | _old(row) | row
+        {name: part.get(name) for name in ("tolerance", "fidelity")} | _old(row) | row
         for part in result.get("parts", [result])
         for row in part["rows"]
     ]
@@ -183,7 +183,7 @@ def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
         judged = [row for row in mine if row.get("bound") is not None]
         lifting = [row for row in judged if row["lift"]]
         accurate = [row for row in judged if row["status"] == "accurate"]
-        within = [row for row in judged if abs(row["error"]) <= row["promise"]]
+        within = [row for row in judged if abs(row["error"]) <= row["tolerance"]]
         yield {
             "kind": kind,
             "cases": len(mine),
@@ -193,9 +193,9 @@ def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
             "within": len(within),
             "degraded": sum(row["status"] == "degraded" for row in within),
             "accurate": len(accurate),
-            "over": sum(abs(row["error"]) > row["promise"] for row in accurate),
+            "over": sum(abs(row["error"]) > row["tolerance"] for row in accurate),
             "most": max((abs(row["error"]) for row in accurate), default=None),
-            "silent": sum(abs(row["error"]) > SILENT * row["promise"] for row in accurate),
+            "silent": sum(abs(row["error"]) > SILENT * row["tolerance"] for row in accurate),
             "lift_covered": _share([r["lift_bound"] >= abs(r["lift_error"]) for r in lifting]),
             "lift_ratio": _median(
                 [r["lift_bound"] / max(abs(r["lift_error"]), FLOOR * r["drag"]) for r in lifting]

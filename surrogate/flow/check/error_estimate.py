@@ -26,9 +26,10 @@ class ErrorEstimate(NamedTuple):
         be solved, or where the body is taller than any that the tolerance was tested on.
       expected_error: relative error of the drag that is expected, in 3-D with a margin; None where
         no coarser flow exists.
-      estimated_error: relative bound of the drag's error, which 95 % of the errors are within.
-      estimated_lift_error: such a bound of the lift coefficient itself.
-      estimated_moment_error: such a bound of the moment coefficient itself.
+      estimated_error: relative bound of the drag's error, made to cover 95 % of the errors.
+      estimated_lift_error: bound of the error of Cl itself; of slender cambered bodies it covers
+        fewer than 95 % (study ``lift``).
+      estimated_moment_error: bound of the error of Cm itself, as that of Cl.
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
       extrapolated_drag: limit of the two grids' drags (Richardson 1911); None where the coarser
         grid has too few cells. Of the named fidelities only fine has one.
@@ -56,13 +57,13 @@ class ErrorModel(abc.ABC):
     """How errors depend on the grid and on the domain, in 2-D or in 3-D.
 
     The constants are fitted to errors against finite elements and finer grids (studies ``trust``,
-    ``trust_space`` and ``constants``).
+    ``trust_space`` and ``lift``).
     """
 
     COARSER: ClassVar[float]  # cells of the coarser grid, as a share of the whole
-    WINDOW: ClassVar[float]  # sides of the other domain, as a multiple of the own
-    WINDOW_ERROR: ClassVar[float]  # the domain's error there over that in the own one
-    SAFETY: ClassVar[float]  # bound over expected error
+    OTHER_DOMAIN: ClassVar[float]  # sides of the other domain, as a multiple of the own
+    DOMAIN_ERROR: ClassVar[float]  # the domain's error there over that in the own one
+    SAFETY: ClassVar[float]  # bound over likely error
     TALLEST: ClassVar[float]  # D across the stream, the tallest body of the tests of tolerances
 
     @abc.abstractmethod
@@ -94,7 +95,7 @@ class ErrorModel2D(ErrorModel):
     neither half of the cells nor a larger domain shows.
     """
 
-    COARSER, WINDOW, WINDOW_ERROR, SAFETY, TALLEST = 1 / 2, 1.25, 0.5, 2.0, 1.5
+    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, SAFETY, TALLEST = 1 / 2, 1.25, 0.5, 2.0, 1.5
     GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
     SPREAD, SPREAD_CELLS = 1e-3, 16  # of the error left, over ``size``, on so many cells per D
     EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
@@ -118,7 +119,7 @@ class ErrorModel3D(ErrorModel):
     parts are added up, lest they cancel.
     """
 
-    COARSER, WINDOW, WINDOW_ERROR, SAFETY, TALLEST = 2 / 3, 5 / 6, 5.0, 2.25, 1.65
+    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, SAFETY, TALLEST = 2 / 3, 5 / 6, 5.0, 2.25, 1.65
     FEW_CELLS = 1.25  # margin on grids of few cells: with 1, errors exceed the tolerance by a sixth
     THIN_LAYERS = 2.5  # margin where boundary layers are thin: errors reach 2.2 times the likely
 
@@ -151,7 +152,7 @@ def estimate_error(
     Args:
       loads: of the body at this fidelity.
       solve: gives those of the same body at another fidelity.
-      fidelity: of the flow whose error is estimated, with its very window.
+      fidelity: of the flow whose error is estimated, with the domain of that flow.
       reynolds: U D / nu.
       height: of the body across the stream, in D.
       dimension: 2 or 3.
@@ -161,13 +162,13 @@ def estimate_error(
     model, whole = ERROR_MODELS[dimension], dataclasses.replace(fidelity, wake=0.0, refinement=1.0)
     try:
         coarser = whole.coarser(model.COARSER, fewest)
-        rough, other = solve(coarser), solve(coarser.scaled(model.WINDOW))
+        rough, other = solve(coarser), solve(coarser.scaled(model.OTHER_DOMAIN))
     except (InvalidInput, NotConverged):
         return ErrorEstimate("degraded")
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1
     of_grid = [(a - b) / growth for a, b in zip(rough, loads, strict=True)]
-    of_domain = [(a - b) / (1 - model.WINDOW_ERROR) for a, b in zip(rough, other, strict=True)]
+    of_domain = [(a - b) / (1 - model.DOMAIN_ERROR) for a, b in zip(rough, other, strict=True)]
     margin, size = model.margin(coarser.cells, reynolds), loads.drag
     likely, *others = (
         model.likely(grid, domain, whole.cells, share * size)
@@ -180,7 +181,7 @@ def estimate_error(
     known = expected, bound, *(model.SAFETY * error * lifting for error in others)
     if height > model.TALLEST:
         return ErrorEstimate("degraded", *known, None, limit)
-    if expected <= fidelity.promise:
+    if expected <= fidelity.tolerance:
         return ErrorEstimate("accurate", *known, None, limit)
 
     def expected_at(level):
@@ -190,7 +191,7 @@ def estimate_error(
         return margin * model.likely(grid, domain, level.cells, size) / size
 
     levels = NAMED[dimension].values()
-    sufficient = next((f.name for f in levels if expected_at(f) <= fidelity.promise), None)
+    sufficient = next((f.name for f in levels if expected_at(f) <= fidelity.tolerance), None)
     return ErrorEstimate("degraded", *known, sufficient, limit)
 
 
@@ -198,7 +199,7 @@ def _domain_error(whole, level, model):
     """Return the domain's error at another level over that of the own fidelity."""
     sizes = ("upstream", "downstream", "height")
     larger = min(getattr(level, name) / getattr(whole, name) for name in sizes)
-    return larger ** (math.log(model.WINDOW_ERROR) / math.log(model.WINDOW))
+    return larger ** (math.log(model.DOMAIN_ERROR) / math.log(model.OTHER_DOMAIN))
 
 
 def accuracy_text(
@@ -217,15 +218,15 @@ def accuracy_text(
       tolerance: relative error tolerance of the fidelity.
       sufficient: name of a fidelity that should meet this tolerance, if any.
     """
-    promised = f"{100 * tolerance:g} %"
+    wanted = f"{100 * tolerance:g} %"
     if status == "unknown":
         return "error not estimated"
     if expected is None or bound is None:
-        return f"not known to meet {promised}: no coarser grid resolves the body's flow"
+        return f"not known to meet {wanted}: no coarser grid resolves the body's flow"
     sizes = f"expected {100 * expected:.2g} %, bound {100 * bound:.2g} %"
     if status == "accurate":
-        return f"meets {promised} ({sizes})"
+        return f"meets {wanted} ({sizes})"
     if expected <= tolerance:
-        return f"not known to meet {promised}: taller than the bodies of its tests ({sizes})"
+        return f"not known to meet {wanted}: taller than the bodies of its tests ({sizes})"
     remedy = f"; {sufficient} would do" if sufficient else ""
-    return f"does not meet {promised} ({sizes}{remedy})"
+    return f"does not meet {wanted} ({sizes}{remedy})"

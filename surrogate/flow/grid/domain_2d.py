@@ -20,7 +20,7 @@ from surrogate.flow.grid.oseen_2d import Kernel, SymmetricKernel, oseen_kernel
 from surrogate.flow.grid.wall_2d import wall_2d
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import Scene
-from surrogate.scene.stream import Stream, Tunnel, window_height
+from surrogate.scene.stream import Stream, Tunnel, domain_height
 
 FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
 # Of flows without a mirror plane (study ``lift``). Seven harmonics miss up to 9 % of Cd of the lift
@@ -82,7 +82,7 @@ class Domain2D(Domain):
           InvalidInput: the box does not fit between the tunnel's walls.
         """
         cells, height = fidelity.cells, stream.height if isinstance(stream, Tunnel) else None
-        width = window_height(stream, fidelity.height)
+        width = domain_height(stream, fidelity.height)
 
         def grid(before, after, across, per_d):
             step = 1 / per_d
