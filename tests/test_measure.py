@@ -59,6 +59,7 @@ LONG = {
     "stability",
     "streams",
     "three_loads",
+    "three_loads_lift",
     "training",
     "training_space",
     "trainings_on_devices",

@@ -58,7 +58,7 @@ MODULES = {  # the studies of every module
     "particle_codes": "particle_codes",
     "settling": "settling",
     "speed": "speed space_speed space_rival network",
-    "three_loads": "three_loads",
+    "three_loads": "three_loads three_loads_lift",
     "training": "training training_space",
     "trust": "trust trust_space",
 }

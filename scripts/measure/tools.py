@@ -1,11 +1,14 @@
 """What several studies use: solved flows, errors, times, memory, processes of their own."""
 
 import contextlib
+import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -15,6 +18,7 @@ from study import Row
 
 from surrogate import Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
 
+POLL_S = 0.02  # between two looks at the memory
 SILENT = 2.0  # times the error tolerance: an error that a drag called accurate must not have
 
 
@@ -46,6 +50,36 @@ def mean_and_most(errors: Iterable[float | None]) -> tuple[float | None, float |
 def name_of(body: Mapping[str, float], form: str = "g") -> str:
     """The parameters of a body as text, such as "aspect 2, beta2 0.1"."""
     return ", ".join(f"{name} {value:{form}}" for name, value in body.items())
+
+
+class PeakMemory:
+    """Context in which the memory of the process is watched; ``mib`` is its greatest growth.
+
+    It is 0 on systems without ``/proc``.
+    """
+
+    mib = 0.0
+
+    def __enter__(self) -> "PeakMemory":
+        self._begin, self._over = resident_mib(), threading.Event()
+        self._thread = threading.Thread(target=self._watch)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self):
+        while not self._over.wait(POLL_S):
+            self.mib = max(self.mib, resident_mib() - self._begin)
+
+
+def resident_mib() -> float:
+    """Return the resident memory of this process in MiB, 0 on systems without ``/proc``."""
+    statm = Path("/proc/self/statm")
+    pages = int(statm.read_text().split()[1]) if statm.is_file() else 0
+    return pages * os.sysconf("SC_PAGESIZE") / 2**20
 
 
 def medians(calls: Sequence[Callable[[], Any]], repeats: int = 7) -> list[float]:
