@@ -229,7 +229,7 @@ def test_flows_of_mirror_images_have_the_same_drag_and_opposite_lift_and_moment(
     assert up.lift > 0.02 * up.drag  # nose up
     drags = jax.vmap(FLOW.drag, (0, None))(jnp.stack([BODY, BODY * MIRROR]), 10.0)
     assert np.allclose(drags, up.drag, rtol=1e-6)
-    assert FLOW.labels(np.array([BODY]), np.array([10.0])).drag[0] == pytest.approx(up.drag)
+    assert FLOW.solve_all(np.array([BODY]), np.array([10.0])).drag[0] == pytest.approx(up.drag)
 
 
 def test_taylor_remainders_of_every_load_in_camber_and_incidence():
@@ -247,7 +247,7 @@ def test_taylor_remainders_of_every_load_in_camber_and_incidence():
 @pytest.mark.slow
 def test_every_gradient_of_the_drag_has_camber_and_incidence():
     gradient = jax.grad(FLOW.drag)(BODY, 10.0)
-    quick = FLOW.slope(BODY, 10.0)
+    quick = FLOW.loads_and_gradients(BODY, 10.0)
     assert np.allclose(quick.gradient, gradient, atol=2e-3 * float(jnp.abs(gradient).max()))
     solved = FLOW.solve(BODY, 10.0, gradient=True, estimate=False).gradient
     assert list(solved) == [*FAMILY.names, "reynolds"]

@@ -26,7 +26,7 @@ def test_drag_gradient_and_solution_share_their_programs(compiled):
     assert compiled.count("jit(solve)") == compiled.count("jit(assemble)") == 1
     gradient = jax.grad(flow.drag)(jnp.array(LENS), 10.0)  # JAX compiles anew inside of a rule
     rule = compiled.count("jit(solve)")
-    slope = flow.slope(LENS, 10.0)
+    slope = flow.loads_and_gradients(LENS, 10.0)
     solution = flow.solve(LENS, 10.0, gradient=True, estimate=False)
     assert compiled.count("jit(solve)") == compiled.count("jit(assemble)") == rule <= 2
     assert compiled.count("jit(load_gradients)") == 2  # to full precision, and to that of designs

@@ -82,7 +82,7 @@ def test_lanes_change_nothing_but_rounding(tiny_scene):
     from surrogate.scene.samples import training_samples
 
     samples = training_samples(tiny_scene, 0, 7)
-    one, three = (Flow(tiny_scene).labels(*samples, choose_devices(1, k)) for k in (1, 3))
+    one, three = (Flow(tiny_scene).solve_all(*samples, choose_devices(1, k)) for k in (1, 3))
     assert np.array_equal(one.green_applications, three.green_applications)
     assert one.amplitude == pytest.approx(three.amplitude, rel=1e-5, abs=1e-6)
 
@@ -93,9 +93,9 @@ def test_slopes_of_many_bodies_are_those_of_each(tiny_scene):
     from surrogate.scene.samples import training_samples
 
     flow, (bodies, numbers) = Flow(tiny_scene), training_samples(tiny_scene, 0, 3)
-    together = flow.slopes(bodies, numbers)
+    together = flow.solve_all(bodies, numbers, gradients=True)
     for k, pair in enumerate(zip(bodies, numbers, strict=True)):
-        alone = flow.slope(*pair)
+        alone = flow.loads_and_gradients(*pair)
         assert int(together.green_applications[k]) == int(alone.green_applications)
         assert together.drag[k] == pytest.approx(float(alone.drag), rel=1e-6)
         assert together.gradient[k] == pytest.approx(np.asarray(alone.gradient), rel=1e-3, abs=1e-4)

@@ -167,7 +167,7 @@ def test_nothing_recompiles_for_another_body(compiled):
     def solve_every_way(flow, body, reynolds):
         flow.drag(body, reynolds)
         flow.solve(body, reynolds, estimate=False)
-        flow.labels(np.stack([body, body]), np.array([reynolds, reynolds]))
+        flow.solve_all(np.stack([body, body]), np.array([reynolds, reynolds]))
 
     solve_every_way(Flow(SMALL), np.array([2.0, 0.1, 0.0, 0.0]), 10.0)
     assert len(compiled) >= 3

@@ -89,7 +89,7 @@ def test_central_differences_converge_to_the_gradient():
 @pytest.mark.parametrize("reynolds", [1.0, 40.0])
 def test_the_slope_by_a_short_adjoint_solve_has_three_digits(reynolds):
     drag, (expected, _) = drag_and_gradient(UNBOUNDED.drag)(LENS, jnp.asarray(reynolds))
-    quick = Flow(SCENE).slope(LENS, reynolds)
+    quick = Flow(SCENE).loads_and_gradients(LENS, reynolds)
     assert bool(quick.converged)
     assert float(quick.drag) == pytest.approx(float(drag), rel=1e-5)
     error = float(jnp.linalg.norm(quick.gradient - expected) / jnp.linalg.norm(expected))

@@ -72,10 +72,10 @@ def test_tables_of_parameters_can_be_traced(net, tiny_scene):
 
 def test_batches_and_sections_have_hints(net, tiny_scene, unchecked):
     points, flow = naca4("0012"), Flow(tiny_scene)
-    for call in (net.drag, lambda points, re: flow.labels(points, np.full(len(points), re))):
+    for call in (net.drag, lambda points, re: flow.solve_all(points, np.full(len(points), re))):
         with pytest.raises(InvalidInput, match=r"contour_shape\(points\)"):
             call(points, 10.0)
-    for call in (net.drag, net.knows, flow.drag, flow.slope):
+    for call in (net.drag, net.knows, flow.drag, flow.loads_and_gradients):
         with pytest.raises(InvalidInput, match="takes names of NACA sections"):
             call("naca0012", 10.0)
 

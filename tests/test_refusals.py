@@ -57,7 +57,7 @@ INVALID_BODIES = [
 @pytest.mark.parametrize("bad", INVALID_BODIES, ids=str)
 def test_invalid_bodies_are_refused(net, designed, bad, unchecked):
     flow = Flow(Scene(fidelity="draft"))
-    for function in (net.beyond, net.knows, flow.slope):
+    for function in (net.beyond, net.knows, flow.loads_and_gradients):
         with pytest.raises(InvalidInput):
             function(bad, 20.0)
     with pytest.raises(InvalidInput):
@@ -75,11 +75,11 @@ def test_slope_and_labels_check_bodies_and_reynolds_numbers(unchecked):
         (BODY, np.nan),
     ):
         with pytest.raises(InvalidInput):
-            flow.slope(body, reynolds)
+            flow.loads_and_gradients(body, reynolds)
         with pytest.raises(InvalidInput):
-            flow.labels(np.array([body]), np.array([reynolds]))
+            flow.solve_all(np.array([body]), np.array([reynolds]))
     with pytest.raises(InvalidInput, match="1 bodies"):
-        flow.labels(np.array([BODY]), np.array([1.0, 2.0]))
+        flow.solve_all(np.array([BODY]), np.array([1.0, 2.0]))
 
 
 @pytest.mark.parametrize("bad", [0, -1, "20", None, [10, 20], np.bool_(True), np.nan, 10**400])

@@ -24,7 +24,7 @@ def test_the_scenes_own_grid_refuses_what_a_fitted_grid_refuses():
     with pytest.raises(InvalidInput, match="mean thickness"):
         COARSE.drag(THIN, 10.0)
     with pytest.raises(InvalidInput, match="mean thickness"):
-        COARSE.slopes(np.array([THICK, THIN]), np.array([10.0, 10.0]))
+        COARSE.solve_all(np.array([THICK, THIN]), np.array([10.0, 10.0]), gradients=True)
 
 
 @pytest.mark.slow

@@ -271,7 +271,7 @@ def test_golden_pretrained_surrogate_on_unseen_bodies():
     """A handful of the acceptance test: mean error below 0.05 %, none above 0.3 %."""
     net: Surrogate = load("pretrained")
     samples = held_out_samples(net.scene, 987, 12)
-    drag = Flow(net.scene).labels(*samples).drag
+    drag = Flow(net.scene).solve_all(*samples).drag
     errors = load_errors(net.network, samples, jnp.asarray(drag)[:, None])[:, 0]
     assert float(errors.mean()) < 0.0005, errors
     assert float(errors.max()) < 0.003, errors

@@ -81,9 +81,10 @@ class Memory:
     def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[LoadsAndGradients]:
         """Solve one by one on a single device, where another number would be compiled anew."""
         if self.devices.count == 1 or len(queries) < 2:
-            yield from (self.flow.slope(*query) for query in queries)
+            yield from (self.flow.loads_and_gradients(*query) for query in queries)
         else:
-            found = self.flow.slopes(*map(np.array, zip(*queries, strict=True)), self.devices)
+            bodies = map(np.array, zip(*queries, strict=True))
+            found = self.flow.solve_all(*bodies, self.devices, gradients=True, partial=True)
             yield from (jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(len(queries)))
 
     def model(self, tightness: int = 0) -> Kriging | LoadNetwork | None:

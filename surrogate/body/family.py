@@ -215,8 +215,8 @@ class Family:
         self._refuse_contour(values)
         if values.ndim == 2:
             raise InvalidInput(
-                f"body: a batch of {len(values)}, one is needed here; flow.labels(bodies, reynolds)"
-                " and jax.vmap take batches"
+                f"body: a batch of {len(values)}, one is needed here; flow.solve_all(bodies, "
+                "reynolds) and jax.vmap take batches"
             )
         if values.shape != (len(self.names),):
             raise InvalidInput(f"body: an array of shape {values.shape}; {self._wanted}")

@@ -132,10 +132,10 @@ class Flow:
             raise NotConverged(not_converged_message(float(reynolds), info))
         return values
 
-    def slope(self, parameters: Body, reynolds: Number) -> LoadsAndGradients:
-        """Return loads and their gradients by an adjoint each, cheaper than ``jax.grad``.
+    def loads_and_gradients(self, parameters: Body, reynolds: Number) -> LoadsAndGradients:
+        """Return the loads of a body and their gradients, cheaper than by ``jax.grad``.
 
-        The adjoints are solved to a relative residual of 2e-4.
+        Each load takes an adjoint, which is solved to a relative residual of 2e-4.
 
         Raises:
           InvalidInput: as ``drag``, except beyond the onset of instability.
@@ -152,32 +152,6 @@ class Flow:
         known = self._covers(*at, allow_unsteady=True)
         parts = (jnp.where(known, part, jnp.nan) for part in found[:3])
         return LoadsAndGradients(*parts, found.green_applications, found.converged & known)
-
-    def labels(
-        self,
-        parameters: Float[AnyArray, "bodies parameters"],
-        reynolds: Float[AnyArray, " bodies"],
-        devices: Devices | None = None,
-    ) -> FlowBatch:
-        """Return the flows of many bodies, partitioned over ``devices``.
-
-        Raises:
-          InvalidInput: one is no body, or no Reynolds number of the scene.
-          NotConverged: a flow did not converge.
-        """
-        found = self.solve_all(parameters, reynolds, devices)
-        if missing := int(np.sum(~found.converged)):
-            raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
-        return found
-
-    def slopes(
-        self,
-        parameters: Float[AnyArray, "bodies parameters"],
-        reynolds: Float[AnyArray, " bodies"],
-        devices: Devices | None = None,
-    ) -> LoadsAndGradients:
-        """Return ``slope`` of many bodies, partitioned over ``devices``."""
-        return self.solve_all(parameters, reynolds, devices, gradients=True)
 
     def solve(
         self,
@@ -252,12 +226,22 @@ class Flow:
         parameters: Float[AnyArray, "bodies parameters"],
         reynolds: Float[AnyArray, " bodies"],
         devices: Devices | None = None,
+        *,
         gradients: bool = False,
+        partial: bool = False,
     ) -> FlowBatch | LoadsAndGradients:
-        """Return the flows of many bodies, or their loads with gradients, converged or not.
+        """Solve the flows past many family bodies, partitioned over devices.
+
+        Args:
+          parameters: of the bodies, shape (bodies, parameters).
+          reynolds: Reynolds numbers, shape (bodies,); also beyond the onset of instability.
+          devices: over which the bodies are partitioned; by default one.
+          gradients: return the loads with their gradients, as ``loads_and_gradients``.
+          partial: return where some flows did not converge, too; ``converged`` says which did.
 
         Raises:
-          InvalidInput: as ``labels``.
+          InvalidInput: one is no body, or no Reynolds number of the scene.
+          NotConverged: a flow did not converge, unless ``partial``.
         """
         parameters = self.scene.family.check_all(parameters)
         reynolds = np.asarray(reynolds, float)
@@ -272,7 +256,10 @@ class Flow:
         )
         solve = batch_solver(self.bodies, devices, gradients)
         found = solve(*devices.place((partition, parameters, reynolds)))
-        return jax.tree.map(np.asarray, found)
+        found = jax.tree.map(np.asarray, found)
+        if not partial and (missing := int(np.sum(~found.converged))):
+            raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
+        return found
 
     def _estimated(self, loads, shape, fidelity, reynolds):
         def solve(fidelity: Fidelity) -> Loads:

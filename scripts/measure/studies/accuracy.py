@@ -99,7 +99,9 @@ def _slopes_once(fidelity: Fidelity, count: int) -> np.ndarray:
 
 def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
     """Shape gradients of the drag; NaN where flow or adjoint did not converge."""
-    return np.array([flow.slope(*query).gradient for query in zip(*bodies, strict=True)])
+    return np.array(
+        [flow.loads_and_gradients(*query).gradient for query in zip(*bodies, strict=True)]
+    )
 
 
 def distance(gradient: np.ndarray, truth: np.ndarray, widths: np.ndarray) -> float:

@@ -118,11 +118,11 @@ def averages(run: Run, dimension: int) -> list[Row]:
 def _averages(scene: Scene, rough: Scene, count: int) -> Convolutions:
     """Of ``count`` random bodies, and of a sixth as many designs on a rough grid."""
     flow, bodies = Flow(scene), held_out_samples(scene, 0, count)
-    flow.labels(*bodies)
+    flow.solve_all(*bodies)
     start = time.perf_counter()
-    flows = flow.labels(*bodies).green_applications
+    flows = flow.solve_all(*bodies).green_applications
     seconds = (time.perf_counter() - start) / np.sum(flows)
-    both = flow.slopes(*bodies).green_applications
+    both = flow.solve_all(*bodies, gradients=True).green_applications
     shape = flow.domain.lattice.shape
     convolution = float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
     queries = query_stream(rough, 0, max(count // 6, 1))

@@ -172,7 +172,7 @@ def optimum(run, scene, reynolds, bounds=None, **_) -> Row:
     """The flow's own optimum, and its drag over the sphere's."""
     flow = Flow(scene)
     design = optimise(Problem(scene, reynolds, **bounds or {}), flow)
-    sphere = float(flow.slope(scene.family.ellipse(1.0), reynolds).drag)
+    sphere = float(flow.loads_and_gradients(scene.family.ellipse(1.0), reynolds).drag)
     row = {"ratio": design.objective / sphere, "kkt": design.kkt_residual, "flows": design.flows}
     return row | {"parameters": scene.family.named(design.parameters)}
 
