@@ -126,6 +126,7 @@ def model_objective(
     return objective_and_constraints(model, parameters, scenarios)[0]
 
 
+@jax.jit  # inside other programs it is traced once for all of them
 def objective_and_constraints(
     model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[Float[Array, ""], Float[Array, " constraints"]]:
