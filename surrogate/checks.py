@@ -18,7 +18,7 @@ NOT_REAL = "bcSUmM"  # NumPy's kinds of types: bool, complex, bytes, text, time 
 
 
 def real_numbers(value: object) -> Float[np.ndarray, "..."] | None:
-    """The value as an array of floats; None if any part is not a real number or is traced."""
+    """Return the value as an array of floats; None if a part is traced or is not a real number."""
     try:
         typed = isinstance(getattr(value, "dtype", None), np.dtype)
         given = value if typed else np.asarray(value, object)
@@ -36,19 +36,19 @@ def _is_real(part):
 
 
 def shown(value: object) -> str:
-    """The repr of a value in one line of limited length, for messages."""
+    """Return the repr of a value in one line of limited length, for messages."""
     words = " ".join(repr(value).split())
     return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Return a hint at the known word that is most like a wrong one; empty where none is."""
+    """Return a hint at the known word that is most like a wrong one; empty if none is like it."""
     close = difflib.get_close_matches(str(word), known, 1)
     return f"; did you mean {close[0]}?" if close else ""
 
 
 def finite_number(name: str, value: object) -> float:
-    """The value as a float.
+    """Return the value as a float if it is one finite number; ``name`` begins the message if not.
 
     Raises:
       InvalidInput: it is not one finite real number.
@@ -65,7 +65,7 @@ def finite_number(name: str, value: object) -> float:
 
 
 def one_number(name: str, value: object) -> Number:
-    """The value as a float, or as it is where JAX traces it.
+    """Return the value as a float, or unchanged where JAX traces it.
 
     Raises:
       InvalidInput: it is not one real number, or not finite.
@@ -78,7 +78,7 @@ def one_number(name: str, value: object) -> Number:
 
 
 def interval(name: str, value: object) -> tuple[float, float]:
-    """The value as a range (low, high).
+    """Return the value as a range (low, high).
 
     Raises:
       InvalidInput: it is not two finite numbers in ascending order.
@@ -93,10 +93,16 @@ def interval(name: str, value: object) -> tuple[float, float]:
 
 
 def whole_number(name: str, value: object, low: int, high: int) -> int:
-    """The value as an integer from ``low`` to ``high``.
+    """Return the value as an integer from ``low`` to ``high``.
+
+    Args:
+      name: what the value is; begins the message.
+      value: what is checked.
+      low: least value allowed.
+      high: greatest value allowed.
 
     Raises:
-      InvalidInput: it is not one.
+      InvalidInput: it is not such an integer.
     """
     number = finite_number(name, value)
     if number != round(number) or not low <= number <= high:
@@ -105,7 +111,14 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
 
 
 def expect(name: str, value: object, kind: type | UnionType, wanted: str) -> None:
-    """Raise InvalidInput unless the value is an instance of ``kind``; ``wanted`` names the kind."""
+    """Raise InvalidInput unless the value is an instance of ``kind``.
+
+    Args:
+      name: what the value is for; begins the message.
+      value: what is checked.
+      kind: its expected type.
+      wanted: the name of this type in the message.
+    """
     if not isinstance(value, kind):
         raise InvalidInput(f"{name}: {shown(value)} is no {wanted}")
 
@@ -152,5 +165,5 @@ def _shape(name, value):
 
 
 def traced(*values: object) -> bool:
-    """Whether JAX traces one of the values; then an invalid input gives NaN, not an exception."""
+    """Return whether JAX traces one of the values; invalid inputs then give NaN, no exception."""
     return any(isinstance(value, jax.core.Tracer) for value in values)

@@ -24,14 +24,20 @@ PATIENT = (
 
 
 def let_devices_wait() -> None:
-    """Add ``PATIENT`` to ``XLA_FLAGS``; before the first computation by JAX."""
+    """Add the flags ``PATIENT`` to ``XLA_FLAGS``, so that devices may wait a day for each other.
+
+    To be called before the first computation by JAX.
+    """
     flags = os.environ.get("XLA_FLAGS", "")
     if "terminate_timeout" not in flags:
         os.environ["XLA_FLAGS"] = f"{flags} {PATIENT}".strip()
 
 
 def quick_options() -> dict[str, bool | int]:
-    """Return options by which XLA compiles quickly on a CPU; none where ``XLA_FLAGS`` is set."""
+    """Return options by which XLA compiles quickly on a CPU.
+
+    There are none elsewhere, or where the user has set ``XLA_FLAGS``.
+    """
     own = os.environ.get("XLA_FLAGS", "").replace(PATIENT, "").strip()
     quick = jax.default_backend() == "cpu" and not own
     return QUICK if quick else {}
@@ -43,10 +49,10 @@ Function = Callable[Parameters, Result]
 
 
 def compiled(*static: str) -> Callable[[Function], Function]:
-    """Return a decorator like ``jax.jit`` that compiles quickly; ``static`` arguments are hashed.
+    """Return a decorator like ``jax.jit`` that compiles quickly, with these ``static`` arguments.
 
-    Inside another transformation of JAX the function is traced as it stands. Where the user has set
-    ``XLA_FLAGS`` these rule.
+    Static arguments are hashed. Inside another transformation of JAX the function is traced as it
+    stands. Where the user has set ``XLA_FLAGS`` these rule.
     """
 
     def decorate(function: Function) -> Function:

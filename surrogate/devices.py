@@ -47,6 +47,7 @@ class Devices:
 
     @property
     def count(self) -> int:
+        """Number of devices."""
         return self.mesh.size
 
     @property
@@ -67,13 +68,20 @@ class Devices:
         return jax.device_put(tree, shardings)
 
     def local(self, tree: PyTree) -> PyTree:
-        """The copy of a replicated pytree on the first device of this process."""
+        """Return the copy of a replicated pytree on the first device of this process."""
         return jax.tree.map(
             lambda leaf: leaf.addressable_data(0) if isinstance(leaf, jax.Array) else leaf, tree
         )
 
     def shard_map(self, function: Callable, like: tuple, results: PyTree) -> Callable:
-        """``jax.shard_map`` of ``function`` over the mesh, for arguments and results like these."""
+        """Return ``jax.shard_map`` of ``function`` over the mesh.
+
+        Args:
+          function: called on every device, with this device's shards.
+          like: tuple of its arguments, or of the same structure: ``Sharded`` parts are split over
+            the devices, all others replicated.
+          results: the same for its results.
+        """
         return jax.shard_map(
             function,
             mesh=self.mesh,
@@ -84,11 +92,15 @@ class Devices:
 
 
 def specs(tree: PyTree) -> PyTree:
-    """Partition specs of a pytree: ``Sharded`` nodes along the mesh axis, all else replicated."""
+    """Return the partition specs of a pytree.
+
+    ``Sharded`` nodes are split along the mesh axis, all else is replicated.
+    """
     return jax.tree.map(lambda node: P(AXIS) if is_sharded(node) else P(), tree, is_leaf=is_sharded)
 
 
 def is_sharded(node: PyTree) -> bool:
+    """Return whether a node of a pytree is ``Sharded``."""
     return isinstance(node, Sharded)
 
 
@@ -116,7 +128,17 @@ def choose_devices(count: Number | None = None, lanes: Number | None = None) -> 
 
 
 def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
-    """``function(model, *rows)`` with the rows split over the devices; results on the host."""
+    """Evaluate ``function(model, *rows)`` with the rows split over the devices.
+
+    Args:
+      devices: the mesh; the rows are padded to a multiple of their number.
+      function: of a model and the rows of one device; returns arrays with one row for each of them.
+      model: pytree that is replicated.
+      rows: tuple of arrays with the same number of rows.
+
+    Returns:
+      The results of all rows, in their order, on the host.
+    """
     count = len(jax.tree.leaves(rows)[0])
     padded = np.arange(-(-count // devices.count) * devices.count) % count
     rows = Sharded(jax.tree.map(lambda leaf: np.asarray(leaf)[padded], rows))

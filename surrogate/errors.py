@@ -2,8 +2,8 @@
 
 
 class InvalidInput(ValueError):
-    """An argument is wrong; the message says which, and what would be right."""
+    """The exception for a wrong argument; its message says which, and what would be right."""
 
 
 class NotConverged(RuntimeError):
-    """A solver has not reached its tolerance, so that there is no result."""
+    """The exception for a solver that has not reached its tolerance, so that there is no result."""

@@ -55,10 +55,16 @@ def check_target(
     keys: Collection[str],
     others: Collection[str] = (),
 ) -> None:
-    """Check that results may be written to ``folder``, which is not made yet.
+    """Check that results may be written to ``folder``, without making it.
 
     It must be new, empty, hold a ``record`` of earlier results (a JSON object that has ``keys``),
     or hold only files named in ``others``, which an interrupted command leaves.
+
+    Args:
+      folder: of the results; its parent is made if it is missing.
+      record: name of the file with the record of earlier results.
+      keys: names that the record must have.
+      others: names of files that may be there without a record.
 
     Raises:
       InvalidInput: the folder holds something else, or is not writable.
@@ -82,7 +88,7 @@ def check_target(
 
 
 def check_file(path: str | Path, *suffixes: str) -> Path:
-    """The path of a file to be written, its folder made.
+    """Check the path of a file to be written, make its folder, and return the path.
 
     Raises:
       InvalidInput: it is a folder, has none of the ``suffixes``, or its folder is not writable.
@@ -108,7 +114,7 @@ def make_folder(folder: Path) -> None:
 
 
 def path_of(value: object) -> Path:
-    """A path from text or from a path.
+    """Return a path given as text or as a path.
 
     Raises:
       InvalidInput: it is neither, is empty, or not a valid name in the file system.
@@ -127,7 +133,7 @@ def path_of(value: object) -> Path:
 
 
 def strict_json(text: str) -> Any:
-    """The value of a JSON text, in which NaN and infinity are not allowed.
+    """Return the value of a JSON text, in which NaN and infinity are not allowed.
 
     Raises:
       ValueError: it is not JSON.
@@ -140,12 +146,12 @@ def strict_json(text: str) -> Any:
 
 
 def file_digest(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 digest of a file, in hexadecimal digits."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def json_digest(value: object) -> str:
-    """SHA-256 of a JSON value, by which later changes of it are detected."""
+    """Return the SHA-256 digest of a JSON value, by which later changes of it are detected."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()
 
 

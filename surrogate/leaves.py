@@ -14,14 +14,14 @@ LONGEST_HEADER = 1 << 20  # bytes
 
 
 def write_leaves(path: str | Path, tree: PyTree, header: object = None) -> None:
-    """Write a line of JSON and the arrays of a pytree behind it, atomically."""
+    """Write a file atomically: one line of JSON, then the arrays of a pytree."""
     with whole_file(path) as part, part.open("wb") as file:
         file.write(json.dumps(header, sort_keys=True).encode() + b"\n")
         eqx.tree_serialise_leaves(file, tree)
 
 
 def read_header(path: Path, what: str) -> Any:
-    """The JSON value in the first line.
+    """Return the JSON value in the first line of a file.
 
     Raises:
       InvalidInput: there is none; the message begins with ``what``.
@@ -34,11 +34,16 @@ def read_header(path: Path, what: str) -> Any:
 
 
 def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
-    """The arrays, as a pytree like ``like``, whose leaves are arrays or their ShapeDtypeStructs.
+    """Return the arrays of a file as a pytree with the structure of ``like``.
+
+    Args:
+      path: of a file by ``write_leaves``.
+      like: pytree whose leaves are arrays of the same shapes and types, or their
+        ShapeDtypeStructs.
+      what: begins the message of an exception.
 
     Raises:
-      InvalidInput: the file is damaged, or its arrays have other shapes or types; the message
-        begins with ``what``.
+      InvalidInput: the file is damaged, or its arrays have other shapes or types.
     """
     try:
         with path.open("rb") as file:

@@ -18,7 +18,7 @@ CHUNK = 16  # bodies per device that are copied at once, at least: bounds the me
 
 
 class Evaluated(NamedTuple):
-    """Results of a batch (replicated), new states (sharded), and idle work.
+    """Results of a batch of bodies (replicated), their new states (sharded), and idle work.
 
     ``idle_work`` counts the convolutions that devices and lanes could have done while they waited
     for the slowest.
@@ -40,30 +40,36 @@ class Partition(eqx.Module):
 
     @property
     def shard_size(self) -> int:
-        """Rows per device; the last row of a device may be padding."""
+        """Number of rows per device; the last row of a device may be padding."""
         return -(-self.places.size // self.devices.count)
 
     def scatter(self, bodies: PyTree) -> Sharded:
-        """Sharded arrays from arrays in the order of the bodies; padding repeats the first body."""
+        """Return sharded arrays from arrays in the order of the bodies.
+
+        Padding repeats the first body.
+        """
         sources = np.zeros(self.shard_size * self.devices.count, int)
         sources = jnp.asarray(sources).at[self.places].set(jnp.arange(self.places.size))
         return Sharded(jax.tree.map(lambda leaf: leaf[sources], bodies))
 
     def gather(self, sharded: Sharded) -> PyTree:
-        """Replicated arrays, in the order of the bodies, from sharded ones."""
+        """Return replicated arrays, in the order of the bodies, from sharded ones."""
         whole = NamedSharding(self.devices.mesh, P())
         return jax.tree.map(
             lambda leaf: jax.lax.with_sharding_constraint(leaf[self.places], whole), sharded.rows
         )
 
     def zeros(self, shape: tuple[int, ...]) -> Sharded:
-        """Sharded zeros of this shape for every body."""
+        """Return a sharded array of zeros, with this shape for every body."""
         shape = self.shard_size * self.devices.count, *shape
         sharding = NamedSharding(self.devices.mesh, P(AXIS))
         return Sharded(jnp.zeros(shape, device=sharding))
 
     def map(self, function: Callable, sharded: Sharded) -> Sharded:
-        """``function`` of every row, ``lanes`` at a time on each device; to be traced."""
+        """Return ``function`` of every row, ``lanes`` rows at a time on each device.
+
+        To be traced, inside ``jax.jit``.
+        """
         lanes = self.devices.lanes
 
         def local(shard):
@@ -76,11 +82,15 @@ class Partition(eqx.Module):
     def chunks(
         self, batch: Int[np.ndarray, " batch"], done: Bool[AnyArray, " bodies"]
     ) -> Iterator[Int[np.ndarray, " chunk"]]:
-        """Split what is not done of a batch into chunks of one length.
+        """Yield those bodies of a batch that are not done yet, in chunks of one length.
 
         The last is filled with the index ``places.size``, which is not evaluated. Bodies are
         ordered by their row, so that every device has as many bodies of each chunk, of similar
         cost.
+
+        Args:
+          batch: indices of bodies.
+          done: whether a body has been evaluated already, for all bodies.
         """
         size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
         batch = batch[~np.asarray(done)[batch]]
@@ -89,12 +99,18 @@ class Partition(eqx.Module):
         yield from np.append(batch, padding).reshape(-1, size)
 
     def take_local(self, batch: Int[Array, " batch"], sharded: Sharded) -> Sharded:
-        """This device's rows of a batch, in the order of ``evaluate``; inside ``shard_map``."""
+        """Return this device's rows of a batch, in the order of ``evaluate``.
+
+        To be called inside ``shard_map``.
+        """
         rows, _, _ = self._local_rows(batch)
         return Sharded(jax.tree.map(lambda leaf: leaf[rows], sharded.rows))
 
     def put_local(self, batch: Int[Array, " batch"], sharded: Sharded, new: Sharded) -> Sharded:
-        """``sharded`` with the rows that ``take_local`` took replaced; inside ``shard_map``."""
+        """Return ``sharded`` with the rows that ``take_local`` took replaced by ``new``.
+
+        To be called inside ``shard_map``.
+        """
         rows, count, _ = self._local_rows(batch)
         at = jnp.where(jnp.arange(rows.size) < count, rows, self.shard_size)
         return Sharded(
@@ -110,7 +126,9 @@ class Partition(eqx.Module):
         function: Callable,
         arguments: PyTree,
     ) -> Evaluated:
-        """Each body's ``function`` on the device that holds its row; inside ``shard_map``.
+        """Evaluate ``function`` for each body of a batch on the device that holds its row.
+
+        To be called inside ``shard_map``.
 
         Args:
           batch: indices of bodies; indices of padding are not evaluated, their results are zero.
@@ -118,6 +136,9 @@ class Partition(eqx.Module):
           function: ``(row, state, argument) -> (result, new state)``, ``row`` the index of the
             state; a result has a field ``products``, the number of convolutions that it took.
           arguments: pytree with one row per entry of the batch, replicated.
+
+        Returns:
+          Results with one row per entry of the batch, this device's new states, and the idle work.
         """
         lanes, size = self.devices.lanes, batch.size
         _, count, order = self._local_rows(batch)
@@ -167,9 +188,10 @@ def _sum_over_devices(leaf):
 
 
 def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
-    """``compute()`` where ``wanted``, else ``otherwise``; not computed if no lane wants it.
+    """Return ``compute()`` where ``wanted``, else ``otherwise``.
 
-    A loop of one iteration or none: under ``vmap``, ``lax.cond`` would compute both branches.
+    It is not computed if no lane wants it: a loop of one iteration or none, since under ``vmap``
+    ``lax.cond`` would compute both branches.
     """
 
     def step(_):

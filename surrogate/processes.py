@@ -55,25 +55,28 @@ def join(
 
 
 def scheduled(environment: Mapping[str, str] = os.environ) -> bool:
-    """Whether a scheduler has started several processes of this program."""
+    """Return whether a scheduler has started several processes of this program."""
     slurm = "SLURM_STEP_NODELIST" in environment and int(environment.get("SLURM_NTASKS", 1)) > 1
     return slurm or int(environment.get("OMPI_COMM_WORLD_SIZE", 1)) > 1
 
 
 def first() -> bool:
-    """Whether this is the first process, which alone writes files and prints."""
+    """Return whether this is the first process, which alone writes files and prints."""
     return jax.process_index() == 0
 
 
 def broadcast_from_first(tree: PyTree) -> PyTree:
-    """The first process's values of a pytree, on all; shapes must be the same everywhere."""
+    """Return the first process's values of a pytree, on all processes.
+
+    Shapes must be the same on all of them.
+    """
     if jax.process_count() == 1:
         return tree
     return jax.tree.map(np.asarray, multihost_utils.broadcast_one_to_all(tree))
 
 
 def broadcast_json(value: Any) -> Any:
-    """The first process's JSON value, on all."""
+    """Return the first process's JSON value, on all processes."""
     if jax.process_count() == 1:
         return value
     letters = np.frombuffer(json.dumps(value).encode(), np.uint8)
@@ -83,7 +86,7 @@ def broadcast_json(value: Any) -> Any:
 
 
 def gather_to_host(array: jax.Array) -> np.ndarray:
-    """The whole array, sharded over the devices of all processes, on the host."""
+    """Return the whole of an array, sharded over the devices of all processes, on the host."""
     if array.is_fully_addressable:
         return np.asarray(array)
     return multihost_utils.process_allgather(array, tiled=True)

@@ -12,9 +12,10 @@ Update = Callable[[float, str], None]
 
 @contextmanager
 def progress_bar(title: str, shown: bool = True) -> Iterator[Callable[..., None]]:
-    """Show a progress bar; yields a function of the fraction done and a text on the state.
+    """Show a progress bar and yield the function that updates it.
 
-    Where stderr is not a terminal, every new text is printed as a line instead.
+    The function takes the fraction done and a text on the state. Where stderr is not a terminal,
+    every new text is printed as a line instead.
     """
     console = Console(stderr=True)
     columns = (

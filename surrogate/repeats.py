@@ -22,7 +22,13 @@ def differences(stored: JsonObject, asked: JsonObject) -> str:
 
 
 def refusal(folder: object, what: str, found: str) -> str:
-    """Return the message for a folder that holds another ``what``, which differs as ``found``."""
+    """Return the message for a folder that holds a result of other settings than those asked for.
+
+    Args:
+      folder: that holds it.
+      what: kind of result, as "training".
+      found: how it differs, by ``differences``.
+    """
     return (
         f"{folder}: holds another {what} ({found}); overwrite (--overwrite) replaces it, or choose "
         "another folder"

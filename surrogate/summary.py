@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 
 def aligned(rows: Mapping[str, str]) -> str:
-    """Return one line a row, the values below each other."""
+    """Return one line of text for each row, with all values in one column."""
     width = max(map(len, rows))
     return "\n".join(f"{name:{width}}  {value}" for name, value in rows.items())
 

@@ -6,11 +6,11 @@ PACKAGES = ("jax", "jaxlib", "jax-cfd", "numpy")
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package and of those that its numbers depend on."""
+    """Return the versions of this package and of those that its numbers depend on."""
     names = {"drag-surrogates": package_version()}
     return names | {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
 def package_version() -> str:
-    """The version of this package."""
+    """Return the version of this package."""
     return importlib.metadata.version("drag-surrogates")

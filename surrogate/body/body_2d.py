@@ -17,7 +17,7 @@ from surrogate.body.parameters import PARAMETERS
 
 @dataclasses.dataclass(frozen=True)
 class Body2D(BodyClass):
-    """A 2-D body, per unit span."""
+    """The class of 2-D bodies, measured per unit span."""
 
     dimension = 2
     available = tuple(name for name in PARAMETERS if name != "flatness")
@@ -33,13 +33,14 @@ class Body2D(BodyClass):
     def half_axes(
         self, parameters: Float[AnyArray, " parameters"]
     ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """c / 2 and b."""
+        """Return (c / 2, b), the half axes in D of the ellipse before the modes are added."""
         root = jnp.sqrt(self.aspect(parameters))
         return root / 2, 1 / (2 * root)
 
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[Array, "nodes 2"]:
+        """Return the contour at zero incidence, clockwise from the nose, centroid at the origin."""
         t, y = self._profile(parameters, nodes)
         half_length, half_height = self.half_axes(parameters)
         markers = jnp.stack([-half_length * np.cos(t), half_height * y], axis=1)
@@ -49,15 +50,20 @@ class Body2D(BodyClass):
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[Array, "nodes 2"]:
+        """Return the contour as it lies in the stream, at the body's incidence."""
         return self.contour(parameters, nodes)
 
     def extent(
         self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, "2"]:
+        """Return length and height in D of a box, centred at the origin, around the contour."""
         return 2 * np.abs(contour).max(axis=0)
 
     def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, float]:
-        """Of symmetric bodies the ends of beta2, which moves the centroid, give the length."""
+        """Return length and height in D of a box, centred at the origin, around every body.
+
+        For symmetric bodies the length follows from the ends of beta2, which moves the centroid.
+        """
         ends = dict(zip(self.names, bounds, strict=True))
         if not self.symmetric:
             return cambered_extent(ends)

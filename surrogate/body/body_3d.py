@@ -34,7 +34,7 @@ GAUSS = legendre.leggauss(32)  # exact for the squares of twelve modes
 
 @dataclasses.dataclass(frozen=True)
 class Body3D(BodyClass):
-    """A 3-D body with the mirror plane y = 0, and z = 0 as well at zero incidence."""
+    """The class of 3-D bodies, with the mirror plane y = 0, and z = 0 as well at zero incidence."""
 
     dimension = 3
     available = tuple(name for name, p in PARAMETERS.items() if p.kind is not Kind.CAMBER)
@@ -49,7 +49,10 @@ class Body3D(BodyClass):
     def half_axes(
         self, parameters: Float[AnyArray, " parameters"]
     ) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
-        """c / 2, w and h."""
+        """Return (c / 2, w, h), the half axes in D of the ellipsoid before the modes are added.
+
+        They are scaled so that the body with its modes has the volume pi/6.
+        """
         mu, weight = GAUSS
         bulk = 3 / 4 * weight @ ((1 - mu**2) * self._fullness(parameters, mu)[0] ** 2)
         aspect, flatness = self.aspect(parameters), self.flatness(parameters)
@@ -63,12 +66,14 @@ class Body3D(BodyClass):
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[Array, "nodes 2"]:
+        """Return the contour of the side view at zero incidence, clockwise from the nose."""
         t, y = self._profile(parameters, nodes)
         half_length, _, half_height = self.half_axes(parameters)
         x = -half_length * (np.cos(t) - self._centroid(parameters))
         return jnp.stack([x, half_height * y], axis=1)
 
     def markers(self, parameters: Float[AnyArray, " parameters"], nodes: SkinNodes) -> Skin:
+        """Return the skin as the body lies in the stream, at the nodes of ``skin_grid``."""
         return Skin(*self.skin_at(parameters, *skin_grid(nodes)), nodes)
 
     def skin_at(
@@ -77,7 +82,13 @@ class Body3D(BodyClass):
         mu: Float[np.ndarray, " points"],
         phi: Float[np.ndarray, " points"],
     ) -> tuple[Float[Array, "points 3"], Float[Array, "points 3"]]:
-        """Points on the surface as it lies, and their area vectors per unit mu and phi."""
+        """Return points on the surface as it lies, and their area vectors per unit mu and phi.
+
+        Args:
+          parameters: of one body.
+          mu: cos t, from 1 at the nose to -1 at the tail.
+          phi: angle around the body's axis in radians, 0 at y > 0 and pi / 2 at z > 0.
+        """
         length, width, height = self.half_axes(parameters)
         q, slope = self._fullness(parameters, mu)
         s, y, z = np.sqrt(1 - mu**2), np.cos(phi), np.sin(phi)
@@ -93,6 +104,10 @@ class Body3D(BodyClass):
     def extent(
         self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, "3"]:
+        """Return length, width and height in D of a box, centred at the origin, around the body.
+
+        Length and height follow from the ``contour`` of its side view as it lies.
+        """
         length, height = 2 * np.abs(contour).max(axis=0)
         upright = np.asarray(self.outline(jnp.asarray(parameters), len(contour)))[:, 1]
         width = 2 * np.abs(upright).max() * float(self.flatness(parameters))
@@ -101,7 +116,10 @@ class Body3D(BodyClass):
     def family_extent(
         self, bounds: Float[np.ndarray, "parameters 2"]
     ) -> tuple[float, float, float]:
-        """By the least volume over that of the ellipsoid, and the centroids of extreme modes."""
+        """Return length, width and height in D of a box, centred at the origin, around every body.
+
+        By the least volume over that of the ellipsoid, and the centroids of extreme modes.
+        """
         ends = dict(zip(self.names, bounds, strict=True))
         (low, high), mu, weight = bounds[self.indices(Kind.SINE)].T, *GAUSS
         root = np.sqrt(weight * (1 - mu**2))

@@ -38,7 +38,7 @@ Range = tuple[float, float]
 
 @dataclasses.dataclass(frozen=True)
 class BodyClass(abc.ABC):
-    """Bodies with parameters of these names, as arrays in this order.
+    """A class of bodies, whose parameters have these names and are in this order in arrays.
 
     Instances are hashable, so that they can be static arguments of ``jax.jit``. All lengths are in
     D. Everything that takes one body's parameters can be traced.
@@ -56,13 +56,13 @@ class BodyClass(abc.ABC):
     def half_axes(
         self, parameters: Float[AnyArray, " parameters"]
     ) -> tuple[Float[AnyArray, ""], ...]:
-        """Half the length, (in 3-D the width,) and height of the ellipse before the modes."""
+        """Return the half axes in D before the modes are added: length, (in 3-D width,) height."""
 
     @abc.abstractmethod
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
-        """Contour in the side view at zero incidence, as it is drawn and measured.
+        """Return the contour in the side view at zero incidence, as it is drawn and measured.
 
         Clockwise from the nose, the body's centroid at the origin.
         """
@@ -71,22 +71,27 @@ class BodyClass(abc.ABC):
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int | SkinNodes
     ) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Surface as the body lies in the stream: the contour in 2-D, the skin in 3-D."""
+        """Return the surface as the body lies in the stream: the contour, or in 3-D the skin."""
 
     @abc.abstractmethod
     def extent(
         self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]
     ) -> Float[np.ndarray, " axes"]:
-        """Sides of the box around a body with this ``contour``, centred at the origin."""
+        """Return the sides in D of a box, centred at the origin, around a body.
+
+        Args:
+          parameters: of one body.
+          contour: of its side view, as it lies in the stream.
+        """
 
     @abc.abstractmethod
     def family_extent(self, bounds: Float[np.ndarray, "parameters 2"]) -> tuple[float, ...]:
-        """Sides of a box, centred at the origin, around every body within the bounds."""
+        """Return the sides in D of a box, centred at the origin, around all bodies in bounds."""
 
     def contour(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
-        """Outline in the side view as the body lies in the stream: at its incidence."""
+        """Return the contour of the side view as the body lies in the stream, at its incidence."""
         outline = self.outline(parameters, nodes)
         if "incidence" not in self.names:
             return outline
@@ -94,85 +99,95 @@ class BodyClass(abc.ABC):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Meaning and limits of the parameters."""
+        """Meaning and limits of each parameter, in the order of ``names``."""
         return tuple(PARAMETERS[name] for name in self.names)
 
     def indices(self, kind: Kind) -> Int[np.ndarray, " of_kind"]:
-        """Where the parameters of a kind stand in an array of all."""
+        """Return the indices of the parameters of one kind in an array of all parameters."""
         found = [index for index, p in enumerate(self.parameters) if p.kind is kind]
         return np.array(found, int)
 
     @property
     def modes(self) -> tuple[int, ...]:
-        """Wave numbers k of the sine modes."""
+        """Wave numbers k of the sine modes sin kt."""
         return self._modes_of(Kind.SINE)
 
     @property
     def camber_modes(self) -> tuple[int, ...]:
-        """Wave numbers k of the camber's cosine modes."""
+        """Wave numbers k of the camber's cosine modes cos kt."""
         return self._modes_of(Kind.CAMBER)
 
     @property
     def symmetric(self) -> bool:
-        """Whether all bodies of the class are symmetric about y = 0: no camber, no incidence."""
+        """Whether all bodies of the class are symmetric about y = 0, in 3-D z = 0.
+
+        They are if the class has no camber and no incidence.
+        """
         return keep_mirror_plane(self.names)
 
     def is_symmetric(self, parameters: Float[AnyArray, " parameters"]) -> bool:
-        """Return whether one body is symmetric about y = 0, whatever others of its class are."""
+        """Return whether one body is symmetric about y = 0, in 3-D z = 0, by its own parameters.
+
+        Others of its class may be different.
+        """
         given = zip(self.parameters, np.asarray(parameters).tolist(), strict=True)
         return all(p.keeps_mirror_plane or value == 0 for p, value in given)
 
     def aspect(self, parameters: Float[AnyArray, "*bodies parameters"]) -> Float[Array, "*bodies"]:
-        """Length over thickness of the ellipse before the modes."""
+        """Return the aspect: length over thickness of the ellipse before the modes are added."""
         return jnp.asarray(parameters)[..., self.names.index("aspect")]
 
     def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
-        """Width over height; 1 where it is no parameter."""
+        """Return the flatness: width over height; 1 for classes without this parameter."""
         if "flatness" not in self.names:
             return jnp.ones(())
         return jnp.asarray(parameters)[self.names.index("flatness")]
 
     def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " betas"]:
-        """Coefficients of the sine modes."""
+        """Return the coefficients beta_k of the sine modes."""
         return jnp.asarray(parameters)[self.indices(Kind.SINE)]
 
     def gammas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " gammas"]:
-        """Coefficients of the camber's cosine modes."""
+        """Return the coefficients gamma_k of the camber's cosine modes."""
         return jnp.asarray(parameters)[self.indices(Kind.CAMBER)]
 
     def smooth(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " parameters"]:
-        """Coordinates in which the drag varies smoothly: logarithms of the ratios."""
+        """Return the parameters with the logarithms of all ratios: drag varies smoothly in them."""
         values, ratios = jnp.asarray(parameters), self.indices(Kind.RATIO)
         return values.at[ratios].set(jnp.log(values[ratios]))
 
     def ellipse(self, aspect: float) -> Float[np.ndarray, " parameters"]:
-        """Parameters of a plain ellipse, in 3-D of revolution."""
+        """Return the parameters of an ellipse without modes, in 3-D of one of revolution."""
         return np.array([aspect if p.name == "aspect" else p.neutral for p in self.parameters])
 
     def length(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-        """Chord: length along the stream at zero incidence."""
+        """Return the chord in D: the length along the stream at zero incidence."""
         return 2 * self.half_axes(parameters)[0]
 
     def thickness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-        """Greatest thickness across the chord, in 3-D the height."""
+        """Return the greatest thickness in D across the chord, in 3-D the height."""
         return 2 * -least(-self._height(parameters, ANGLES))
 
     def thicknesses(
         self, parameters: Float[AnyArray, " parameters"]
     ) -> Float[AnyArray, " stations"]:
-        """Thickness every two degrees of t; between them a body is at most 0.02 % thicker."""
+        """Return the thickness in D at every second degree of t from 20 to 160 degrees.
+
+        Between these stations a body is at most 0.02 % thicker.
+        """
         return 2 * self._height(parameters, SIDES)
 
     def thickness_at(
         self, parameters: Float[AnyArray, " parameters"], station: Float[AnyArray, ""]
     ) -> Float[AnyArray, ""]:
-        """Thickness at x/c = ``station``: 0 is the nose, 1 the tail."""
+        """Return the thickness in D at x/c = ``station``: 0 is the nose, 1 the tail."""
         return 2 * self._height(parameters, jnp.arccos(1 - 2 * station))
 
     def radii(self, parameters: Float[AnyArray, " parameters"]) -> Radii:
-        """Radii of curvature |r'|^3 / |x' y'' - y' x''| of the outline, convex or concave.
+        """Return the radii of curvature |r'|^3 / |x' y'' - y' x''| of the outline, in D.
 
-        That between the ends is the least one of both sides.
+        The outline may be convex or concave. The radius between the ends is the least one of both
+        sides.
         """
         half = self.length(parameters) / 2
 
@@ -192,7 +207,10 @@ class BodyClass(abc.ABC):
     def min_thickness_ratio(
         self, parameters: Float[AnyArray, " parameters"]
     ) -> Float[AnyArray, ""]:
-        """Least local thickness over that of the plain ellipse; a body crosses itself below 0."""
+        """Return the least ratio of the local thickness to that of the plain ellipse.
+
+        A body with a ratio below 0 crosses itself.
+        """
         c = np.cos(np.linspace(0, np.pi, 181))  # sin kt / sin t is a Chebyshev polynomial of cos t
         waves = np.array([eval_chebyu(k - 1, c) for k in self.modes]).reshape(-1, c.size)
         return least(1 + self.betas(parameters) @ waves)
@@ -200,15 +218,18 @@ class BodyClass(abc.ABC):
     def min_thickness_ratios(
         self, bodies: Float[np.ndarray, "bodies parameters"]
     ) -> Float[np.ndarray, " bodies"]:
-        """``min_thickness_ratio`` of many bodies, padded to a power of two to compile rarely."""
+        """Return ``min_thickness_ratio`` of many bodies.
+
+        Their number is padded to a power of two to compile rarely.
+        """
         return np.asarray(_min_thickness_ratios(self, padded(bodies)))[: len(bodies)]
 
     def valid(self, bodies: Float[np.ndarray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
-        """Which of many bodies ``check`` accepts."""
+        """Return which of many bodies ``check`` accepts."""
         return np.asarray(_are_valid(self, padded(bodies)))[: len(bodies)]
 
     def is_valid(self, parameters: Float[AnyArray, " parameters"]) -> Bool[Array, ""]:
-        """Whether ``check`` accepts a body; its parameters may be traced."""
+        """Return whether ``check`` accepts a body; its parameters may be traced."""
         low, high = np.array([p.limits for p in self.parameters]).T
         sound = jnp.isfinite(parameters).all() & ((parameters >= low) & (parameters <= high)).all()
         return sound & (self.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO)
@@ -266,13 +287,16 @@ class BodyClass(abc.ABC):
 
 
 def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _"]:
-    """Return the bodies padded to a power of two by the first, so that few programs compile."""
+    """Return the bodies padded to a power of two by repeating the first ones.
+
+    So few programs are compiled. Of no bodies it is one row of ones.
+    """
     size = 2 ** (max(len(bodies), 1) - 1).bit_length()
     return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))
 
 
 def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
-    """Equidistant t, once around a contour."""
+    """Return equidistant angles t in radians, once around a contour from the nose."""
     return 2 * np.pi * np.arange(nodes) / nodes
 
 
@@ -280,7 +304,7 @@ def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
 def drawn_outline(
     body_class: BodyClass, parameters: Float[AnyArray, " parameters"], nodes: int
 ) -> Float[Array, "nodes 2"]:
-    """Return ``body_class.outline``, by one program for all bodies of the class."""
+    """Return ``body_class.outline`` of a body, by one program for all bodies of the class."""
     return body_class.outline(parameters, nodes)
 
 

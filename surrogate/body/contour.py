@@ -17,7 +17,18 @@ LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which i
 
 
 def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
-    """Return a NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin."""
+    """Return a NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin.
+
+    The points lead from the nose over the upper side to the tail and back along the lower side.
+
+    Args:
+      code: the four digits, as "0012".
+      points: number of points, rounded down to an even number; at least 8.
+
+    Raises:
+      InvalidInput: the code is not four digits of a section with a thickness, or ``points`` is out
+        of range.
+    """
     points = whole_number("points", points, 8, 10**6)
     if not isinstance(code, str) or len(code) != 4 or not code.isdecimal() or code[2:] == "00":
         raise InvalidInput(
@@ -51,7 +62,7 @@ def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
 def smooth_contour(
     points: Float[AnyArray, "points 2"], nodes: int, keep_size: bool = False
 ) -> Float[AnyArray, "nodes 2"]:
-    """Return markers clockwise from the nose, centroid at the origin, area pi/4.
+    """Return a smoothed contour: markers clockwise from the nose, centroid at 0, area pi/4.
 
     The parameter t runs faster where the contour bends less, ds/dt ~ curvature^(-1/3): on an
     ellipse that is its own angle, so noses and tails get the markers they need. Corners are
@@ -63,7 +74,8 @@ def smooth_contour(
       keep_size: keep the area that was given.
 
     Raises:
-      InvalidInput: fewer than 8 points, no area, or the contour crosses or touches itself.
+      InvalidInput: fewer than 8 finite points, no area, a size that cannot be scaled, the contour
+        crosses or touches itself, or smoothing would move it by more than 0.2 D.
     """
     if np.ma.is_masked(points):
         raise InvalidInput("contour: some of its points are masked; leave them out")
@@ -122,7 +134,7 @@ def _farthest(points, smooth):
 
 
 def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
-    """Whether the closed polygon crosses or touches itself anywhere but where edges meet."""
+    """Return whether the closed polygon crosses or touches itself anywhere but where edges meet."""
     return not LinearRing(points).is_simple
 
 

@@ -16,14 +16,14 @@ LARGEST = 1 << 27  # bytes of a file, at most
 
 
 def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
-    """Return the points of a file of x and y: CSV with usual delimiters, Selig's, Lednicer's.
+    """Return the points (x, y) of a contour file: CSV with usual delimiters, Selig's or Lednicer's.
 
     Titles, headers, comments and empty lines are passed over; decimal commas and Fortran's
     exponents are read. Columns beyond x and y are passed over where a header names them all.
 
     Raises:
-      InvalidInput: the file is missing or is not text, a row is not two finite numbers, or
-        Lednicer's counts are not those of the rows.
+      InvalidInput: the file is missing, too large or not text, a row is not two finite numbers, a
+        header names y first, or Lednicer's counts are not those of the rows.
     """
     path = path_of(path)
     lines = [_bare(line) for line in _text(path).splitlines()]

@@ -9,7 +9,7 @@ DISPLACED = math.pi / 6  # volume of every body, in D^3: the mass of the fluid t
 
 
 class Ellipsoid(NamedTuple):
-    """Half axes in D: along the body's axis, across it in width and in height.
+    """An ellipsoid by its half axes in D: along the body's axis, across it in width and in height.
 
     Its motion is in the plane of length and height. Masses are over rho D^3, moments of inertia
     over rho D^5.
@@ -21,13 +21,13 @@ class Ellipsoid(NamedTuple):
 
     @property
     def added_masses(self) -> tuple[float, float]:
-        """Mass of fluid that is accelerated with it, along its axis and across (Lamb, art. 114)."""
+        """Masses of fluid accelerated with it, along its axis and its height (Lamb, art. 114)."""
         along, across = self._potentials
         return DISPLACED * along / (2 - along), DISPLACED * across / (2 - across)
 
     @property
     def inertia(self) -> float:
-        """Moment of inertia about the width axis of a body of the fluid's density."""
+        """Moment of inertia about the width axis, of an ellipsoid of the fluid's density."""
         return DISPLACED * (self.length**2 + self.height**2) / 5
 
     @property
@@ -41,7 +41,7 @@ class Ellipsoid(NamedTuple):
 
     @property
     def resistance_to_rotation(self) -> float:
-        """Torque of Stokes flow over mu D^3 and the angular velocity (Jeffery 1922)."""
+        """Torque in Stokes flow divided by mu D^3 and by the angular velocity (Jeffery 1922)."""
         (along, across), a, c = self._potentials, self.length**2, self.height**2
         volume = self.length * self.width * self.height
         return 16 * math.pi * volume * (a + c) / (3 * (a * along + c * across))

@@ -21,7 +21,7 @@ MARGIN = 1.005  # over what lies between the nodes, and over the centroids of po
 
 @dataclasses.dataclass(frozen=True)
 class Interval:
-    """All numbers from ``low`` to ``high``, at each node of a contour."""
+    """An interval of numbers from ``low`` to ``high``, at each node of a contour."""
 
     low: Float[np.ndarray, " nodes"]
     high: Float[np.ndarray, " nodes"]
@@ -35,7 +35,7 @@ class Interval:
 
     @property
     def largest(self) -> Float[np.ndarray, " nodes"]:
-        """Greatest absolute value."""
+        """Greatest absolute value in the interval, at each node."""
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
 
@@ -76,7 +76,13 @@ def turned_box(
     half_height: Float[np.ndarray, " boxes"],
     incidence: Float[np.ndarray, "2"],
 ) -> tuple[float, float]:
-    """Return half the sides of a box around all of these boxes at every incidence of a range."""
+    """Return half length and half height of a box around all boxes at every incidence of a range.
+
+    Args:
+      half_length: of the boxes, in D.
+      half_height: of the boxes, in D.
+      incidence: least and greatest one, in degrees.
+    """
     x, y = _turned(half_length, half_height, _turns(*incidence))
     return float(x.max()), float(y.max())
 

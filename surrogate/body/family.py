@@ -33,7 +33,7 @@ DECADE = 10  # a ratio of lengths whose ends are so far apart is drawn uniformly
 
 @dataclasses.dataclass(frozen=True, init=False)
 class Family:
-    """Ranges (low, high) of the parameters by name; those that are not named are neutral.
+    """A family of bodies: the range (low, high) of each parameter by name; all others are neutral.
 
     ``Family()`` has aspect and beta2 to beta4; ``Family(aspect=(1, 3), beta2=(-0.2, 0.2))`` two
     parameters; ``Family(aspect=(1.5, 6), gamma2=(-0.3, 0.3), incidence=(-4, 12))`` has camber and
@@ -56,12 +56,12 @@ class Family:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, in their order."""
+        """Names of the parameters, in the order of all arrays of parameters."""
         return tuple(name for name, _ in self.ranges)
 
     @property
     def body_class(self) -> BodyClass:
-        """What the parameters of its bodies mean: outline, markers, measures."""
+        """The class of its bodies, which defines their outline, markers and measures."""
         return BODY_CLASSES[self.dimension](self.names)
 
     @property
@@ -71,13 +71,16 @@ class Family:
 
     @property
     def extent(self) -> tuple[float, ...]:
-        """Length, (in 3-D width,) and height in D of a box, centred at the centroid, for all."""
+        """Length, (in 3-D width,) and height in D of a box around every body.
+
+        The box is centred at the centroid.
+        """
         with jax.ensure_compile_time_eval():
             return self.body_class.family_extent(self.bounds)
 
     @property
     def chord(self) -> float:
-        """Length in D of its longest ellipse, in 2-D of all bodies of the greatest aspect."""
+        """Chord in D of the ellipse of greatest aspect; in 2-D of all bodies of that aspect."""
         longest = self.ellipse(dict(self.ranges)["aspect"][1])
         with jax.ensure_compile_time_eval():
             return float(self.body_class.length(longest))
@@ -85,7 +88,7 @@ class Family:
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int | SkinNodes
     ) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Surface of a member as it lies in the stream, its centroid at the origin.
+        """Return the surface of a body as it lies in the stream, its centroid at the origin.
 
         In 2-D the contour, clockwise from the nose; in 3-D the skin at (rings, azimuths).
         """
@@ -94,16 +97,19 @@ class Family:
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
-        """Contour of a member as it is drawn, at zero incidence: in 3-D its side view."""
+        """Return the contour of a body as it is drawn, at zero incidence: in 3-D its side view."""
         return self.body_class.outline(parameters, nodes)
 
     def ellipse(self, aspect: float) -> Float[np.ndarray, " parameters"]:
-        """Parameters of a plain ellipse; of a cylinder, in 3-D a sphere, at aspect 1."""
+        """Return the parameters of an ellipse without modes.
+
+        At aspect 1 it is a cylinder, in 3-D a sphere.
+        """
         return self.body_class.ellipse(aspect)
 
     @property
     def round_body(self) -> str:
-        """What its ellipse of aspect 1 is called."""
+        """Name of the body of aspect 1 without modes: "cylinder", in 3-D "sphere"."""
         return self.body_class.round_body
 
     def named(self, parameters: AnyArray) -> dict[str, float]:
@@ -157,9 +163,9 @@ class Family:
     def within(
         self, shares: Float[AnyArray, "bodies parameters"]
     ) -> Float[Array, "bodies parameters"]:
-        """Return the bodies at shares, from 0 to 1, of the ranges of their parameters.
+        """Return the bodies whose parameters lie at these shares, from 0 to 1, of their ranges.
 
-        Of a length ratio whose range spans a decade or more it is a share of the range of its
+        For a length ratio whose range spans a decade or more it is a share of the range of its
         logarithm. Else 8 % of the bodies with aspects from 0.3 to 4 would be below 0.6, where
         drag depends on it most.
         """
@@ -187,7 +193,7 @@ class Family:
         return bool(np.all((parameters >= low - SLACK) & (parameters <= high + SLACK)))
 
     def check(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
-        """Return the parameters of one body as floats.
+        """Check one body and return its parameters as floats.
 
         Raises:
           InvalidInput: they are not one number for every name, or describe no body.
@@ -197,10 +203,10 @@ class Family:
         return values
 
     def numbers(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
-        """Return one number for every parameter as floats; a table by name is accepted too.
+        """Return the parameters of one body, an array or a table by name, as an array of floats.
 
         Raises:
-          InvalidInput: they are anything else.
+          InvalidInput: they are not one number for every name.
         """
         parameters = self.array(parameters)
         if isinstance(parameters, str):
@@ -225,7 +231,7 @@ class Family:
     def check_all(
         self, bodies: Float[AnyArray, "bodies parameters"]
     ) -> Float[np.ndarray, "bodies parameters"]:
-        """Return the parameters of many bodies as floats.
+        """Check many bodies and return their parameters as floats.
 
         Raises:
           InvalidInput: they are not one row a body, or one describes no body.

@@ -26,7 +26,7 @@ def rotate(
 
 
 def check_incidence(degrees: Any) -> float:
-    """Return the incidence as a float.
+    """Check an incidence in degrees and return it as a float.
 
     Raises:
       InvalidInput: it is not a number from -180 to 180.
@@ -40,7 +40,7 @@ def check_incidence(degrees: Any) -> float:
 def in_first_quarter(
     parameters: tuple[Parameter, ...], values: Float[AnyArray, " parameters"]
 ) -> tuple[Float[Array, " parameters"], Float[Array, ""]]:
-    """Describe a 3-D body at any incidence by one from 0 to 90 degrees.
+    """Describe a 3-D body at any incidence by parameters with an incidence from 0 to 90 degrees.
 
     A body is the same if nose and tail change their names, which negates its even sine modes and
     adds 180 degrees; its mirror image at the opposite incidence has opposite lift and moment.

@@ -24,7 +24,7 @@ class Radii(NamedTuple):
 
 
 class StreamwiseProfile(NamedTuple):
-    """A contour as it lies in the stream; its lengths in D.
+    """Measures of a contour as it lies in the stream; lengths are in D.
 
     Attributes:
       length: side of its box along the stream.
@@ -47,7 +47,7 @@ class StreamwiseProfile(NamedTuple):
 def moments(
     markers: Float[AnyArray, "nodes 2"],
 ) -> tuple[Float[AnyArray, ""], Float[AnyArray, " 2"]]:
-    """Signed area (positive when clockwise) and area centroid of a polygon."""
+    """Return the signed area (positive when clockwise) and the area centroid of a polygon."""
     following = jnp.roll(markers, -1, axis=0)
     cross = markers[:, 1] * following[:, 0] - markers[:, 0] * following[:, 1]
     area = jnp.sum(cross) / 2
@@ -95,5 +95,8 @@ def streamwise_profile(contour: Float[AnyArray, "nodes 2"]) -> StreamwiseProfile
 
 
 def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:
-    """Least value, differentiable: the derivative of ``jnp.min`` is 0 / 0 at some ties."""
+    """Return the least value, with a derivative that is finite at ties.
+
+    The derivative of ``jnp.min`` is 0 / 0 at some ties.
+    """
     return values[jnp.argmin(values)]

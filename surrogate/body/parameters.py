@@ -22,7 +22,7 @@ FAMILY = f"{FORMULAS[2]}\nIn 3-D {FORMULAS[3]}"
 
 
 class Kind(enum.Enum):
-    """What a parameter is to a body: how it enters the contour, and the drag's smoothness in it."""
+    """How a parameter enters a body's contour, and whether drag is smooth in its logarithm."""
 
     RATIO = "ratio of lengths"  # drag is smooth in its logarithm
     SINE = "sine mode sin kt"  # of the thickness, the same on both sides
@@ -31,7 +31,7 @@ class Kind(enum.Enum):
 
 
 class Parameter(NamedTuple):
-    """One shape parameter.
+    """One shape parameter: its name, limits, meaning and kind.
 
     ``neutral`` is its value in bodies that do not name it. ``mode`` is the k of the sine or cosine
     mode that it weighs, None for others.
@@ -48,19 +48,22 @@ class Parameter(NamedTuple):
 
     @property
     def widest_range(self) -> tuple[float, float]:
-        """Limits of a family's range: those of the parameter, of incidence the nose ahead."""
+        """Limits of a family's range: those of the parameter, or for incidence -90 and 90."""
         if self.kind is Kind.INCIDENCE:
             return -QUARTER_TURN, QUARTER_TURN
         return self.low, self.high
 
     @property
     def bounded(self) -> bool:
-        """Whether its limits hold for every body; those of sine modes follow from the thickness."""
+        """Whether ``low`` and ``high`` hold for every body.
+
+        The limits of sine modes follow from the thickness instead.
+        """
         return self.kind is not Kind.SINE
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Values that no body exceeds.
+        """Least and greatest value that a valid body can have.
 
         Those of sine modes follow from the thickness: as |sin kt| <= k sin t, a contour that is
         nowhere thinner than zero has |beta_k| <= k.
@@ -71,7 +74,7 @@ class Parameter(NamedTuple):
 
     @property
     def odd_fore_and_aft(self) -> bool:
-        """Whether its opposite value makes a body of which nose and tail have changed places."""
+        """Whether the opposite value gives the same body with nose and tail exchanged."""
         return self.kind is Kind.SINE and self.mode is not None and self.mode % 2 == 0
 
     @property
@@ -114,5 +117,5 @@ PARAMETERS = {
 
 
 def keep_mirror_plane(names: Iterable[str]) -> bool:
-    """Return whether bodies with parameters of these names are all symmetric about y = 0."""
+    """Return whether bodies with these parameters are all symmetric about y = 0, in 3-D z = 0."""
     return all(PARAMETERS[name].keeps_mirror_plane for name in names)

@@ -16,7 +16,7 @@ BODY_CLASSES: dict[int, type[BodyClass]] = {2: Body2D, 3: Body3D}
 
 
 def check_dimension(value: Any) -> int:
-    """Return the dimension as an int.
+    """Check a dimension and return it as an int.
 
     Raises:
       InvalidInput: it is neither 2 nor 3.

@@ -25,9 +25,9 @@ NODES = 400  # of the contour that an extent is measured on
 class Shape:
     """A 2-D body given by a function from a number of nodes to its contour, at incidence.
 
-    ``symmetric`` says whether the body is symmetric about the x axis. ``parameters`` are those of a
-    family body by name, None for other bodies. ``length`` is the chord in D where it is known, as
-    contours turned by their incidence do not show it.
+    ``symmetric`` says whether the body is known to be symmetric about the x axis. ``parameters``
+    are those of a family body by name, None for other bodies. ``length`` is the chord in D where it
+    is known, as contours turned by their incidence do not show it.
     """
 
     draw: Callable[[int], np.ndarray]
@@ -37,6 +37,7 @@ class Shape:
 
     @property
     def dimension(self) -> int:
+        """Number of space dimensions, 2."""
         return 2
 
     def differentiable(self) -> "FamilyShape":
@@ -58,11 +59,11 @@ class Shape:
 
     @property
     def height(self) -> float:
-        """Greatest side in D across the stream of the body as it lies."""
+        """Largest side in D, across the stream, of the box around the body as it lies."""
         return float(self.extent[1:].max())
 
     def markers(self, nodes: int) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Surface as the flow solver takes it: the contour."""
+        """Return the surface as the flow solver takes it: the contour."""
         return jnp.asarray(self.draw(nodes))
 
     @functools.cached_property
@@ -97,23 +98,26 @@ class FamilyShape(Shape):
 
     @property
     def values(self) -> Float[np.ndarray, " parameters"]:
-        """The parameters as an array."""
+        """Values of the parameters as an array."""
         return np.array(list(self.parameters.values()))
 
     @property
     def dimension(self) -> int:
+        """Number of space dimensions, 2 or 3."""
         return self.body_class.dimension
 
     def markers(self, nodes: int | SkinNodes) -> Float[AnyArray, "nodes 2"] | Skin:
-        """Surface as the flow solver takes it: the contour in 2-D, the skin in 3-D."""
+        """Return the surface as the flow solver takes it: in 2-D the contour, in 3-D the skin."""
         return body_markers(self.body_class, self.values, nodes)
 
     @functools.cached_property
     def chord(self) -> float:
+        """Chord in D: length from nose to tail along x at zero incidence."""
         return float(self.body_class.length(self.values))
 
     @functools.cached_property
     def extent(self) -> Float[np.ndarray, " axes"]:
+        """Sides in D of a box, centred at the origin, that holds the body as it lies."""
         return self.body_class.extent(self.values, self.draw(NODES))
 
 
@@ -153,6 +157,11 @@ def contour_shape(
 ) -> Shape:
     """Return the 2-D body with this contour, smoothed, scaled to area pi/4 unless its size is kept.
 
+    Args:
+      points: x and y once around, in order.
+      incidence: in degrees, nose up.
+      keep_size: keep the area that was given.
+
     Raises:
       InvalidInput: as ``smooth_contour``, or the incidence is not from -180 to 180 degrees.
     """
@@ -176,5 +185,5 @@ def body_markers(
     parameters: Float[AnyArray, " parameters"],
     nodes: int | SkinNodes,
 ) -> Float[AnyArray, "nodes 2"] | Skin:
-    """Return the surface markers of a family body as it lies, compiled once a class."""
+    """Return the surface markers of a family body as it lies, by one program for each class."""
     return body_class.markers(parameters, nodes)

@@ -13,7 +13,7 @@ QUARTERS, HALVES = 4, 2  # parts of a body of which one is gridded
 
 
 class SkinNodes(NamedTuple):
-    """The numbers of nodes on the part of a skin that is gridded.
+    """Numbers of nodes on the part of a body's surface that is gridded.
 
     Attributes:
       rings: at Gauss points of mu, from nose to tail.

@@ -35,7 +35,14 @@ TYPES = {
 
 
 def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) -> str:
-    """Return a C99 file with the functions PREFIX_loads and PREFIX_loads_batch."""
+    """Return the text of a C99 file with the functions PREFIX_loads and PREFIX_loads_batch.
+
+    Args:
+      plain: the numbers of the network.
+      card: the model card, which becomes a comment.
+      precision: of all numbers in the file.
+      prefix: begins the names of the functions.
+    """
     literal = _literal(precision)
     kind, block = TYPES[precision.name], BLOCK[precision.name]
     terms = [1 / math.factorial(k) for k in range(TERMS[precision.name] + 1)]

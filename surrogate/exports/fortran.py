@@ -20,7 +20,13 @@ NUMBERS = 100  # in one DATA statement: the standard allows 255 continuation lin
 
 
 def fortran_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) -> str:
-    """Return a module PREFIX with the subroutines PREFIX_loads and PREFIX_loads_batch.
+    """Return the text of a module PREFIX with the subroutines PREFIX_loads and PREFIX_loads_batch.
+
+    Args:
+      plain: the numbers of the network.
+      card: the model card, which becomes a comment.
+      precision: of all numbers in the module.
+      prefix: names the module and begins the names of the subroutines.
 
     Raises:
       InvalidInput: the module itself uses a name like the prefix.

@@ -14,14 +14,14 @@ from surrogate.exports.plain import PlainNetwork
 
 @dataclasses.dataclass(frozen=True)
 class Precision:
-    """A floating-point type and its name in numpy."""
+    """A floating-point type: its name in exports, and its name in NumPy."""
 
     name: str
     dtype: str
 
     @property
     def bytes(self) -> int:
-        """Size of a number."""
+        """Size of a number, in bytes."""
         return np.dtype(self.dtype).itemsize
 
     def literal(self, value: float) -> str:
@@ -33,7 +33,7 @@ class Precision:
         return text.replace("e+00", "").replace("e-00", "")
 
     def ends(self, plain: PlainNetwork) -> tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]:
-        """Return the ends of the trained ranges, wider by what rounding may add."""
+        """Return the ends (low, high) of the trained ranges, widened by what rounding may add."""
         size = 1 + np.abs(plain.low) + np.abs(plain.high)
         slack = np.maximum(plain.slack, 4 * float(np.finfo(self.dtype).eps) * size)
         return plain.low - slack, plain.high + slack
@@ -46,17 +46,17 @@ PRECISIONS = {
 
 
 def template(name: str, **values: object) -> str:
-    """Return a template of this package with its $names replaced."""
+    """Return the text of a template of this package with its $names replaced by the values."""
     return Template(template_text(name)).substitute(values)
 
 
 def template_text(name: str) -> str:
-    """Return a template of this package as it is."""
+    """Return the text of a template of this package as it is."""
     return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
 
 
 def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:
-    """Return what the templates of compiled languages call the sizes and names of a network."""
+    """Return the sizes and names of a network, by their names in the C and Fortran templates."""
     return {
         "inputs": ", ".join(plain.inputs),
         "loads": ", ".join(plain.loads),
@@ -77,6 +77,6 @@ def flat(arrays: Iterable[Float[np.ndarray, "..."]]) -> Float[np.ndarray, " _"]:
 
 
 def wrapped(texts: list[str], indent: str = "    ", width: int = 100) -> str:
-    """Return texts with commas between them, in indented lines."""
+    """Return the texts joined by commas and wrapped to indented lines of at most ``width``."""
     lines = textwrap.wrap(", ".join(texts), width - len(indent), break_on_hyphens=False)
     return "\n".join(indent + line for line in lines)

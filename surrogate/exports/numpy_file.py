@@ -7,7 +7,13 @@ from surrogate.exports.plain import PlainNetwork
 
 
 def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
-    """Return the source of a module with ``loads``, ``jacobian`` and ``status``."""
+    """Return the source of a Python module with ``loads``, ``jacobian`` and ``status``.
+
+    Args:
+      plain: the numbers of the network.
+      card: the model card, which becomes the docstring.
+      precision: of all numbers in the module.
+    """
 
     def nested(values):
         if np.ndim(values) == 0:

@@ -18,9 +18,15 @@ OPSET, IR_VERSION = 18, 10  # understood by onnxruntime since 1.18
 def onnx_model(
     plain: PlainNetwork, card: str, precision: Precision, name: str
 ) -> "onnx.ModelProto":
-    """Return a model of inputs (n, inputs) with outputs loads, jacobian and status.
+    """Return an ONNX model of inputs (n, inputs) with outputs loads, jacobian and status.
 
     Loads and jacobian are NaN where the status is 2.
+
+    Args:
+      plain: the numbers of the network.
+      card: the model card, which becomes the model's documentation.
+      precision: of all floating-point numbers.
+      name: of the graph.
 
     Raises:
       InvalidInput: the package onnx is not installed.

@@ -42,10 +42,10 @@ class PlainNetwork:
       logs: which inputs enter by their logarithm.
       scale: of the inputs.
       shift: of the inputs.
-      turn: which input enters by waves, -1 for none.
-      angle: in radians at which this scaled input is 1.
-      sources: of the features.
-      waves: of the features.
+      turn: index of the incidence if it enters by cosines and sines, else -1.
+      angle: incidence in radians at which its scaled input is 1.
+      sources: index of the scaled input of each feature.
+      waves: index of the factor of each feature: 1, cos a, sin a, cos 2a or sin 2a.
       mirror: factors from the features of a body to those of its mirror image.
       inertial: the Reynolds number in the factor of the moment by inertia, 0 for no such factor.
       levers: features by which the further parts of the moment are multiplied.
@@ -54,11 +54,11 @@ class PlainNetwork:
       quadratic: of the trends, symmetric.
       weights: of the layers; the last gives one correction a load, and one a lever.
       biases: of the layers.
-      low: ends of the trained ranges, by the logarithm for Re alone.
-      high: likewise.
+      low: lower ends of the trained ranges, by the logarithm for Re alone.
+      high: upper ends, likewise.
       slack: by how much an input may exceed them by rounding.
-      least: limits of valid inputs.
-      most: likewise.
+      least: least valid inputs.
+      most: greatest valid inputs.
     """
 
     inputs: tuple[str, ...]
@@ -86,7 +86,7 @@ class PlainNetwork:
 
     @property
     def sizes(self) -> tuple[int, ...]:
-        """Numbers of values from the features through the hidden layers to the corrections."""
+        """Widths of all layers: of the features, the hidden layers and the corrections."""
         return (len(self.mirror), *(len(bias) for bias in self.biases))
 
     @property
@@ -105,7 +105,7 @@ class PlainNetwork:
 
 
 def plain_network(surrogate: Surrogate) -> PlainNetwork:
-    """Return the numbers of a surrogate's network that the loads depend on."""
+    """Return the numbers of a surrogate's network on which its loads depend."""
     network, family = surrogate.network, surrogate.scene.family
     inputs, heads = network.inputs, np.array(network.load_heads)
     low, width = np.asarray(inputs.low, float), np.asarray(inputs.width, float)

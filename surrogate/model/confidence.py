@@ -19,7 +19,7 @@ COVERED = 0.95  # share of the bodies whose errors lie within the bounds
 @jax.tree_util.register_dataclass
 @dataclasses.dataclass(frozen=True, eq=False)
 class Novelty:
-    """How little the training samples say about a network's loads at another body and Re.
+    """A measure of how little the training samples say about the loads at another body and Re.
 
     The network is linearised in its weights w. The novelty of a load is the norm of the part of
     its gradient d(load)/dw / Cd that no combination of the gradients at the training samples
@@ -33,7 +33,7 @@ class Novelty:
 
     @classmethod
     def of(cls, network: LoadNetwork, scene: Scene, seed: int, count: int) -> "Novelty":
-        """Return the novelty to the samples on which a network was trained.
+        """Return the novelty measure of a network with respect to its training samples.
 
         Args:
           network: the trained network.
@@ -60,7 +60,7 @@ class Novelty:
 def error_scales(
     errors: Float[AnyArray, "bodies loads"], novelty: Float[AnyArray, "bodies loads"]
 ) -> Float[np.ndarray, " loads"]:
-    """Return by how much the novelty of each load is to be multiplied to bound its error.
+    """Return the factors by which the novelty of each load is multiplied to bound its error.
 
     By split conformal prediction: the errors of 95 % of other bodies, drawn as these, lie within
     their bounds, on average over draws. With n < 19 bodies the largest ratio is taken,

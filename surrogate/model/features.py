@@ -32,26 +32,32 @@ class Wave(enum.IntEnum):
 
 
 class Feature(NamedTuple):
-    """A scaled input times a wave of the incidence; of the incidence itself the wave alone."""
+    """A feature of the network: a scaled input times a wave, a function of the incidence.
+
+    For the incidence itself it is the wave alone. ``source`` is the index of the input.
+    """
 
     source: int
     wave: Wave
 
 
 def turn_of(body_class: BodyClass) -> int | None:
-    """Return the index of an incidence that enters by waves, that of bodies in space."""
+    """Return the index of the incidence if it enters by waves, as for bodies in 3-D, else None."""
     turns = body_class.dimension == 3 and "incidence" in body_class.names
     return body_class.names.index("incidence") if turns else None
 
 
 def reversed_by_half_a_turn(body_class: BodyClass) -> list[bool]:
-    """Return which parameters of bodies that turn the description by the opposite nose negates."""
+    """Return which parameters change their sign if nose and tail of a body exchange their names.
+
+    These are the even sine modes of bodies with incidence in 3-D; other bodies have none.
+    """
     turns = turn_of(body_class) is not None
     return [turns and p.odd_fore_and_aft for p in body_class.parameters]
 
 
 def features_of(body_class: BodyClass) -> tuple[Feature, ...]:
-    """Return the features of bodies' parameters and Re, the last input."""
+    """Return the features of a class of bodies, in the order of its parameters and Re."""
     turn, found = turn_of(body_class), []
     for source, reverses in enumerate([*reversed_by_half_a_turn(body_class), False]):
         waves = (Wave.COS, Wave.SIN) if reverses else (Wave.ONE,)
@@ -61,7 +67,7 @@ def features_of(body_class: BodyClass) -> tuple[Feature, ...]:
 
 
 def levers_of(body_class: BodyClass) -> tuple[int, ...]:
-    """Return the indices of the features beta_k sin a of bodies that turn in space.
+    """Return the indices of the features beta_k sin a of 3-D bodies with incidence, else ().
 
     The moment in Stokes flow is a sum of multiples of these, since a body that is symmetric fore
     and aft has none there.
@@ -97,7 +103,7 @@ def mirror_of_features(
 
     Args:
       body_class: of the bodies.
-      mirror: these factors of the scaled inputs.
+      mirror: the same factors of the scaled inputs.
     """
     if turn_of(body_class) is None:
         return mirror

@@ -23,7 +23,7 @@ from surrogate.scene.scene import Scene
 
 
 class Inputs(eqx.Module):
-    """The affine map of a scene's ranges, in logs where drag is smooth in them, to [-1, 1]."""
+    """The affine map of a scene's ranges to [-1, 1]; length ratios and Re enter by their logs."""
 
     low: Float[AnyArray, " inputs"]
     high: Float[AnyArray, " inputs"]
@@ -43,12 +43,12 @@ class Inputs(eqx.Module):
         return np.where([*_keep_mirror_plane(self.body_class), True], 1.0, -1.0)
 
     def features(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
-        """What networks see of scaled inputs, see ``surrogate.model.features``."""
+        """Return the features of scaled inputs, see ``surrogate.model.features``."""
         return evaluate_features(self.body_class, z, jax.lax.stop_gradient(self.full_turn))
 
     @property
     def full_turn(self) -> Float[AnyArray, ""] | float:
-        """Incidence in degrees at which its scaled input is 1, of bodies in space; else 0."""
+        """Incidence in degrees at which its scaled input is 1, for bodies in 3-D; else 0."""
         turn = turn_of(self.body_class)
         return 0.0 if turn is None else self.high[turn]
 
@@ -58,18 +58,18 @@ class Inputs(eqx.Module):
         return mirror_of_features(self.body_class, self.mirror)
 
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
-        """d(parameters, log Re) / dz, which converts slopes to slopes in scaled inputs."""
+        """Return d(parameters, log Re) / dz, which converts slopes to slopes in scaled inputs."""
         smooth = jax.jvp(self.body_class.smooth, (parameters,), (jnp.ones_like(parameters),))[1]
         return jax.lax.stop_gradient(self.width) / 2 / jnp.append(smooth, 1.0)
 
     @property
     def width(self) -> Float[Array, " inputs"]:
-        """The length of every range, 1 where it is a point."""
+        """Length of every range, of length ratios and Re in logs; 1 where it is a point."""
         return jnp.where(self.high > self.low, self.high - self.low, 1.0)  # of a single Re: 1
 
 
 def scene_inputs(scene: Scene) -> Inputs:
-    """The scaled inputs of a scene's bodies and Reynolds numbers."""
+    """Return the map of a scene's bodies and Reynolds numbers to scaled inputs."""
     body_class = scene.family.body_class
     kept = _keep_mirror_plane(body_class) & ~np.array(reversed_by_half_a_turn(body_class))
     low, high = scene.family.bounds.T
@@ -86,6 +86,6 @@ def _keep_mirror_plane(body_class):
 
 
 def quadratic(z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
-    """All monomials of z up to degree 2."""
+    """Return all monomials of z up to degree 2: 1, z_i, and z_i z_j for i <= j."""
     i, j = np.triu_indices(z.size)
     return jnp.concatenate([jnp.ones(1), z, z[i] * z[j]])

@@ -54,12 +54,12 @@ class Observation(NamedTuple):
 
     @property
     def drag(self) -> float:
-        """Cd."""
+        """Drag coefficient Cd."""
         return float(self.loads[0])
 
     @property
     def load_slopes(self) -> Float[np.ndarray, "loads inputs"]:
-        """The derivatives of the loads in (parameters, log Re)."""
+        """Derivatives of the loads Cd (, Cl, Cm) in (parameters, log Re)."""
         return np.asarray(load_gradients(outputs_of(jnp.asarray(self.loads)), self.slopes))
 
 
@@ -76,12 +76,16 @@ class Data(eqx.Module):
     mirror: Float[AnyArray, " inputs"]
 
     def of_load(self, index: int) -> "Data":
-        """The observations of one output."""
+        """Return the observations of one output."""
         return dataclasses.replace(self, rows=self.rows[index], parity=self.parity[index])
 
 
 class Hyper(NamedTuple):
-    """Hyperparameters of every output as logs: amplitude, noise over its usual size, lengths."""
+    """Hyperparameters of every output as logs: amplitude, noise over its usual size, lengths.
+
+    The amplitude is s, the lengths are l_i of the covariance k; the usual sizes of the noise are
+    ``VALUE_NOISE`` and ``SLOPE_NOISE``.
+    """
 
     amplitude: Float[AnyArray, "*loads"]
     noise: Float[AnyArray, "*loads"]
@@ -89,7 +93,7 @@ class Hyper(NamedTuple):
 
 
 class Kriging(OutputModel):
-    """Fitted processes, plus the base network whose residuals they model, if any."""
+    """Fitted Gaussian processes of the outputs, or of their residuals over a base network."""
 
     base: LoadNetwork | None
     inputs: Inputs
@@ -99,7 +103,7 @@ class Kriging(OutputModel):
     coefficients: Float[AnyArray, "loads flows rows"]
 
     def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
-        """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
+        """Return log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
 
         def one(hyper, parity, mean, coefficients):
             def with_observation(y):
@@ -117,13 +121,16 @@ def kriging(
     base: LoadNetwork | None = None,
     hyper: Hyper | None = None,
 ) -> Kriging:
-    """Fit the process to observations.
+    """Fit the Gaussian processes to observations.
 
     Args:
       observations: solved flows, at least one.
       inputs: the scaling of bodies and Reynolds numbers.
-      base: network whose residual is modelled; log Cd itself if None.
+      base: network whose residuals are modelled; the outputs themselves if None.
       hyper: hyperparameters; by default those of ``likeliest``.
+
+    Returns:
+      The fitted model.
     """
     data, mean = _data(observations, inputs, base), _mean(observations, base)
     hyper = likeliest(observations, inputs, base) if hyper is None else hyper
@@ -139,7 +146,15 @@ def kriging(
 def likeliest(
     observations: Sequence[Observation], inputs: Inputs, base: LoadNetwork | None
 ) -> Hyper:
-    """Hyperparameters of greatest posterior probability, from at most ``FITTED`` observations."""
+    """Return the hyperparameters of greatest posterior probability.
+
+    They are fitted to at most ``FITTED`` of the observations, by L-BFGS-B.
+
+    Args:
+      observations: solved flows, at least one.
+      inputs: the scaling of bodies and Reynolds numbers.
+      base: network whose residuals are modelled; the outputs themselves if None.
+    """
     some = observations[:: -(-len(observations) // FITTED)]
     data, mean = _data(some, inputs, base), _mean(observations, base)
     amplitude, size = AMPLITUDE if base is None else RESIDUAL_AMPLITUDE, data.z.shape[1]

@@ -28,7 +28,7 @@ FEWEST = 1e-3  # singular values over the largest that the initial trends of the
 
 
 class LoadNetwork(OutputModel):
-    """A quadratic trend of every output plus a small MLP with tanh, with the mirror symmetry.
+    """A network of the loads: a quadratic trend plus a small tanh MLP, with the mirror symmetry.
 
     With z the features of the scaled inputs (see ``surrogate.model.features``), z' those of the
     body's mirror image, and q(z) all monomials of z up to degree 2, the outputs
@@ -62,13 +62,13 @@ class LoadNetwork(OutputModel):
     modes: AnyModes = eqx.field(static=True)
 
     def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
-        """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
+        """Return log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
         return self._outputs_and_heads(z)[0]
 
     def traction(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, " modes"]:
-        """Traction modes a of a body (its force on the fluid, U = D = rho = 1).
+        """Return the traction modes a of a body (its force on the fluid, U = D = rho = 1).
 
         Meaningless except for the modes of drag and lift, unless the traction was trained: a
         surrogate's record says so in ``trained_for``, and ``Surrogate`` answers loads only.
@@ -82,21 +82,21 @@ class LoadNetwork(OutputModel):
 
     @property
     def weights(self) -> Float[AnyArray, " weights"]:
-        """All trained numbers as one vector."""
+        """All trained numbers, as one vector."""
         return ravel_pytree((self.layers, self.trends))[0]
 
     def with_weights(self, weights: Float[AnyArray, " weights"]) -> "LoadNetwork":
-        """The same network with other trained numbers."""
+        """Return the same network with other trained numbers."""
         trained = ravel_pytree((self.layers, self.trends))[1](weights)
         return eqx.tree_at(lambda net: (net.layers, net.trends), self, trained)
 
     @property
     def load_weights(self) -> Float[AnyArray, " load_weights"]:
-        """The weights on which the loads depend: all but the heads of the other modes."""
+        """Weights on which the loads depend: all but the heads of the other traction modes."""
         return ravel_pytree(self._of_loads)[0]
 
     def with_load_weights(self, weights: Float[AnyArray, " load_weights"]) -> "LoadNetwork":
-        """The same network with other ``load_weights``."""
+        """Return the same network with other ``load_weights``."""
         hidden, rows, biases, trends = ravel_pytree(self._of_loads)[1](weights)
         last, own = self.layers[-1], np.array(self.load_heads)
         heads = last.weight.at[own].set(rows), last.bias.at[own].set(biases)
@@ -105,7 +105,7 @@ class LoadNetwork(OutputModel):
 
     @property
     def load_heads(self) -> tuple[int, ...]:
-        """Indices of the MLP's outputs that correct the trends, see ``load_heads``."""
+        """Indices of the MLP's outputs that correct the trends, see the function ``load_heads``."""
         return load_heads(self.modes, self.inputs.body_class)
 
     @property
@@ -139,7 +139,14 @@ class LoadNetwork(OutputModel):
 
 
 def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Array, " heads"]:
-    """Factors of the heads whose sum is Cm / Cd of a body that turns in space, at features z."""
+    """Return the factors of the heads whose sum is Cm / Cd of a body that turns in space.
+
+    They are Re / (Re + 5) and the features b_j, see ``LoadNetwork``.
+
+    Args:
+      inputs: scaling of the network's inputs.
+      z: features of one body.
+    """
     width, low = jax.lax.stop_gradient((inputs.width[-1], inputs.low[-1]))
     log_re = low + width * (z[-1] + 1) / 2
     inertia = jax.nn.sigmoid(log_re - np.log(INERTIAL_RE))
@@ -147,9 +154,10 @@ def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Arr
 
 
 def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
-    """Indices of a network's heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd.
+    """Return the indices of the heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd.
 
-    The moment of bodies that turn in space has a head for inertia and one for each even sine mode.
+    A head is an output of the network's MLP. The moment of bodies that turn in space has one for
+    inertia and one for each even sine mode.
     """
     if modes.lift_index is None:
         return (0,)
@@ -157,7 +165,10 @@ def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
 
 
 def head_count(modes: AnyModes, body_class: BodyClass) -> int:
-    """Number of a network's heads: one a traction mode, and where there is lift the moment's."""
+    """Return the number of a network's heads, the outputs of its MLP.
+
+    There is one for each traction mode, and where there is lift those of the moment.
+    """
     lifting = modes.lift_index is not None
     return modes.count + lifting * (1 + len(levers_of(body_class)))
 
@@ -171,7 +182,7 @@ def make_network(
     outputs: Float[AnyArray, "samples loads"],
     width: int | None = None,
 ) -> LoadNetwork:
-    """Initial network of a scene: its trends are fitted to the Oseen loads of the samples.
+    """Return the initial network of a scene, its trends fitted to the samples' Oseen loads.
 
     Args:
       scene: whose ranges scale the inputs.
@@ -224,7 +235,13 @@ def _fitted_trends(inputs, z, outputs):
 
 
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:
-    """Random layers from a scene's inputs to its traction modes; trends and scales are zero."""
+    """Return a network of a scene with random layers, whose trends and scales are zero.
+
+    Args:
+      scene: whose family and fidelity give the numbers of features and heads.
+      hidden: widths of the hidden layers.
+      key: of the random layers.
+    """
     body_class, modes = scene.family.body_class, traction_modes(scene.family, scene.fidelity)
     seen = len(features_of(body_class))
     sizes = (seen, *hidden, head_count(modes, body_class))

@@ -22,18 +22,18 @@ class OutputModel(eqx.Module):
 
     @abc.abstractmethod
     def outputs(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " loads"]:
-        """log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
+        """Return log Cd, and where there is lift Cl / Cd and Cm / Cd, at scaled inputs."""
 
     def drag(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, ""]:
-        """Cd of a body."""
+        """Return the drag coefficient Cd of a body."""
         return jnp.exp(self.outputs(self.inputs(parameters, reynolds))[0])
 
     def loads(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[AnyArray, " loads"]:
-        """Cd of a body, and where there is lift Cl and Cm."""
+        """Return Cd of a body, and where there is lift Cl and Cm."""
         return loads_of(self.outputs(self.inputs(parameters, reynolds)))
 
 

@@ -36,7 +36,7 @@ class TrainedRanges:
 
     @property
     def slack(self) -> Float[np.ndarray, " inputs"]:
-        """By how much a value may lie outside its range by rounding."""
+        """Tolerance for rounding, by which a value may lie outside its range."""
         low, high = self.bounds.T
         return ROUNDING * (high - low + 1)
 

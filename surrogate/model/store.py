@@ -43,7 +43,8 @@ def save(folder: str | Path, surrogate: Surrogate) -> None:
     """Save a surrogate to a folder, in place of an older one there; files are written atomically.
 
     Raises:
-      InvalidInput: the folder holds something that is not a surrogate, or is not writable.
+      InvalidInput: it is no surrogate, or the folder holds something that is not a surrogate, or
+        is not writable.
     """
     expect("save", surrogate, Surrogate, "Surrogate")
     check_surrogate_folder(folder)
@@ -93,7 +94,7 @@ def warn_of_inaccuracy(surrogate: Surrogate, what: str, stacklevel: int = 2) -> 
 
 
 def read_surrogate(name: str | Path) -> Surrogate:
-    """``load`` without a warning."""
+    """Load a surrogate as ``load`` does, but without a warning."""
     folder = path_of(name)
     kind, _, method = str(name).partition(":")
     if kind == "pretrained":

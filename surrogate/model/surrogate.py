@@ -66,7 +66,7 @@ class Surrogate:
 
     @property
     def card(self) -> str:
-        """The model card: ranges, errors, method, flow, and what it must not be used for."""
+        """Model card: ranges, errors, method, flow, and what the surrogate must not be used for."""
         return model_card(self.scene, self.record)
 
     def drag(
@@ -146,20 +146,21 @@ class Surrogate:
         return np.asarray(_of_each_load(bounds, parameters, reynolds))
 
     def knows(self, parameters: Body, reynolds: Number) -> bool:
-        """Whether body and Reynolds number lie within the trained ranges.
+        """Return whether body and Reynolds number lie within the trained ranges.
 
         Raises:
-          InvalidInput: not numbers, or not as many as the family has parameters.
+          InvalidInput: as ``beyond``.
         """
         return not self.beyond(parameters, reynolds)
 
     def beyond(self, parameters: Body, reynolds: Number) -> dict[str, float]:
-        """Distance of each parameter and log Re outside its trained range, in range widths.
+        """Return how far each parameter and log Re lies outside its trained range, in range widths.
 
         Those inside are left out.
 
         Raises:
-          InvalidInput: not numbers, or not as many as the family has parameters.
+          InvalidInput: not numbers, not as many as the family has parameters, or a Reynolds number
+            that is not above 0.
         """
         values = self.scene.family.numbers(parameters)
         reynolds = finite_number("Reynolds number", reynolds)
@@ -173,7 +174,9 @@ class Surrogate:
 
     @property
     def unseen(self) -> int:
-        """The number of held-out bodies that the recorded errors are of: whose flows converged.
+        """Number of held-out bodies on which the recorded errors were measured.
+
+        These are the bodies whose flows converged.
 
         Raises:
           InvalidInput: the record lacks the number of held-out bodies.
@@ -182,12 +185,12 @@ class Surrogate:
 
     @property
     def ranges(self) -> TrainedRanges:
-        """The ranges of the shape parameters and of log Re that it was trained in."""
+        """Ranges of the shape parameters and of log Re in which it was trained."""
         return TrainedRanges(self.scene)
 
     @property
     def inaccuracy(self) -> str | None:
-        """What is to be said of a surrogate of large error; None if its error is not large.
+        """Text of a warning about a large error; None if its error is not large.
 
         The error on held-out bodies is large where its mean exceeds the error tolerance of the
         flow, ``scene.fidelity.tolerance``, so that the network errs more than the flow that it
@@ -210,7 +213,7 @@ class Surrogate:
         )
 
     def recorded(self, key: str) -> Any:
-        """A value of the record.
+        """Return the value of ``key`` in the record.
 
         Raises:
           InvalidInput: the record lacks it.

@@ -12,7 +12,7 @@ REPEATS = 7  # of the benchmark, whose median counts
 
 
 class Convolutions(NamedTuple):
-    """Convolutions with the Green's function G that a body takes on average (RESULTS.md).
+    """Average numbers of convolutions with the Green's function G for one body (RESULTS.md).
 
     Measured over the default scenes by the study ``foreseen``.
 
@@ -42,14 +42,19 @@ WHOLE, ADJOINTS = 2, 3
 
 
 def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
-    """Return the average convolutions with G of bodies with or without the mirror plane y = 0."""
+    """Return the average convolutions with G of one body.
+
+    Args:
+      dimension: 2 or 3.
+      symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
+    """
     takes = CONVOLUTIONS[dimension]
     return takes if symmetric else takes._replace(adjoint=ADJOINTS * takes.adjoint)
 
 
 @functools.cache
 def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> float:
-    """Return the seconds of a flow per convolution.
+    """Return the seconds of a flow divided by its convolutions with G, on this machine.
 
     Args:
       shape: cells of the part of the domain that is gridded if the flow is symmetric.
@@ -60,7 +65,11 @@ def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> f
 
 
 def convolution_seconds(shape: tuple[int, ...]) -> float:
-    """Return the seconds of one convolution: transforms there and back around one product."""
+    """Return the measured seconds of one convolution: transforms there and back around one product.
+
+    Args:
+      shape: cells of the grid.
+    """
     nx, *across = shape
     matrices = [np.ones((rows, 2 * rows + 1), np.float32) for rows in across]
 

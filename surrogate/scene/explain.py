@@ -11,11 +11,15 @@ from surrogate.scene.stream import Stream, describe_stream, domain_height
 
 
 class Words(NamedTuple):
-    """What differs between 2-D and 3-D.
+    """Parts of the text of ``Scene.explain`` that differ between 2-D and 3-D.
 
-    The part of the domain that is gridded, the same of bodies with camber or incidence ("" is all
-    of it), tested ranges, what is left out, and what instability does to the round body and when to
-    others.
+    Attributes:
+      part: the part of the domain that is gridded.
+      without_mirror: the same for bodies with camber or incidence; "" for all of it.
+      tested: the tested ranges.
+      left_out: what is left out.
+      unsteady: what instability does to the round body.
+      others: when it happens to other bodies.
     """
 
     part: str
@@ -49,7 +53,15 @@ WORDS = {
 def explain_scene(
     stream: Stream, reynolds: tuple[float, float], family: Family, f: Fidelity, bodies: int
 ) -> str:
-    """Return what ``Scene.explain`` says; ``f`` is the fidelity with its longest domain."""
+    """Return the text of ``Scene.explain``.
+
+    Args:
+      stream: in which the bodies are.
+      reynolds: least and greatest U D / nu.
+      family: of the bodies.
+      f: the fidelity with its longest domain.
+      bodies: number of bodies of a training.
+    """
     dimension, words = family.dimension, WORDS[family.dimension]
     symmetric, height = family.body_class.symmetric, domain_height(stream, f.height)
     rows = round(height * f.cells / 2)

@@ -36,8 +36,9 @@ class Fidelity:
       downstream: from the body's centroid to the outlet, in D.
       height: of the domain, in 3-D its width too, in D.
       harmonics: highest harmonic of the traction on the body.
-      wake: how much longer a domain a wake takes: ``downstream`` is at least
-        wake * Re * (height of the body / D)^2. By default 0.2 in 2-D and 0 in 3-D.
+      wake: how much longer a domain a wake takes: it is lengthened where ``downstream`` is more
+        than 2 D less than wake * Re * (height of the body / D)^2, up to 40 D. By default 0.2 in 2-D
+        and 0 in 3-D.
       refinement: greatest factor by which ``cells`` are multiplied for slender bodies at high Re,
         whose boundary layers are thin; from 2.5 on ``harmonics`` are doubled. By default 3 in 2-D
         and 1, for none, in 3-D.
@@ -79,7 +80,12 @@ class Fidelity:
             object.__setattr__(self, name, value)
 
     def for_wake(self, reynolds: float, height: float) -> "Fidelity":
-        """Return the fidelity with a domain for wakes of bodies of this height up to this Re."""
+        """Return the fidelity with a domain that is long enough for the wakes of bodies.
+
+        Args:
+          reynolds: greatest U D / nu.
+          height: of the bodies across the stream, in D.
+        """
         wake = WAKE[2] if self.wake is None else self.wake
         missing = min(wake * reynolds * height**2, LONGEST_DOWNSTREAM) - self.downstream
         if missing <= 2:
@@ -89,10 +95,14 @@ class Fidelity:
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
     def for_layers(self, reynolds: float, chord: float) -> "Fidelity":
-        """Return the fidelity with cells for boundary layers of bodies of this chord up to this Re.
+        """Return the fidelity with cells that are small enough for the boundary layers of bodies.
 
         The factor is rounded up to a multiple of a half, so that there are few grids. Where it is
         large, the traction at the sharp ends of the bodies takes more harmonics, too.
+
+        Args:
+          reynolds: greatest U D / nu.
+          chord: of the bodies, in D.
         """
         most = REFINEMENT[2] if self.refinement is None else self.refinement
         needed = math.ceil(2 * math.sqrt(2 * chord**3 * reynolds) / THIN_LAYER - 0.05) / 2
@@ -102,11 +112,17 @@ class Fidelity:
         return dataclasses.replace(self, cells=cells, harmonics=harmonics, refinement=1.0)
 
     def for_body(self, reynolds: float, height: float, chord: float) -> "Fidelity":
-        """Return the fidelity for the wakes and boundary layers of such bodies up to this Re."""
+        """Return the fidelity for both the wakes and the boundary layers of bodies up to this Re.
+
+        Args:
+          reynolds: greatest U D / nu.
+          height: of the bodies across the stream, in D.
+          chord: of the bodies, in D.
+        """
         return self.for_layers(reynolds, chord).for_wake(reynolds, height)
 
     def coarser(self, share: float, fewest: int = 0) -> "Fidelity":
-        """Return this share of the cells, but no fewer than bodies need.
+        """Return the fidelity with this share of the cells, but no fewer than bodies need.
 
         Args:
           share: of the cells.
@@ -121,7 +137,10 @@ class Fidelity:
         return dataclasses.replace(self, cells=max(round(share * self.cells), usual, fewest))
 
     def scaled(self, share: float) -> "Fidelity":
-        """Return the fidelity with all lengths of the domain multiplied by ``share``."""
+        """Return the fidelity with all lengths of the domain multiplied by ``share``.
+
+        Each is at most 80 D.
+        """
         sizes = ("upstream", "downstream", "height")
         scaled = {name: min(share * getattr(self, name), LONGEST) for name in sizes}
         return dataclasses.replace(self, **scaled)

@@ -22,7 +22,9 @@ ROUNDING = 1e-9  # relative, of a limit
 
 
 class OnsetRule2D(NamedTuple):
-    """The onset of shedding in 2-D, Re = sqrt(plate^2 + slope^2 (length / height)^power) / height.
+    """Constants of a rule for the Reynolds number at which vortex shedding begins in 2-D.
+
+        Re = sqrt(plate^2 + slope^2 (length / height)^power) / height
 
     Of a body as it lies in the stream, see ``StreamwiseProfile``: the length is shortened by the
     factor front^nose if its front half is less full than an ellipse's; the height is at least
@@ -43,12 +45,12 @@ class OnsetRule2D(NamedTuple):
     nose: float
 
     def by_height(self, slenderness: Float[AnyArray, ""]) -> Float[Array, ""]:
-        """Return the onset by the height, of a slenderness length / height."""
+        """Return the onset as a Reynolds number by the height, for this ratio length / height."""
         return jnp.sqrt(self.plate**2 + self.slope**2 * slenderness**self.power)
 
 
 class OnsetRule3D(NamedTuple):
-    """The onset of instability in 3-D, of a body as it lies in the stream.
+    """Constants of a rule for the onset of instability of a 3-D body as it lies in the stream.
 
     With n and w, the narrower and the broader one of height and width, and the slenderness
     s = (length / n) (thickness / height), see ``StreamwiseProfile``,
@@ -78,7 +80,7 @@ def onset_of_instability(
 ) -> Float[Array, ""]:
     """Return an estimate of the Re above which the steady flow past a body is unstable.
 
-    Its rules are fitted to linear stability by finite elements in an unbounded stream; the effect
+    The rules are fitted to linear stability by finite elements in an unbounded stream; the effect
     of tunnel walls is left out.
 
     Args:
@@ -122,7 +124,7 @@ def onset_in_2d(
 
 
 def onset_of(shape: Shape) -> float:
-    """Return ``onset_of_instability`` of a body as a number."""
+    """Return ``onset_of_instability`` of a body, as a float."""
     return float(onset_of_instability(shape.extent, shape.draw(NODES)))
 
 
@@ -132,7 +134,7 @@ def check_reynolds(
     dimension: int = 2,
     onset: float | None = None,
 ) -> float:
-    """Return the Reynolds number as a float, if a steady laminar flow is a fair answer there.
+    """Check that a steady laminar flow is a fair answer at a Reynolds number; return it as a float.
 
     Args:
       reynolds: U D / nu.

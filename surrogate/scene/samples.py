@@ -15,21 +15,22 @@ MIN_DRAW = 128  # Sobol points at a time: enough to find out that all bodies cro
 
 
 class Samples(NamedTuple):
-    """Bodies and Reynolds numbers."""
+    """Samples of a scene: parameters of bodies, and their Reynolds numbers."""
 
     parameters: Float[AnyArray, "samples parameters"]
     reynolds: Float[AnyArray, " samples"]
 
     @property
     def count(self) -> int:
+        """Number of samples."""
         return len(self.reynolds)
 
     def head(self, count: int) -> "Samples":
-        """The first ``count`` samples."""
+        """Return the first ``count`` samples."""
         return Samples(*(part[:count] for part in self))
 
     def at(self, index: AnyArray) -> "Samples":
-        """The samples at these indices, or where a mask is true."""
+        """Return the samples at these indices, or where a mask is true."""
         return Samples(*(part[index] for part in self))
 
 
@@ -64,7 +65,7 @@ def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
 
 
 def network_key(seed: int) -> jax.Array:
-    """The random key of a training's initial weights."""
+    """Return the random key of a training's initial weights."""
     return _keys(seed)[1]
 
 

@@ -134,7 +134,7 @@ class Scene:
         """Write the scene as a TOML file, whole or not at all; a file that is there is replaced.
 
         Raises:
-          InvalidInput: the path is a folder.
+          InvalidInput: the path is a folder, or its folder is not writable.
         """
         if path_of(path).is_dir():
             raise InvalidInput(f"{path}: is a folder; a file is needed")
@@ -146,7 +146,7 @@ class Scene:
 
     @property
     def extent(self) -> tuple[float, ...]:
-        """Sides in D of a centred box that holds every body, and the cylinder or sphere."""
+        """Sides in D of a centred box that holds every body and the cylinder or sphere of D = 1."""
         return tuple(max(float(side), 1.0) for side in self.family.extent)
 
     @property
@@ -155,7 +155,7 @@ class Scene:
         return self.fidelity.for_body(self.reynolds[1], self.extent[1], self.family.chord)
 
     def check_reynolds(self, reynolds: Any) -> float:
-        """Return a Reynolds number of the scene as a float.
+        """Check that the scene covers a Reynolds number, and return it as a float.
 
         Raises:
           InvalidInput: it is not a number, or outside the scene's range.

@@ -20,7 +20,7 @@ SHARE = 0.1  # of the time of a training, about, that may go into writing checkp
 
 
 class Checkpoints:
-    """Writes the checkpoints of one training, at most one every few seconds.
+    """Writer and reader of the checkpoints of one training.
 
     Args:
       path: of the file; None for no checkpoints.
@@ -35,7 +35,7 @@ class Checkpoints:
         self.next = time.perf_counter() + every_s
 
     def load(self, like: PyTree) -> PyTree | None:
-        """The saved state, in the structure of ``like``; None if there is none."""
+        """Return the saved state, in the structure of ``like``; None if there is none."""
         return self.path and load_checkpoint(self.path, self.plan, like, self.partition)
 
     def save_if_due(self, state: PyTree) -> None:
@@ -51,7 +51,13 @@ def save_checkpoint(path: Path, plan: Plan, state: PyTree, partition: Partition)
     """Write the plan and all leaves of ``state`` to one file, atomically.
 
     Sharded arrays are written in the order of the samples, so that a training may resume on
-    another number of devices.
+    another number of devices. In a multi-process run the first process writes.
+
+    Args:
+      path: of the file.
+      plan: of the training; stored, so that only the same training resumes from the file.
+      state: pytree of arrays, with ``Sharded`` nodes of one row per sample.
+      partition: of the samples over devices.
     """
     places = np.asarray(partition.places)
     state = _map_sharded(state, lambda rows: gather_to_host(rows)[places])
@@ -60,7 +66,13 @@ def save_checkpoint(path: Path, plan: Plan, state: PyTree, partition: Partition)
 
 
 def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) -> PyTree | None:
-    """The saved state, in the structure of ``like``; None if there is no checkpoint.
+    """Return the saved state, in the structure of ``like``; None if there is no checkpoint.
+
+    Args:
+      path: of the file.
+      plan: of the training that is to resume.
+      like: a state with the same structure, shapes and types.
+      partition: of the samples over devices, by which ``Sharded`` nodes are split anew.
 
     Raises:
       InvalidInput: the file is damaged, or belongs to another plan.

@@ -20,7 +20,10 @@ EVALUATION = {"dp": 10.0, "hig": 140.0}
 
 
 class Forecast(NamedTuple):
-    """Convolutions, seconds of flows, seconds of the network's updates; without compilation."""
+    """The cost of a training: convolutions, seconds of flows and of the network's updates.
+
+    Compilation is left out.
+    """
 
     green_applications: float
     flow_s: float
@@ -28,6 +31,7 @@ class Forecast(NamedTuple):
 
     @property
     def seconds(self) -> float:
+        """Seconds of the flows and the network's updates together."""
         return self.flow_s + self.network_s
 
 

@@ -19,7 +19,7 @@ Report = Callable[[int, int], None]
 
 
 def silent(done: int, of: int) -> None:
-    """Report nothing."""
+    """Report nothing: the default where a report of progress is optional."""
 
 
 def solve_held_out(

@@ -27,19 +27,19 @@ class HistoryPoint(NamedTuple):
 
 
 def blank_history(points: int) -> Float[np.ndarray, "points 7"]:
-    """An array for this many points, all zero."""
+    """Return an empty history: zeros for ``points`` points and one more, at most 2001."""
     return np.zeros((min(points, MAX_POINTS) + 1, len(HistoryPoint._fields)))
 
 
 def with_point(history: Float[AnyArray, "points 7"], point: HistoryPoint) -> np.ndarray:
-    """The history with one more point; if it is full, in place of the last."""
+    """Return the history with one more point; if it is full, the point replaces the last one."""
     history = np.array(history)
     history[min(len(points_of(history)), len(history) - 1)] = point
     return history
 
 
 def points_of(history: Float[AnyArray, "points 7"]) -> tuple[HistoryPoint, ...]:
-    """The points of a history array."""
+    """Return the points of a history array, without its empty rows."""
     return tuple(
         HistoryPoint(int(i), s, int(g), mean, worst, loss, int(failed))
         for i, s, g, mean, worst, loss, failed in history.tolist()
@@ -51,6 +51,12 @@ def points_of(history: Float[AnyArray, "points 7"]) -> tuple[HistoryPoint, ...]:
 def load_errors(
     network: LoadNetwork, samples: Samples, loads: Float[AnyArray, "samples loads"]
 ) -> Float[Array, "samples loads"]:
-    """Errors of the network's Cd (, Cl, Cm) over Cd for each sample."""
+    """Return the absolute errors of the network's Cd (, Cl, Cm) over Cd, for each sample.
+
+    Args:
+      network: the network.
+      samples: on which its errors are measured.
+      loads: Cd (, Cl, Cm) of the samples' flows.
+    """
     predicted = jax.vmap(network.loads)(*samples)
     return jnp.abs(predicted - loads) / loads[:, :1]

@@ -39,7 +39,7 @@ BLOWN_UP = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class TrainingResult:
-    """A finished training; ``stopped`` says why it ended early, if it did.
+    """The result of a training; ``stopped`` says why it ended early, None if it did not.
 
     ``idle_work`` counts the convolutions that devices and lanes could have done while they waited,
     ``compile_s`` the seconds of compiling the steps.
@@ -53,7 +53,7 @@ class TrainingResult:
 
 
 class TrainingState(NamedTuple):
-    """The state of a training: what a checkpoint holds.
+    """The state of a training, which a checkpoint holds.
 
     ``evaluated`` are the samples that the current step has evaluated so far.
     """
@@ -69,7 +69,7 @@ class TrainingState(NamedTuple):
 
 
 class TrainingSetup(NamedTuple):
-    """What all methods share: the flow solver of the samples, held-out flows, initial network.
+    """The part of a training that all methods share: flow solver, held-out flows, initial network.
 
     ``labels`` are the flows of the held-out bodies, those that were not found being left out and
     counted. ``setup_s`` are the seconds of assembling the operators, ``compile_s`` those of
@@ -90,11 +90,18 @@ def make_setup(
 ) -> TrainingSetup:
     """Draw samples, solve the held-out flows, assemble operators, build the initial network.
 
-    Depends on the plan's scene, seed and counts, not on its method. ``report`` is called with the
-    number of held-out flows that are solved, and of all of them.
+    Depends on the plan's scene, seed and counts, not on its method.
+
+    Args:
+      plan: of the training.
+      devices: over which the flows are distributed; by default those of ``choose_devices``.
+      report: called with the number of held-out flows that are solved, and of all of them.
 
     Raises:
-      NotConverged: more than a tenth of the held-out flows were not found.
+      InvalidInput: bodies of the scene do not fit its domain or tunnel, or one of the samples is
+        thinner than the grid resolves.
+      NotConverged: more than a tenth of the held-out flows, at least two, or all of them did not
+        converge.
     """
     flow, devices = Flow(plan.scene), devices or choose_devices()
     held_out, labels = solve_held_out(flow, plan, devices, report)
@@ -139,6 +146,9 @@ def run_training(
       method: replaces the plan's own, for studies of its settings.
       evaluating: called during a step with the fraction of the training done, the number of
         samples whose labels are final and that of all samples.
+
+    Returns:
+      The trained network and its history; if the network blew up, those of the last report.
 
     Raises:
       InvalidInput: the checkpoint is damaged, or belongs to another plan.

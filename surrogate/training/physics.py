@@ -35,18 +35,22 @@ class Sample(eqx.Module):
 
     @property
     def domain(self) -> Domain:
+        """Computational domain of the flow solver."""
         return self.flow.domain
 
     def loads(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " loads"]:
-        """Cd, and where there is lift Cl and Cm, of a traction on this body."""
+        """Return Cd, and where there is lift Cl and Cm, of a traction on this body."""
         return _loads(self.flow, self.parameters, amplitude)
 
     def outputs(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " loads"]:
-        """log Cd, and where there is lift Cl / Cd and Cm / Cd, of a traction on this body."""
+        """Return log Cd (, and with lift Cl / Cd and Cm / Cd) of a traction on this body."""
         return outputs_of(self.loads(amplitude))
 
     def start(self, operators: Operators, last: Float[Array, "axes ..."]) -> Array:
-        """The last velocity, or that of the Oseen flow where there is none, which is zero."""
+        """Return the velocity from which a flow is solved: the last one, or that of the Oseen flow.
+
+        There is no last one where ``last`` is zero.
+        """
         return jnp.where(jnp.any(last), last, steady.oseen_velocity(operators, self.oseen))
 
     @property
@@ -55,12 +59,12 @@ class Sample(eqx.Module):
         return 0 if isinstance(self.stored, Operators) else self.domain.assembly_cost
 
     def operators(self) -> Operators:
-        """The operators of the flow solver; where they are large they are assembled here."""
+        """Return the operators of the flow solver; where they are large they are assembled here."""
         return restored(self.flow, jax.tree.map(lambda leaf: leaf[self.row], self.stored))
 
 
 class Physics(eqx.Module):
-    """Everything that evaluations of the samples need, apart from their last velocities.
+    """The flow solver of all training samples, apart from the last velocities of their flows.
 
     Operators are sharded; samples, the tractions and outputs of their Oseen flows and the influence
     matrices dy/da of these are replicated. In 3-D, and of lifting bodies, the operators of a sample
@@ -77,24 +81,36 @@ class Physics(eqx.Module):
 
     @property
     def domain(self) -> Domain:
+        """Computational domain of the flow solver."""
         return self.flow.domain
 
     @property
     def count(self) -> int:
+        """Number of samples."""
         return self.samples.count
 
     @property
     def velocity_shape(self) -> tuple[int, ...]:
-        """The shape of the velocity of one sample."""
+        """Shape of the velocity of one sample: its components, then the cells of the lattice."""
         return self.domain.lattice.dimension, *self.domain.lattice.shape
 
     def evaluate(
         self, batch: Array, velocities: Sharded, function: Callable, *arguments: Array | tuple
     ) -> Evaluated:
-        """``function(sample, velocity, *arguments) -> (result, velocity)`` of a batch of samples.
+        """Evaluate a function of each sample of a batch with its operators and last velocity.
 
-        ``arguments`` have one row per entry of the batch. Runs inside ``shard_map``, on this
-        device's rows of operators and velocities; see ``Partition.evaluate``.
+        Runs inside ``shard_map``, on this device's rows of operators and velocities; see
+        ``Partition.evaluate``.
+
+        Args:
+          batch: indices of the samples; the index ``count`` is padding.
+          velocities: this device's rows.
+          function: ``(sample, velocity, *arguments) -> (result, velocity)``; a result has a field
+            ``products``, the number of convolutions that it took.
+          arguments: pytrees with one row per entry of the batch.
+
+        Returns:
+          The results, replicated, this device's new velocities, and the idle work.
         """
 
         def evaluate_sample(row, velocity, argument):
@@ -116,6 +132,11 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> Physi
     """Assemble the operators of all samples and solve their Oseen flows.
 
     Takes ``assembly_cost`` convolutions per sample.
+
+    Args:
+      flow: solver of the scene.
+      samples: bodies and Reynolds numbers, replicated.
+      partition: of the samples over devices.
     """
 
     def prepare(sample):
@@ -139,7 +160,7 @@ def _loads(flow, parameters, amplitude):
 
 
 def restored(flow: Flow, stored: StoredOperators) -> Operators:
-    """The operators of a sample, assembled where only its parameters are stored."""
+    """Return the operators of a sample, assembled where only its parameters are stored."""
     if isinstance(stored, Operators):
         return stored
     parameters, reynolds = stored

@@ -35,7 +35,7 @@ FEW = ("sip", "hig")  # methods that are also compared on a quarter of the sampl
 
 @dataclasses.dataclass(frozen=True)
 class Preset:
-    """Numbers of samples, held-out samples and iterations.
+    """A preset of the numbers of samples, held-out samples and iterations.
 
     ``iterations`` are those of the methods at their best, ``published`` those of the methods as
     published where they differ.
@@ -67,7 +67,7 @@ HELD_OUT_HELP = ", ".join(f"{name}: {preset.held_out}" for name, preset in PRESE
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """Everything that defines a training; a checkpoint belongs to exactly one plan.
+    """The definition of a training; a checkpoint belongs to exactly one plan.
 
     Args:
       method: dp, sip, hig or supervised.
@@ -92,7 +92,7 @@ class Plan:
     published: bool = False
 
     def make_method(self) -> Method:
-        """The method with its default settings."""
+        """Return the method with its default settings."""
         return (PUBLISHED if self.published else MAKERS)[self.method]()
 
 
@@ -106,7 +106,19 @@ def make_plan(
     published: bool = False,
     held_out: int | None = None,
 ) -> Plan:
-    """The plan of a preset, whose numbers are replaced by those that are given.
+    """Return the plan of a preset, whose numbers are replaced by those that are given.
+
+    Scenes whose bodies have lift get three times the preset's iterations.
+
+    Args:
+      scene: stream, Reynolds numbers, fidelity and family of bodies; ``Scene()`` if None.
+      method: "dp", "sip", "hig" or "supervised".
+      preset: "quick" or "full".
+      samples: number of training samples, at least 4, in place of the preset's.
+      seed: of samples, held-out samples, batches and initial weights.
+      budget_seconds: seconds of training, from 1 to below 1e6, in place of the preset's iterations.
+      published: the method as published instead of at its best.
+      held_out: number of held-out samples, at least 4, in place of the preset's.
 
     Raises:
       InvalidInput: no such method or preset, or a number is out of range.
@@ -148,10 +160,20 @@ def compared_plans(
     seed: int = 0,
     budget_seconds: float | None = None,
 ) -> dict[str, Plan]:
-    """The plans of all trainings that the payoff compares, by name: every method at its best.
+    """Return the plans of all trainings that the payoff command compares, by name.
 
-    With the preset full also every method as published, and two of them on a quarter of the
-    samples.
+    These are all methods at their best. With the preset full there are also all methods as
+    published, and SIP and HIG at their best on a quarter of the samples.
+
+    Args:
+      scene: as for ``make_plan``.
+      preset: "quick" or "full".
+      samples: number of training samples, in place of the preset's.
+      seed: as for ``make_plan``.
+      budget_seconds: of each training, in place of the preset's iterations.
+
+    Raises:
+      InvalidInput: as ``make_plan``.
     """
     count = PRESETS[preset].samples if samples is None else samples
 

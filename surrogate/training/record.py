@@ -31,7 +31,14 @@ SETTINGS = {  # of a plan and of a record, as messages call them
 def surrogate_of(
     plan: Plan, trained: TrainingResult, setup: TrainingSetup, notes: JsonObject | None = None
 ) -> Surrogate:
-    """The surrogate of a finished training, with its record, to which ``notes`` are added."""
+    """Return the surrogate of a finished training, with its record.
+
+    Args:
+      plan: of the training.
+      trained: its result.
+      setup: from which it started; its held-out flows give the errors and their bounds.
+      notes: added to the record.
+    """
     last = trained.history[-1]
     record = {
         "method": plan.method,
@@ -79,7 +86,8 @@ def measured_anew(
       report: as of ``make_setup``.
 
     Raises:
-      NotConverged: more than a tenth of the held-out flows were not found.
+      NotConverged: more than a tenth of the held-out flows, at least two, or all of them did not
+        converge.
     """
     held_out, labels = solve_held_out(Flow(plan.scene), plan, devices, report)
     record = surrogate.record | _errors(plan, surrogate.network, held_out, labels.loads)
@@ -116,6 +124,6 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
 
 
 def command_line() -> str:
-    """The command that is running, as stored with its result."""
+    """Return the command that is running, as stored with its result."""
     name = Path(sys.argv[0]).name
     return " ".join([f"python scripts/{name}" if name.endswith(".py") else name, *sys.argv[1:]])

@@ -24,7 +24,7 @@ NO_COST = EvaluationCost(0, 0, 0)
 
 
 class LearnerState(NamedTuple):
-    """What a step changes: network, optimiser's state, labels, last velocity of every sample.
+    """The state that a step changes: network, optimiser's state, labels, velocities of all samples.
 
     Velocities are zero until a flow is solved; where the method does not start from them, one zero
     stands for each.
@@ -36,7 +36,7 @@ class LearnerState(NamedTuple):
     velocities: Sharded
 
     def placed(self, devices: Devices) -> "LearnerState":
-        """The same with the labels replicated on the mesh and the velocities sharded."""
+        """Return the state with the labels replicated on the mesh and the velocities sharded."""
         labels, velocities = devices.place((self.labels, self.velocities))
         return self._replace(labels=labels, velocities=velocities)
 
@@ -53,7 +53,9 @@ class Step(NamedTuple):
     def evaluations(
         self, state: LearnerState, batch: Batch, evaluated: Bool[AnyArray, " samples"]
     ) -> Iterator[tuple[LearnerState, Batch, EvaluationCost]]:
-        """Evaluate a batch chunk by chunk: the state, the samples and the cost after each.
+        """Evaluate a batch chunk by chunk; yield the state, the samples and the cost after each.
+
+        Nothing is evaluated if all labels of the batch have converged.
 
         Args:
           state: before the step.
@@ -69,7 +71,13 @@ class Step(NamedTuple):
             yield state, chunk[chunk < self.physics.count], cost
 
     def updated(self, state: LearnerState, batch: Batch, done: float) -> tuple[LearnerState, Array]:
-        """The state with an updated network, and the loss before the update."""
+        """Return the state with an updated network, and the loss that ``Method.update`` returns.
+
+        Args:
+          state: after the evaluations of the step.
+          batch: indices of samples.
+          done: fraction of the training that is over.
+        """
         devices = self.physics.partition.devices
         labels, samples = devices.local((state.labels, self.physics.samples))
         network, optimiser, loss = self.update(
@@ -87,7 +95,7 @@ class Step(NamedTuple):
 
 
 def first_state(method: Method, network: LoadNetwork, physics: Physics) -> LearnerState:
-    """The state before the first step."""
+    """Return the state before the first step."""
     devices = physics.partition.devices
     optimiser, labels = jax.jit(method.init)(devices.place(network), physics)
     velocities = physics.partition.zeros(physics.velocity_shape if method.warm_starts else (1,))
@@ -95,7 +103,14 @@ def first_state(method: Method, network: LoadNetwork, physics: Physics) -> Learn
 
 
 def compile_step(method: Method, start: LearnerState, physics: Physics, batch: Batch) -> Step:
-    """Compile the programs of a method's steps, for batches of this size."""
+    """Compile the programs of a method's steps, for batches of this size.
+
+    Args:
+      method: its ``evaluate`` and ``update`` are compiled.
+      start: a state of the training, whose shapes and shardings all others have.
+      physics: the flow solver of all samples.
+      batch: indices of the samples of one batch.
+    """
     partition, devices = physics.partition, physics.partition.devices
     network = devices.place(jax.tree.map(np.asarray, start.network))
     chunk = devices.place(next(partition.chunks(batch, np.zeros(physics.count, bool))))

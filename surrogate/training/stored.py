@@ -50,7 +50,7 @@ def stored_training(plan: Plan, folder: str | Path, overwrite: bool = False) -> 
 
 
 def checkpoint_path(folder: str | Path) -> Path:
-    """The path of a training's checkpoint, beside the surrogate's folder."""
+    """Return the path of a training's checkpoint, beside the surrogate's folder."""
     place = Path(folder).resolve()
     return place.with_name(place.name + ".checkpoint")
 

@@ -99,11 +99,30 @@ def train_plan(
     overwrite: bool = False,
     notes: JsonObject | None = None,
 ) -> Surrogate:
-    """``train`` by a plan, without warning, with a setup that is shared, if one is given.
+    """Train a surrogate by a plan and save it, or return the one that is saved already.
 
-    Of a finished training that differs in the number of held-out bodies alone the errors are
-    measured anew. In a multi-process run the first process writes. ``notes`` are added to the
-    record.
+    As ``train``, but without a warning of large errors. If a saved surrogate differs from the plan
+    in the number of held-out bodies alone, its errors are measured anew, unless ``overwrite`` is
+    set. In a multi-process run the first process writes.
+
+    Args:
+      plan: of the training.
+      out: folder to save to, with a checkpoint beside it; None to save nothing.
+      progress: whether to show progress on stderr.
+      devices: over which the flows are distributed; by default those of ``choose_devices``.
+      setup: from ``make_setup`` for this plan, or one of equal scene, seed and counts that several
+        trainings share; by default it is made here, on these devices.
+      title: of the progress bar; by default the method's name.
+      overwrite: train even if the folder holds a surrogate, and replace it.
+      notes: added to the record of a new training.
+
+    Returns:
+      The surrogate.
+
+    Raises:
+      InvalidInput: the folder holds another training and ``overwrite`` is not set, or something
+        else; or a body of the samples does not fit the grid.
+      NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
     stored = None if out is None else stored_training(plan, out, overwrite)
     if stored is not None and not overwrite:
@@ -141,10 +160,22 @@ def train_all(
     """Train a surrogate per plan, in folders of the plans' names; load those already trained.
 
     Plans of equal scene, seed and counts share samples, held-out bodies and initial weights. A
-    surrogate of another plan is replaced with ``overwrite`` only.
+    warning says where the errors of a surrogate are large.
+
+    Args:
+      plans: by the names of their folders.
+      out: folder of these folders.
+      devices: over which the flows are distributed; by default those of ``choose_devices``.
+      overwrite: train anew where a folder holds a surrogate of another plan, or one measured on
+        another number of held-out bodies, and replace it.
+
+    Returns:
+      The surrogates by the same names.
 
     Raises:
-      InvalidInput: a folder holds something else, or a surrogate of another plan.
+      InvalidInput: a folder holds something else, or a surrogate of another plan and ``overwrite``
+        is not set.
+      NotConverged: as ``train_plan``.
     """
     surrogates = {
         name: stored_training(plan, out / name, overwrite) for name, plan in plans.items()
@@ -165,14 +196,14 @@ def train_all(
 
 
 def is_measured(surrogate: Surrogate, plan: Plan) -> bool:
-    """Whether the errors of a plan's surrogate are those on the plan's held-out bodies."""
+    """Return whether the errors of a plan's surrogate are those on the plan's held-out bodies."""
     return surrogate.record.get("held_out") == plan.held_out
 
 
 def setup_with_bar(
     plan: Plan, progress: bool = True, devices: Devices | None = None
 ) -> TrainingSetup:
-    """``make_setup`` with progress on stderr."""
+    """Make the setup of a training as ``make_setup`` does, with progress on stderr."""
     with progress_bar("preparing flows", progress) as update:
         update(0.0, f"{plan.samples} bodies, {plan.held_out} held out")
 
@@ -194,7 +225,16 @@ def train_with_bar(
     title: str | None = None,
     progress: bool = True,
 ) -> TrainingResult:
-    """``run_training`` with progress on stderr under a ``title``, by default the method's name."""
+    """Train as ``run_training`` does, with progress on stderr.
+
+    Args:
+      plan: as for ``run_training``.
+      setup: as for ``run_training``.
+      checkpoint: as for ``run_training``.
+      method: as for ``run_training``.
+      title: of the progress bar; by default the method's name.
+      progress: whether to show progress.
+    """
     with progress_bar(f"training {title or plan.method}", progress) as update:
 
         def report(point: HistoryPoint, done: float) -> None:

@@ -46,7 +46,7 @@ ADJOINT = Effort(0.1, 30)  # one digit: the noise of a batch of 4 samples is lar
 
 
 class DPState(NamedTuple):
-    """Adam's state, and dy/da of the samples' Oseen flows."""
+    """The optimiser's state of DP: Adam's, and the compliance dy/da of the samples' Oseen flows."""
 
     adam: optax.OptState
     compliance: Float[AnyArray, "samples modes modes"]
@@ -54,11 +54,12 @@ class DPState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class DifferentiablePhysics(Method):
-    """DP at its best: the loss sees the flow linearised about its last evaluation.
+    """DP at its best: the loss uses the flow linearised about its last evaluation.
 
     An evaluation is one coupled Newton step to the traction a+, until the label converges; the
     slip of any other traction is C (a - a+), with the compliance C of the Oseen flow. The drag
-    term is exact, and the drag's slopes are trained with weight ``slopes``.
+    term is exact, and the drag's slopes are trained with weight ``slopes``. With lift these are
+    the terms of all loads.
     """
 
     batch: int = 64
@@ -69,14 +70,23 @@ class DifferentiablePhysics(Method):
     warm_starts = CoupledStep.warm_starts
 
     def init(self, network, physics):
+        """Return Adam's state with the compliance of Oseen flows, and labels that are not valid."""
         state = adam(self.learning_rate).init(network.weights)
         return DPState(state, physics.influence), no_labels(physics)
 
     def evaluate(self, network, physics, labels, velocities, batch):
+        """Make one coupled Newton step for each sample whose label has not converged.
+
+        Arguments and results are those of ``Method.evaluate``.
+        """
         inversion = CoupledStep(slopes=self.slopes > 0)
         return inversion.evaluate(network, physics, labels, velocities, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
+        """Make one step of Adam on the loss of the batch's samples with a valid label.
+
+        Arguments and results are those of ``Method.update``.
+        """
         valid = labels.valid[batch]
 
         def loss_of(weights):
@@ -94,7 +104,7 @@ class DifferentiablePhysics(Method):
 
 
 class LossGradient(NamedTuple):
-    """The loss of a sample, its gradient in the traction, and what the evaluation took."""
+    """The loss of a sample, its gradient in the traction, its validity, and convolutions spent."""
 
     gradient: Float[AnyArray, "*samples modes"]
     loss: Float[AnyArray, "*samples"]
@@ -102,7 +112,7 @@ class LossGradient(NamedTuple):
     products: Int[AnyArray, "*samples"]
 
     def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
-        """All: every step needs the flows of its own tractions."""
+        """Return True for all samples: every step needs the flows of its own tractions."""
         return np.ones(len(batch), bool)
 
 
@@ -120,12 +130,17 @@ class PublishedDifferentiablePhysics(Method):
     warm_starts = True
 
     def init(self, network, physics):
+        """Return Adam's state, and a store of losses and gradients that are zero and not valid."""
         count, modes = physics.tractions.shape
         none, zeros = jnp.zeros(count, int), jnp.zeros(count)
         blank = LossGradient(jnp.zeros((count, modes)), zeros, none.astype(bool), none)
         return adam(self.learning_rate).init(network.weights), blank
 
     def evaluate(self, network, physics, labels, velocities, batch):
+        """Solve the flows that the predicted tractions drive; store losses and their gradients.
+
+        Arguments and results are those of ``Method.evaluate``.
+        """
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, self._differentiate, predicted)
         labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, found.results)
@@ -152,6 +167,10 @@ class PublishedDifferentiablePhysics(Method):
         return result, jnp.where(valid, velocity, 0.0)
 
     def update(self, network, optimiser, labels, samples, batch, done):
+        """Make one step of Adam by the stored gradients in the traction of the batch.
+
+        Arguments and results are those of ``Method.update``.
+        """
         gradient, loss, valid, _ = jax.tree.map(lambda leaf: leaf[batch], labels)
         count = jnp.maximum(jnp.sum(valid), 1)
         gradient = jnp.where(valid[:, None], gradient, 0.0) / count
@@ -178,7 +197,18 @@ def adam_step(
     learning_rate: float,
     done: Array,
 ) -> tuple[LoadNetwork, optax.OptState]:
-    """One step of Adam with its cosine schedule."""
+    """Make one step of Adam, whose learning rate follows its cosine schedule.
+
+    Args:
+      network: before the step.
+      state: of Adam, from ``adam(learning_rate).init``.
+      gradient: of the loss in ``network.weights``.
+      learning_rate: at the start of the training.
+      done: fraction of the training that is over.
+
+    Returns:
+      The network after the step, and Adam's new state.
+    """
     state = with_cosine_rate(state, learning_rate, done)
     change, state = adam(learning_rate).update(gradient, state)
     return network.with_weights(network.weights + change), state

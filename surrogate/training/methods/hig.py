@@ -68,13 +68,23 @@ class HalfInverseGradients(Method):
     warm_starts = FullSolve.warm_starts
 
     def init(self, network, physics):
+        """Return the number of steps so far, 0, and labels that are not valid."""
         return jnp.array(0), no_labels(physics)
 
     def evaluate(self, network, physics, labels, velocities, batch):
+        """Solve flow and adjoint of each sample that has not been evaluated yet.
+
+        Arguments and results are those of ``Method.evaluate``.
+        """
         inversion = FullSolve(slopes=True, newton=self.newton)
         return inversion.evaluate(network, physics, labels, velocities, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
+        """Make one half-inverse step on the residuals of the batch's outputs and their gradients.
+
+        Arguments and results are those of ``Method.update``.
+        """
+
         def residuals(weights, index):
             moved = network.with_load_weights(weights)
             return load_residuals(moved, samples, labels, index).ravel()
@@ -89,7 +99,7 @@ class HalfInverseGradients(Method):
 
 
 class ForcedFlowResult(NamedTuple):
-    """Slip of the flow that a traction drives, its compliance dy/da, and what they took."""
+    """Slip of the flow that a traction drives, its compliance dy/da, validity and convolutions."""
 
     slip: Float[Array, " modes"]
     compliance: Float[Array, "modes modes"]
@@ -98,7 +108,7 @@ class ForcedFlowResult(NamedTuple):
 
 
 class LinearisedSlip(NamedTuple):
-    """Last residuals y of all samples, the drag's among them, and their derivatives dy/da.
+    """Last residuals y of all samples, the drag error among them, and their derivatives dy/da.
 
     Zero for samples whose evaluation failed.
     """
@@ -107,7 +117,7 @@ class LinearisedSlip(NamedTuple):
     by_traction: Float[AnyArray, "samples outcomes modes"]
 
     def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
-        """All: every step needs the flows of its own tractions."""
+        """Return True for all samples: every step needs the flows of its own tractions."""
         return np.ones(len(batch), bool)
 
 
@@ -130,11 +140,16 @@ class PublishedHalfInverseGradients(Method):
     warm_starts = True
 
     def init(self, network, physics):
+        """Return the number of steps so far, 0, and a store of residuals that are zero."""
         count, modes = physics.tractions.shape
         blank = jnp.zeros((count, modes + 1)), jnp.zeros((count, modes + 1, modes))
         return jnp.array(0), LinearisedSlip(*blank)
 
     def evaluate(self, network, physics, labels, velocities, batch):
+        """Solve the flows that the predicted tractions drive; store slips and their derivatives.
+
+        Arguments and results are those of ``Method.evaluate``.
+        """
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, _linearise, predicted)
         results, drag = found.results, drag_coefficient(physics.tractions[batch])
@@ -149,6 +164,11 @@ class PublishedHalfInverseGradients(Method):
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
+        """Make one half-inverse step on the slips of the batch and the weighted drag errors.
+
+        Where there is lift the moment is one more residual (``moment_residual``). Arguments and
+        results are those of ``Method.update``.
+        """
         moments = jax.vmap(lambda k: moment_residual(network, samples, k))(batch)
         known = jnp.any(labels.y[batch] != 0, axis=1, keepdims=True)
         y = jnp.append(labels.y[batch], self.goal * jnp.where(known, moments, 0.0), axis=1)
@@ -187,6 +207,15 @@ def with_goal_row(
     """Append the weighted drag error goal lambda . y / Cd and its derivative in the traction.
 
     lambda solves C^T lambda = -dCd/da, so that the derivative of the row is known without it.
+
+    Args:
+      slip: y of the flows that the tractions drive.
+      compliance: C = dy/da of the same flows.
+      goal: weight of the drag error.
+      drag: Cd by which the errors are divided, that of the Oseen flows.
+
+    Returns:
+      y with the drag error as last entry, and its derivatives in the traction: C with one more row.
     """
     by_traction = jax.grad(drag_coefficient)(slip[0])
     row = -goal * by_traction / jnp.abs(drag)[:, None]
@@ -205,9 +234,24 @@ def weight_step(
     vectors: int | None = None,
     limited: bool = False,
 ) -> Weights:
-    """V S^-kappa U^T y / sqrt(B) of a batch, dense or by Lanczos vectors.
+    """Return V S^-kappa U^T y / sqrt(B), the step in the weights, dense or by Lanczos vectors.
 
-    ``residuals`` need only have the right derivatives. Samples whose y is zero do not count in B.
+    J = dy/d(weights) / sqrt(B) = U S V^T is the Jacobian of a batch, B the number of its samples
+    whose y is not zero. The new weights are the old ones minus a learning rate times this step.
+
+    Args:
+      residuals: function of the weights and the index of one sample that returns its residuals;
+        they need only have the right derivatives, the values are taken from ``y``.
+      weights: at which J is evaluated.
+      batch: indices of the samples.
+      y: residuals of these samples; all zero for a sample that has none.
+      tau: singular values up to ``tau`` times the largest are dropped.
+      kappa: exponent of the inverse: 1/2 for HIG, 1 for Gauss-Newton, -1 for gradient descent.
+      vectors: number of Lanczos vectors; None for the dense inverse.
+      limited: no component exceeds 1.5 times Gauss-Newton's step, as in ``partial_inverse``.
+
+    Returns:
+      The step, of the shape of the weights.
     """
     root = jnp.sqrt(_count(y))
     y = y / root

@@ -25,11 +25,21 @@ def partial_inverse(
     kappa: float = 0.5,
     limited: bool = False,
 ) -> Float[Array, " weights"]:
-    """Dense, by the eigendecomposition of the smaller of J J^T and J^T J.
+    """Return V S^-kappa U^T y of a dense matrix J = U S V^T, truncated.
 
-    Singular values up to ``tau`` times the largest are dropped. With ``limited`` no component of
-    the step exceeds 1.5 times Gauss-Newton's 1 / S, which reaches the minimum of the linearised
-    problem: S^-kappa does for kappa = 1/2 where S > 2.25, and beyond S = 4 residuals grow.
+    By the eigendecomposition of the smaller of J J^T and J^T J.
+
+    Args:
+      jacobian: J.
+      y: right-hand side.
+      tau: singular values up to ``tau`` times the largest are dropped.
+      kappa: exponent of the inverse: 1/2 for HIG, 1 for Gauss-Newton, -1 for gradient descent.
+      limited: no component exceeds 1.5 times Gauss-Newton's 1 / S, which reaches the minimum of
+        the linearised problem: S^-kappa does for kappa = 1/2 where S > 2.25, and beyond S = 4
+        residuals grow.
+
+    Returns:
+      The step in the weights; its sign is that of J^T y.
     """
     rows, weights = jacobian.shape
     if rows <= weights:
@@ -49,19 +59,24 @@ def partial_inverse_lanczos(
     vectors: int = 64,
     limited: bool = False,
 ) -> Float[Array, " weights"]:
-    """Matrix-free, by Lanczos on J J^T from y (Golub and Van Loan, section 10.1).
+    """Return V S^-kappa U^T y without forming J = U S V^T, by the Lanczos process on J J^T from y.
 
-    Reorthogonalised against all vectors twice. Ritz values stand for the squared singular values
-    and are truncated alike. The memory is ``vectors`` times the rows.
+    Golub and Van Loan, section 10.1. Each vector is orthogonalised twice against all
+    others. Ritz values stand for the squared singular values and are truncated alike. The memory
+    is ``vectors`` times the rows.
 
     Args:
       forward: v -> J v.
       transpose: z -> J^T z.
       y: right-hand side.
       tau: singular values up to ``tau`` times the largest are dropped.
-      kappa: exponent of the inverse.
-      vectors: number of Lanczos vectors; each takes one product with J and one with J^T.
+      kappa: exponent of the inverse: 1/2 for HIG, 1 for Gauss-Newton, -1 for gradient descent.
+      vectors: number of Lanczos vectors, at most one a row; each takes one product with J and one
+        with J^T.
       limited: no component exceeds 1.5 times Gauss-Newton's step, as in ``partial_inverse``.
+
+    Returns:
+      The step in the weights; with as many vectors as rows it is that of ``partial_inverse``.
     """
     size = jnp.linalg.norm(y)
 

@@ -34,7 +34,7 @@ LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
 
 
 class TrainingLabels(NamedTuple):
-    """Training labels of samples, or of one.
+    """Training labels of many samples, or the label of one.
 
     The outputs are log Cd, and where there is lift Cl / Cd and Cm / Cd.
 
@@ -53,19 +53,22 @@ class TrainingLabels(NamedTuple):
     converged: Bool[AnyArray, "*samples"]
 
     def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
-        """Whether the label of a sample has not converged."""
+        """Return whether the label of each sample has not converged."""
         return ~np.asarray(self.converged)[batch]
 
 
 def no_labels(physics: Physics) -> TrainingLabels:
-    """The label store before any evaluation."""
+    """Return the label store before any evaluation.
+
+    It holds tractions and outputs of the Oseen flows; no label is valid or converged.
+    """
     none = jnp.zeros(physics.count, bool)
     slopes = jnp.zeros((*physics.outputs.shape, physics.samples.parameters.shape[1] + 1))
     return TrainingLabels(physics.tractions, physics.outputs, slopes, none, none)
 
 
 class InversionResult(NamedTuple):
-    """One inversion of the flow solver: flow, slopes, whether valid and converged, convolutions."""
+    """The result of one inversion: flow, slopes, whether valid and converged, convolutions."""
 
     state: FlowState
     slopes: Float[Array, "loads inputs"]
@@ -83,7 +86,12 @@ class LabelResult(NamedTuple):
 
 
 class Inversion(abc.ABC):
-    """A way to invert the flow solver: from a body and its no-slip condition to the traction."""
+    """A way to invert the flow solver: from a body and its no-slip condition to the traction.
+
+    Attributes:
+      slopes: whether a converged label gets its slopes, by an adjoint solve a load.
+      warm_starts: whether the velocity of the last evaluation is needed, and stored.
+    """
 
     slopes: bool  # whether a converged label gets its slopes, by an adjoint solve a load
     warm_starts: bool  # whether the velocity of the last evaluation is needed, and stored
@@ -92,13 +100,17 @@ class Inversion(abc.ABC):
     def invert(
         self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
     ) -> InversionResult:
-        """Invert for one sample.
+        """Invert the flow solver for one sample.
 
         Args:
           sample: body and Reynolds number.
           predicted: the network's traction modes.
           stored: traction of the last valid evaluation; its velocity too with ``warm_starts``.
           valid: whether there was one.
+
+        Returns:
+          The flow, its velocity of the shape of the stored one; slopes; whether the label is valid
+          and whether it has converged; the convolutions, without those of ``Sample.renewal``.
         """
 
     def evaluate(
@@ -109,7 +121,21 @@ class Inversion(abc.ABC):
         velocities: Sharded,
         batch: Batch,
     ) -> tuple[TrainingLabels, Sharded, EvaluationCost]:
-        """``Method.evaluate`` of methods that train on labels: invert where not converged."""
+        """Invert the solver for each sample of a chunk whose label has not converged.
+
+        This is ``Method.evaluate`` of methods that train on labels. A label is replaced where the
+        inversion is valid.
+
+        Args:
+          network: predicts the tractions from which inversions may start.
+          physics: the flow solver of the samples.
+          labels: all labels so far.
+          velocities: this device's rows of the chunk.
+          batch: indices of the chunk's samples.
+
+        Returns:
+          The new labels, the new velocities and the cost.
+        """
 
         def evaluate_sample(sample, velocity, predicted, label):
             stored = FlowState(velocity, label.tractions)
@@ -162,7 +188,8 @@ class Inversion(abc.ABC):
 class CoupledStep(Inversion):
     """One coupled Newton step from the predicted traction and the last velocity.
 
-    A label has converged when the drag changes by at most ``tolerance`` between evaluations.
+    A label has converged when the drag changes by at most ``tolerance``, relative, between
+    evaluations.
     """
 
     slopes: bool = False
@@ -171,6 +198,10 @@ class CoupledStep(Inversion):
     warm_starts = True
 
     def invert(self, sample, predicted, stored, valid):
+        """Make one coupled Newton step of the flow and its traction.
+
+        Arguments and results are those of ``Inversion.invert``.
+        """
         operators = sample.operators()
         velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, predicted))
         start = FlowState(velocity, predicted)
@@ -185,7 +216,7 @@ class CoupledStep(Inversion):
 
 @dataclasses.dataclass(frozen=True)
 class FullSolve(Inversion):
-    """The body flow, solved at the first evaluation.
+    """The solution of the body flow, at the first evaluation of a sample.
 
     Where flow or slopes are not found the sample counts as converged without a valid label: a
     second attempt would be the same computation.
@@ -196,6 +227,10 @@ class FullSolve(Inversion):
     warm_starts = False
 
     def invert(self, sample, predicted, stored, valid):
+        """Solve the body flow, and its adjoint for the slopes; the velocity is not kept.
+
+        Arguments and results are those of ``Inversion.invert``.
+        """
         operators = sample.operators()
         state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
         slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
@@ -207,9 +242,18 @@ class FullSolve(Inversion):
 def load_residuals(
     network: LoadNetwork, samples: Samples, labels: TrainingLabels, index: Int[Array, ""]
 ) -> Float[Array, "loads outcomes"]:
-    """Residuals of one sample: of every output, and of its gradient in scaled inputs.
+    """Return the residuals of one sample: of every output, and of its gradient in scaled inputs.
 
     Residuals of labels that are not valid (gradient: not converged) are zero.
+
+    Args:
+      network: whose outputs are compared with the label.
+      samples: all samples.
+      labels: their labels.
+      index: of the sample.
+
+    Returns:
+      One row for each output: its residual, then those of its derivatives in all scaled inputs.
     """
     parameters, reynolds = samples.at(index)
     z, steepness = network.inputs(parameters, reynolds), network.inputs.steepness(parameters)

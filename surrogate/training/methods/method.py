@@ -30,12 +30,12 @@ class LabelStore(Protocol):
     """Results of all evaluations so far: arrays with one row per sample, on every device."""
 
     def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
-        """Whether evaluating a sample again could improve its label."""
+        """Return for each sample of a batch whether another evaluation could improve its label."""
         ...
 
 
 class EvaluationCost(NamedTuple):
-    """Convolutions of an evaluation, samples that failed, and convolutions of idle devices."""
+    """The cost of an evaluation: its convolutions, failed samples, convolutions of idle devices."""
 
     products: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
@@ -45,9 +45,12 @@ class EvaluationCost(NamedTuple):
 class Method(abc.ABC):
     """A training method; implementations are frozen dataclasses of its settings.
 
-    ``batch`` is the number of samples per step; ``trains_traction`` says whether all traction modes
-    of the network are trained, or the drag alone; ``warm_starts`` whether an evaluation starts from
-    the velocity of the sample's last one. JAX traces ``init``, ``evaluate``, ``update``.
+    JAX traces ``init``, ``evaluate`` and ``update``.
+
+    Attributes:
+      batch: number of samples per step.
+      trains_traction: whether all traction modes of the network are trained, or the loads alone.
+      warm_starts: whether an evaluation starts from the velocity of the sample's last one.
     """
 
     batch: int
@@ -56,7 +59,15 @@ class Method(abc.ABC):
 
     @abc.abstractmethod
     def init(self, network: LoadNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:
-        """The optimiser's state and the label store before the first step."""
+        """Return the optimiser's state and the label store before the first step.
+
+        Args:
+          network: the initial network.
+          physics: the flow solver of all samples and their Oseen flows.
+
+        Returns:
+          The optimiser's state, any pytree of arrays, and the label store, with one row per sample.
+        """
 
     @abc.abstractmethod
     def evaluate(
@@ -67,10 +78,22 @@ class Method(abc.ABC):
         velocities: Sharded,
         batch: Batch,
     ) -> tuple[LabelStore, Sharded, EvaluationCost]:
-        """Evaluate a chunk of a batch: new labels, new velocities, cost.
+        """Evaluate the samples of a chunk of a batch with the flow solver.
 
         Runs inside ``shard_map``: each device has its own rows of the chunk in ``velocities`` and
         in ``physics.operators``; everything else is replicated.
+
+        Args:
+          network: before the update.
+          physics: the flow solver of the samples, see ``Physics.evaluate``.
+          labels: the label store of all samples.
+          velocities: last velocities of the chunk's samples, zero before their first flow; each of
+            the shape ``physics.velocity_shape``, or (1,) without ``warm_starts``.
+          batch: indices of the chunk's samples; the index ``physics.count`` is padding.
+
+        Returns:
+          The label store with new rows for the chunk, the new velocities in the same order and
+          shape, and the cost.
         """
 
     @abc.abstractmethod
@@ -83,47 +106,75 @@ class Method(abc.ABC):
         batch: Batch,
         done: Float[AnyArray, ""],
     ) -> tuple[LoadNetwork, PyTree, Float[Array, ""]]:
-        """Update the network: new network, new optimiser state, the loss before.
+        """Update the network once, from the labels of a batch or of all samples.
 
-        Runs on one device. ``done`` is the fraction of the training that is over, for schedules.
+        Runs on one device.
+
+        Args:
+          network: before the update.
+          optimiser: the optimiser's state.
+          labels: the label store of all samples.
+          samples: all samples.
+          batch: indices of the samples of this step, without padding.
+          done: fraction of the training that is over, for schedules.
+
+        Returns:
+          The new network, the optimiser's new state, and the loss before the update (of
+          several inner steps: before the last).
         """
 
 
 def evaluation_cost(found: Evaluated, physics: Physics, batch: Batch) -> EvaluationCost:
-    """The cost of a batch of evaluations, whose results have fields ``valid`` and ``products``.
+    """Return the cost of a batch of evaluations, whose results have ``valid`` and ``products``.
 
     Padding counts neither as failed nor as work.
+
+    Args:
+      found: the evaluated batch; ``products`` are the convolutions of each sample.
+      physics: the flow solver of the samples.
+      batch: indices of the samples; the index ``physics.count`` is padding.
     """
     failed = ~found.results.valid & (batch < physics.count)
     return EvaluationCost(jnp.sum(found.results.products), jnp.sum(failed), found.idle_work)
 
 
 def adam(learning_rate: float) -> optax.GradientTransformation:
-    """Adam (Kingma and Ba 2015) whose learning rate is part of its state."""
+    """Return the optimiser Adam (Kingma and Ba 2015), whose learning rate is part of its state."""
     return optax.inject_hyperparams(optax.adam)(learning_rate)
 
 
 def with_cosine_rate(state: optax.OptState, learning_rate: float, done: Array) -> optax.OptState:
-    """Adam's state with a learning rate that decays to zero by a cosine (Loshchilov, Hutter 2017).
+    """Set Adam's learning rate, which decays to zero by a cosine, and return Adam's state.
 
-    It follows the fraction ``done`` of the training, since trainings may be limited by time.
+    Loshchilov, Hutter 2017. The rate follows the fraction ``done`` of the training, since
+    trainings may be limited by time.
+
+    Args:
+      state: of ``adam``.
+      learning_rate: at the start of the training.
+      done: fraction of the training that is over.
     """
     state.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
     return state
 
 
 def predict(network: LoadNetwork, samples: Samples, batch: Batch) -> Float[Array, "batch modes"]:
-    """The network's traction modes of a batch of samples."""
+    """Return the network's traction modes for a batch of samples."""
     return jax.vmap(network.traction)(*samples.at(batch))
 
 
 def moment_residual(
     network: LoadNetwork, samples: Samples, index: Int[Array, ""]
 ) -> Float[Array, " moments"]:
-    """Cm / Cd by the network minus that of its traction; empty where there is no lift.
+    """Return Cm / Cd by the network minus that of its traction; empty where there is no lift.
 
     Methods as published train the traction, which has drag and lift among its modes; by this
     residual the network's moment follows it.
+
+    Args:
+      network: whose moment is compared.
+      samples: all samples.
+      index: of the sample.
     """
     if network.modes.lift_index is None:
         return jnp.zeros(0)

@@ -18,12 +18,13 @@ from surrogate.training.methods.method import Method, adam, predict, with_cosine
 
 @dataclasses.dataclass(frozen=True)
 class LabelRegression(Method):
-    """Invert the solver for a batch, then ``network_steps`` of Adam on the labels of all samples.
+    """Regression on labels: invert the solver for a batch, then fit the network to all labels.
 
-    The loss weights squared residuals: those of the traction modes, over their scale, by
-    ``modes``; that of log Cd by ``goal**2``; those of its gradient in scaled inputs by
+    The network makes ``network_steps`` of Adam on the labels of all samples. The loss weights
+    squared residuals: those of the traction modes, over their scale, by ``modes``; those of the
+    outputs log Cd (, Cl / Cd, Cm / Cd) by ``goal**2``; those of their gradients in scaled inputs by
     ``(slopes goal)**2`` (Sobolev training, Czarnecki et al. 2017). At their best, methods have
-    ``modes`` 0 and train the drag alone; then ``goal`` is a common factor, to which Adam is
+    ``modes`` 0 and train the outputs alone; then ``goal`` is a common factor, to which Adam is
     invariant. As published, ``modes`` is 1 and ``slopes`` 0.
     """
 
@@ -37,23 +38,35 @@ class LabelRegression(Method):
     @property
     @abc.abstractmethod
     def inversion(self) -> Inversion:
-        """How labels are computed."""
+        """The inversion of the flow solver by which labels are computed."""
 
     @property
     def trains_traction(self) -> bool:
+        """Whether all traction modes are trained: those of a loss with ``modes`` above 0."""
         return self.modes > 0
 
     @property
     def warm_starts(self) -> bool:
+        """Whether an inversion starts from the velocity of the sample's last one."""
         return self.inversion.warm_starts
 
     def init(self, network, physics):
+        """Return Adam's state, and labels that are not valid."""
         return adam(self.learning_rate).init(network.weights), no_labels(physics)
 
     def evaluate(self, network, physics, labels, velocities, batch):
+        """Invert the solver for each sample whose label has not converged.
+
+        Arguments and results are those of ``Method.evaluate``.
+        """
         return self.inversion.evaluate(network, physics, labels, velocities, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
+        """Make ``network_steps`` of Adam on the labels of all samples.
+
+        Arguments and results are those of ``Method.update``; the loss is that before the last step.
+        """
+
         def step(carry, _):
             weights, state = carry
             loss, gradient = jax.value_and_grad(self._loss)(weights, network, labels, samples)
@@ -83,8 +96,8 @@ class LabelRegression(Method):
 class ScaleInvariantPhysics(LabelRegression):
     """SIP with stored labels: one coupled Newton step per evaluation.
 
-    A label has converged when its drag changes by less than ``tolerance``; ``effort`` limits the
-    Krylov solve of a step.
+    A label has converged when its drag changes by at most ``tolerance``, relative; ``effort``
+    limits the Krylov solve of a step.
     """
 
     tolerance: float = 1e-4
@@ -92,4 +105,5 @@ class ScaleInvariantPhysics(LabelRegression):
 
     @property
     def inversion(self) -> Inversion:
+        """One coupled Newton step from the network's prediction."""
         return CoupledStep(self.slopes > 0, self.tolerance, self.effort)

@@ -11,8 +11,9 @@ from surrogate.training.methods.sip import LabelRegression
 
 @dataclasses.dataclass(frozen=True)
 class Supervised(LabelRegression):
-    """Solve the body flows of a batch where labels are missing, then Adam on all labels so far."""
+    """Supervised regression: solve body flows where labels are missing, then Adam on all labels."""
 
     @property
     def inversion(self) -> Inversion:
+        """The full solution of the body flow."""
         return FullSolve(self.slopes > 0)
