@@ -33,14 +33,13 @@ def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
         return face
 
     outline, extent = np.asarray(body.draw(400)), elements.box
-    skin = _spline(occ, outline)
-    skin.name, skin.maxh = "body", elements.wall
+    skin = _inside(occ, outline, elements.wall)
     (nose, _), (tail, high) = outline.min(axis=0), outline.max(axis=0)
     margin = elements.margin
     near = box(nose - margin, tail + 2, high + margin, elements.near)
     wake = box(tail + 2, extent, high + 2, elements.wake)
     far = box(-extent, extent, extent, extent / 8)
-    whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
+    whole = occ.Glue([near - skin, wake, far - near - wake])
     _name_sides(whole.edges, extent, ("axis",))
     return _mesh(ng, _triangles(occ, whole, outline, elements.wall), elements)
 
@@ -55,14 +54,13 @@ def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
         return face
 
     outline, extent = np.asarray(body.draw(400)), elements.box
-    skin = _spline(occ, outline)
-    skin.name, skin.maxh = "body", elements.wall
+    skin = _inside(occ, outline, elements.wall)
     (left, low), (right, high) = outline.min(axis=0), outline.max(axis=0)
     margin = elements.margin
     near = box(left - margin, right + 2, low - margin, high + margin, elements.near)
     wake = box(right + 2, extent, low - 2, high + 2, elements.wake)
     far = box(-extent, extent, -extent, extent, extent / 8)
-    whole = occ.Glue([near - occ.Face(occ.Wire([skin])), wake, far - near - wake])
+    whole = occ.Glue([near - skin, wake, far - near - wake])
     _name_sides(whole.edges, extent)
     return _mesh(ng, _triangles(occ, whole, outline, elements.wall), elements)
 
@@ -90,7 +88,7 @@ def _space(ng: Any, body: FamilyShape, elements: Elements, mirrors: tuple[str, .
     upright = np.asarray(body.body_class.outline(body.values, 100))
     (length, height), extent = np.ptp(upright, axis=0), elements.box
     upper = occ.MoveTo(-length, 0).Rectangle(2 * length, height).Face()
-    profile = upper * occ.Face(occ.Wire([_spline(occ, upright)]))
+    profile = upper * _inside(occ, upright, elements.wall)
     solid = profile.Revolve(occ.Axis((0, 0, 0), occ.X), 360)
     flatness = body.parameters.get("flatness", 1.0)
     skin = occ.gp_GTrsf(mat=[1, 0, 0, 0, flatness, 0, 0, 0, 1])(solid)
@@ -143,6 +141,15 @@ def _mesh(ng: Any, mesh: Any, elements: Elements) -> Any:
     return curved
 
 
-def _spline(occ: Any, outline: np.ndarray) -> Any:
-    """A closed curve through the points."""
-    return occ.SplineInterpolation([occ.Pnt(x, r, 0) for x, r in outline], periodic=True)
+def _inside(occ: Any, outline: np.ndarray, wall: float) -> Any:
+    """Return the face inside the body, whose edges are splines from nose to tail and back.
+
+    With one edge for both sides netgen would put points of one side of a sharp tail on the other.
+    """
+    points = [occ.Pnt(x, y, 0) for x, y in outline]
+    tail = int(np.argmax(np.linalg.norm(outline - outline[0], axis=1)))
+    sides = points[: tail + 1], [*points[tail:], points[0]]
+    face = occ.Face(occ.Wire([occ.SplineInterpolation(side) for side in sides]))
+    for edge in face.edges:
+        edge.name, edge.maxh = "body", wall
+    return face
