@@ -25,8 +25,8 @@ from surrogate.processes import gather_to_host
 AXIS = "bodies"  # of the mesh
 # Default batch size per device. On a CPU 1 is fastest (study ``devices``); no accelerator
 # has been measured, 32 is a guess that fills it with moderate memory.
-LANES = {"cpu": 1}
-ACCELERATOR_LANES = 32
+DEVICE_BATCH = {"cpu": 1}
+ACCELERATOR_BATCH = 32
 
 
 class Sharded(eqx.Module):
@@ -37,13 +37,13 @@ class Sharded(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Devices:
-    """A mesh of devices, and ``lanes``: the batch size per device.
+    """A mesh of devices, and ``device_batch``: the batch size per device.
 
-    ``lanes`` bodies are solved simultaneously on one device by ``jax.vmap``.
+    ``device_batch`` bodies are solved simultaneously on one device by ``jax.vmap``.
     """
 
     mesh: Mesh
-    lanes: int = 1
+    device_batch: int = 1
 
     @property
     def count(self) -> int:
@@ -104,12 +104,12 @@ def is_sharded(node: PyTree) -> bool:
     return isinstance(node, Sharded)
 
 
-def choose_devices(count: Number | None = None, lanes: Number | None = None) -> Devices:
+def choose_devices(count: Number | None = None, device_batch: Number | None = None) -> Devices:
     """Select the first ``count`` devices; by default one, or all of a multi-process run.
 
     Args:
       count: number of devices.
-      lanes: batch size per device; by default 1 on a CPU, 32 elsewhere.
+      device_batch: batch size per device; by default 1 on a CPU, 32 elsewhere.
 
     Raises:
       InvalidInput: JAX has fewer devices, or a number is out of range.
@@ -123,8 +123,10 @@ def choose_devices(count: Number | None = None, lanes: Number | None = None) -> 
             f"devices {count}: JAX has {len(every)} here; CPU cores become devices by "
             "jax.config.update('jax_num_cpu_devices', N) before the first computation"
         )
-    lanes = LANES.get(every[0].platform, ACCELERATOR_LANES) if lanes is None else lanes
-    return Devices(Mesh(np.array(every[:count]), (AXIS,)), whole_number("lanes", lanes, 1, 4096))
+    if device_batch is None:
+        device_batch = DEVICE_BATCH.get(every[0].platform, ACCELERATOR_BATCH)
+    device_batch = whole_number("device_batch", device_batch, 1, 4096)
+    return Devices(Mesh(np.array(every[:count]), (AXIS,)), device_batch)
 
 
 def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:

@@ -20,8 +20,8 @@ CHUNK = 16  # bodies per device that are copied at once, at least: bounds the me
 class Evaluated(NamedTuple):
     """Results of a batch of bodies (replicated), their new states (sharded), and idle work.
 
-    ``idle_work`` counts the convolutions that devices and lanes could have done while they waited
-    for the slowest.
+    ``idle_work`` counts the convolutions that devices could have done while they waited for the
+    slowest body of a batch.
     """
 
     results: PyTree
@@ -66,15 +66,17 @@ class Partition(eqx.Module):
         return Sharded(jnp.zeros(shape, device=sharding))
 
     def map(self, function: Callable, sharded: Sharded) -> Sharded:
-        """Return ``function`` of every row, ``lanes`` rows at a time on each device.
+        """Return ``function`` of every row, ``device_batch`` rows at a time on each device.
 
         To be traced, inside ``jax.jit``.
         """
-        lanes = self.devices.lanes
+        device_batch = self.devices.device_batch
 
         def local(shard):
             return Sharded(
-                jax.lax.map(function, shard.rows, batch_size=lanes if lanes > 1 else None)
+                jax.lax.map(
+                    function, shard.rows, batch_size=device_batch if device_batch > 1 else None
+                )
             )
 
         return self.devices.shard_map(local, (sharded,), Sharded(()))(sharded)
@@ -92,7 +94,7 @@ class Partition(eqx.Module):
           batch: indices of bodies.
           done: whether a body has been evaluated already, for all bodies.
         """
-        size = min(batch.size, max(CHUNK, 8 * self.devices.lanes) * self.devices.count)
+        size = min(batch.size, max(CHUNK, 8 * self.devices.device_batch) * self.devices.count)
         batch = batch[~np.asarray(done)[batch]]
         batch = batch[np.argsort(np.asarray(self.places)[batch] % self.shard_size, kind="stable")]
         padding = np.full(-batch.size % size, self.places.size)
@@ -140,7 +142,7 @@ class Partition(eqx.Module):
         Returns:
           Results with one row per entry of the batch, this device's new states, and the idle work.
         """
-        lanes, size = self.devices.lanes, batch.size
+        device_batch, size = self.devices.device_batch, batch.size
         _, count, order = self._local_rows(batch)
 
         def take(tree, k):
@@ -151,17 +153,17 @@ class Partition(eqx.Module):
 
         def step(i, carry):
             results, states, busy = carry
-            row = i if lanes == 1 else i * lanes + jnp.arange(lanes)
+            row = i if device_batch == 1 else i * device_batch + jnp.arange(device_batch)
             k = jnp.where(row < count, order[row], size)  # padding is out of range
-            run = function if lanes == 1 else jax.vmap(function)
+            run = function if device_batch == 1 else jax.vmap(function)
             result, state = run(row, take(states, row), take(arguments, k))
-            busy += lanes * jnp.max(result.products)
+            busy += device_batch * jnp.max(result.products)
             return put(results, k, result), put(states, row, state), busy
 
         one = 0, take(states.rows, 0), take(arguments, 0)
         blank = jax.eval_shape(lambda *one: function(*one)[0], *one)
         blank = jax.tree.map(lambda leaf: jnp.zeros((size, *leaf.shape), leaf.dtype), blank)
-        steps, start = -(-count // lanes), (blank, states.rows, jnp.array(0))
+        steps, start = -(-count // device_batch), (blank, states.rows, jnp.array(0))
         results, new, busy = jax.lax.fori_loop(0, steps, step, start)
         results = jax.tree.map(_sum_over_devices, results)
         idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(results.products)
@@ -177,7 +179,7 @@ class Partition(eqx.Module):
         mine &= batch < self.places.size
         order = jnp.argsort(jnp.where(mine, places % self.shard_size, self.shard_size), stable=True)
         at = places[order[: self.shard_size]] % self.shard_size
-        padding = jnp.full(self.devices.lanes, batch.size)
+        padding = jnp.full(self.devices.device_batch, batch.size)
         return at, jnp.sum(mine), jnp.append(order, padding)
 
 
@@ -190,8 +192,8 @@ def _sum_over_devices(leaf):
 def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
     """Return ``compute()`` where ``wanted``, else ``otherwise``.
 
-    It is not computed if no lane wants it: a loop of one iteration or none, since under ``vmap``
-    ``lax.cond`` would compute both branches.
+    It is not computed if no body of the batch wants it: a loop of one iteration or none, since
+    under ``vmap`` ``lax.cond`` would compute both branches.
     """
 
     def step(_):

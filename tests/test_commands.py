@@ -499,7 +499,7 @@ MISTAKES = {  # and what the answer must say
     "payoff --preset huge --out {folder}/x": "invalid choice: 'huge'",
     "train_surrogate --method hig --processes 2 --out {missing}": "go with --coordinator",
     "train_surrogate --method hig --devices 0 --out {missing}": "--devices 0",
-    "train_surrogate --method hig --lanes 0 --out {missing}": "lanes 0",
+    "train_surrogate --method hig --device-batch 0 --out {missing}": "device_batch 0",
     f"{OPTIMISE} --reynolds 40 --devices 0": "--devices 0",
     "payoff --devices 0 --out {missing}": "--devices 0",
     "design_sheet --reynolds 400 --max-length 2 --out {missing}.png": "Reynolds",

@@ -50,7 +50,7 @@ def _stands_for(count):
     """Devices of which only the count is used."""
 
     class Some(type(choose_devices())):
-        count = property(lambda self: self.lanes)
+        count = property(lambda self: self.device_batch)
 
     return Some(choose_devices().mesh, count)
 
@@ -61,7 +61,7 @@ def test_wrong_devices_are_refused(unchecked):
     for wrong in (0, 1.5, "2"):
         with pytest.raises(InvalidInput, match="devices"):
             choose_devices(wrong)
-    with pytest.raises(InvalidInput, match="lanes"):
+    with pytest.raises(InvalidInput, match="device_batch"):
         choose_devices(1, 0)
     with pytest.raises(InvalidInput, match="HOST:PORT"):
         join("localhost", 2, 0)
@@ -77,7 +77,7 @@ def test_schedulers_are_seen():
 
 
 @pytest.mark.slow
-def test_lanes_change_nothing_but_rounding(tiny_scene):
+def test_device_batches_change_nothing_but_rounding(tiny_scene):
     from surrogate import Flow
     from surrogate.scene.samples import training_samples
 
@@ -238,7 +238,7 @@ def test_processes_go_on_where_one_of_them_was_lost(tmp_path):
     assert np.array_equal(*weights)
 
 
-def test_compute_where_computes_only_if_a_lane_wants_it():
+def test_compute_where_computes_only_if_a_body_wants_it():
     computed = []
 
     def compute(x):
@@ -248,12 +248,12 @@ def test_compute_where_computes_only_if_a_lane_wants_it():
     def one(wanted, x):
         return compute_where(wanted, lambda: compute(x), x)
 
-    lanes = jax.jit(jax.vmap(one))
+    batch = jax.jit(jax.vmap(one))
     x = np.arange(3.0)
-    assert np.array_equal(lanes(np.zeros(3, bool), x), x)
+    assert np.array_equal(batch(np.zeros(3, bool), x), x)
     jax.effects_barrier()
     assert not computed
-    assert np.array_equal(lanes(np.array([True, False, True]), x), [0.0, 1.0, 4.0])
+    assert np.array_equal(batch(np.array([True, False, True]), x), [0.0, 1.0, 4.0])
     jax.effects_barrier()
     assert computed
 

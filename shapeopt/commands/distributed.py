@@ -44,10 +44,12 @@ def use_devices(count: int | None) -> int | None:
 
 
 def add_distributed_arguments(parser: Parser) -> None:
-    """Add ``--devices``, ``--lanes``, ``--coordinator``, ``--processes`` and ``--process``."""
+    """Add the options of devices and of processes that share a job."""
     add_device_argument(parser)
     parser.add_argument(
-        "--lanes", type=int, help="batch size per device, from 1 (1 on a CPU, more elsewhere)"
+        "--device-batch",
+        type=int,
+        help="batch size per device, from 1 (1 on a CPU, more elsewhere)",
     )
     parser.add_argument("--coordinator", help="HOST:PORT of the first process, the same for all")
     parser.add_argument("--processes", type=int, help="number of processes, from 1 (1)")

@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     scene = Scene.read(a.scene) if a.scene else None
     numbers = a.preset, a.samples, a.seed, a.budget_seconds, a.published, a.held_out
     plan = make_plan(scene, a.method, *numbers)
-    out, devices = Path(a.out), choose_devices(count, a.lanes)
+    out, devices = Path(a.out), choose_devices(count, a.device_batch)
     with exit_when_disconnected():
         stored = stored_training(plan, out, a.overwrite)
         if stored is None or a.overwrite:

@@ -178,7 +178,7 @@ def _evaluated(g, plain, z):
 
 
 def _with_moment(g, plain, z, outputs, derivatives):
-    """The same with the parts of the moment summed up, for bodies that turn in space."""
+    """The same with the parts of the moment summed up, for 3-D bodies at incidence."""
     last, step, one = len(plain.mirror) - 1, plain.scale[-1], np.ones(1)
     log_re = g("Div", g("Sub", g("Gather", z, g.axes(last), axis=1), [plain.shift[-1]]), [step])
     inertia = g("Sigmoid", g("Sub", log_re, [math.log(plain.inertial)]))

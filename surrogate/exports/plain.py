@@ -1,7 +1,7 @@
 """A surrogate's network as plain numbers: the one description that every export is written from.
 
 With u_k = log x_k for ratios of lengths and Re, else u_k = x_k, and s = scale * u + shift, the
-features z are s itself. Of bodies that turn in space, with the incidence a = angle s_turn, they are
+features z are s itself. Of 3-D bodies at incidence, with the incidence a = angle s_turn, they are
 
     z_j = s_source(j) * (1, cos a, sin a, cos 2a, sin 2a)_wave(j),   where s_turn counts as 1.
 
@@ -9,7 +9,7 @@ The loads follow from
 
     f(z) = constant + linear . z + z^T quadratic z + (W_3 tanh(W_2 tanh(W_1 z + b_1) + b_2) + b_3)
 
-for any number of hidden layers. Of bodies that turn in space the third of these is replaced by
+for any number of hidden layers. Of 3-D bodies at incidence the third of these is replaced by
 
     Re / (Re + inertial) f_2 + sum_j z_levers(j) f_(2 + j),   j = 1, 2, ...
 
@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float, Int
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.files import JsonObject
 from surrogate.flow.loads import LOADS
-from surrogate.model.features import features_of, levers_of, turn_of
+from surrogate.model.features import features_of, incidence_index, stokes_moment_features
 from surrogate.model.network import CORRECTION_SCALE, INERTIAL_RE, PARITY
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import REYNOLDS
@@ -109,7 +109,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     network, family = surrogate.network, surrogate.scene.family
     inputs, heads = network.inputs, np.array(network.load_heads)
     low, width = np.asarray(inputs.low, float), np.asarray(inputs.width, float)
-    turn, seen = turn_of(inputs.body_class), features_of(inputs.body_class)
+    turn, seen = incidence_index(inputs.body_class), features_of(inputs.body_class)
     count = len(seen)
     rows, columns = np.triu_indices(count)
     trends = np.array([np.asarray(trend, float) for trend in network.trends])
@@ -129,12 +129,12 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
         scale=2 / width,
         shift=-2 * low / width - 1,
         turn=-1 if turn is None else turn,
-        angle=math.radians(float(inputs.full_turn)),
+        angle=math.radians(float(inputs.largest_incidence)),
         sources=np.array([feature.source for feature in seen]),
         waves=np.array([int(feature.wave) for feature in seen]),
         mirror=np.asarray(inputs.feature_mirror, float),
         inertial=0.0 if turn is None else INERTIAL_RE,
-        levers=np.array(levers_of(inputs.body_class), int),
+        levers=np.array(stokes_moment_features(inputs.body_class), int),
         constant=trends[:, 0],
         linear=trends[:, 1 : count + 1],
         quadratic=(quadratic + quadratic.swapaxes(1, 2)) / 2,

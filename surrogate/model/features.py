@@ -1,7 +1,7 @@
-"""What load networks see of scaled inputs: these themselves, or of bodies that turn in space waves.
+"""Input features of load networks; of 3-D bodies at incidence some are products with sines of it.
 
-A body in space that is reversed, which negates its even sine modes, and turned by 180 degrees is
-the same body. Networks of bodies at incidence in space see the other inputs and
+A 3-D body that is reversed, which negates its even sine modes, and turned by 180 degrees is the
+same body. Networks of 3-D bodies at incidence see the other inputs and
 
     cos 2a,  sin 2a,  beta_k cos a,  beta_k sin a  for even k,
 
@@ -41,38 +41,38 @@ class Feature(NamedTuple):
     wave: Wave
 
 
-def turn_of(body_class: BodyClass) -> int | None:
+def incidence_index(body_class: BodyClass) -> int | None:
     """Return the index of the incidence if it enters by waves, as for bodies in 3-D, else None."""
     turns = body_class.dimension == 3 and "incidence" in body_class.names
     return body_class.names.index("incidence") if turns else None
 
 
-def reversed_by_half_a_turn(body_class: BodyClass) -> list[bool]:
+def negated_by_reversal(body_class: BodyClass) -> list[bool]:
     """Return which parameters change their sign if nose and tail of a body exchange their names.
 
     These are the even sine modes of bodies with incidence in 3-D; other bodies have none.
     """
-    turns = turn_of(body_class) is not None
+    turns = incidence_index(body_class) is not None
     return [turns and p.odd_fore_and_aft for p in body_class.parameters]
 
 
 def features_of(body_class: BodyClass) -> tuple[Feature, ...]:
     """Return the features of a class of bodies, in the order of its parameters and Re."""
-    turn, found = turn_of(body_class), []
-    for source, reverses in enumerate([*reversed_by_half_a_turn(body_class), False]):
+    turn, found = incidence_index(body_class), []
+    for source, reverses in enumerate([*negated_by_reversal(body_class), False]):
         waves = (Wave.COS, Wave.SIN) if reverses else (Wave.ONE,)
         waves = (Wave.COS_2, Wave.SIN_2) if source == turn else waves
         found += [Feature(source, wave) for wave in waves]
     return tuple(found)
 
 
-def levers_of(body_class: BodyClass) -> tuple[int, ...]:
+def stokes_moment_features(body_class: BodyClass) -> tuple[int, ...]:
     """Return the indices of the features beta_k sin a of 3-D bodies with incidence, else ().
 
     The moment in Stokes flow is a sum of multiples of these, since a body that is symmetric fore
     and aft has none there.
     """
-    if turn_of(body_class) is None:
+    if incidence_index(body_class) is None:
         return ()
     return tuple(k for k, f in enumerate(features_of(body_class)) if f.wave is Wave.SIN)
 
@@ -87,7 +87,7 @@ def evaluate_features(
       z: scaled inputs.
       degrees: incidence at which its scaled input is 1.
     """
-    turn = turn_of(body_class)
+    turn = incidence_index(body_class)
     if turn is None:
         return jnp.asarray(z)
     sources, waves = np.array(features_of(body_class)).T
@@ -105,7 +105,7 @@ def mirror_of_features(
       body_class: of the bodies.
       mirror: the same factors of the scaled inputs.
     """
-    if turn_of(body_class) is None:
+    if incidence_index(body_class) is None:
         return mirror
     odd = (Wave.SIN, Wave.SIN_2)
     return np.array([-1.0 if f.wave in odd else 1.0 for f in features_of(body_class)])

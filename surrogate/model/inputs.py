@@ -15,9 +15,9 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.model.features import (
     evaluate_features,
+    incidence_index,
     mirror_of_features,
-    reversed_by_half_a_turn,
-    turn_of,
+    negated_by_reversal,
 )
 from surrogate.scene.scene import Scene
 
@@ -44,12 +44,12 @@ class Inputs(eqx.Module):
 
     def features(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
         """Return the features of scaled inputs, see ``surrogate.model.features``."""
-        return evaluate_features(self.body_class, z, jax.lax.stop_gradient(self.full_turn))
+        return evaluate_features(self.body_class, z, jax.lax.stop_gradient(self.largest_incidence))
 
     @property
-    def full_turn(self) -> Float[AnyArray, ""] | float:
+    def largest_incidence(self) -> Float[AnyArray, ""] | float:
         """Incidence in degrees at which its scaled input is 1, for bodies in 3-D; else 0."""
-        turn = turn_of(self.body_class)
+        turn = incidence_index(self.body_class)
         return 0.0 if turn is None else self.high[turn]
 
     @property
@@ -71,7 +71,7 @@ class Inputs(eqx.Module):
 def scene_inputs(scene: Scene) -> Inputs:
     """Return the map of a scene's bodies and Reynolds numbers to scaled inputs."""
     body_class = scene.family.body_class
-    kept = _keep_mirror_plane(body_class) & ~np.array(reversed_by_half_a_turn(body_class))
+    kept = _keep_mirror_plane(body_class) & ~np.array(negated_by_reversal(body_class))
     low, high = scene.family.bounds.T
     largest = np.maximum(np.abs(low), np.abs(high))
     ends = zip(

@@ -13,7 +13,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.flow.loads import AnyModes, drag_amplitude
-from surrogate.model.features import features_of, levers_of, turn_of
+from surrogate.model.features import features_of, incidence_index, stokes_moment_features
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
 from surrogate.model.outputs import OutputModel
 from surrogate.scene.scene import Scene
@@ -36,7 +36,7 @@ class LoadNetwork(OutputModel):
 
         f(z) = trend . q(z) + 0.3 MLP(z),   y_0 = (f(z) + f(z')) / 2,   y_1,2 = (f(z) - f(z')) / 2
 
-    Of bodies that turn in space f_2 is replaced by
+    Of 3-D bodies at incidence f_2 is replaced by
 
         Re / (Re + 5) f_2(z) + sum_j b_j f_{2 + j}(z),    j = 1, 2, ...,
 
@@ -127,7 +127,7 @@ class LoadNetwork(OutputModel):
         heads = self._mlp(z)
         trend = jnp.stack(self.trends) @ quadratic(z)
         values = trend + CORRECTION_SCALE * heads[np.array(self.load_heads)]
-        if turn_of(self.inputs.body_class) is None:
+        if incidence_index(self.inputs.body_class) is None:
             return values, heads
         factors = moment_factors(self.inputs, z)
         return jnp.append(values[:2], factors @ values[2:]), heads
@@ -150,13 +150,13 @@ def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Arr
     width, low = jax.lax.stop_gradient((inputs.width[-1], inputs.low[-1]))
     log_re = low + width * (z[-1] + 1) / 2
     inertia = jax.nn.sigmoid(log_re - np.log(INERTIAL_RE))
-    return jnp.append(inertia, z[np.array(levers_of(inputs.body_class), int)])
+    return jnp.append(inertia, z[np.array(stokes_moment_features(inputs.body_class), int)])
 
 
 def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
     """Return the indices of the heads of log Cd, and where there is lift of Cl / Cd and Cm / Cd.
 
-    A head is an output of the network's MLP. The moment of bodies that turn in space has one for
+    A head is an output of the network's MLP. The moment of 3-D bodies at incidence has one for
     inertia and one for each even sine mode.
     """
     if modes.lift_index is None:
@@ -170,7 +170,7 @@ def head_count(modes: AnyModes, body_class: BodyClass) -> int:
     There is one for each traction mode, and where there is lift those of the moment.
     """
     lifting = modes.lift_index is not None
-    return modes.count + lifting * (1 + len(levers_of(body_class)))
+    return modes.count + lifting * (1 + len(stokes_moment_features(body_class)))
 
 
 def make_network(
@@ -214,7 +214,7 @@ def make_network(
 
 def _fitted_trends(inputs, z, outputs):
     """Trends by least squares: of each output, and of the moment in space all heads together."""
-    images, turns = inputs.feature_mirror * z, turn_of(inputs.body_class) is not None
+    images, turns = inputs.feature_mirror * z, incidence_index(inputs.body_class) is not None
     features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
     trends = []
     for k, values in enumerate(outputs.T):

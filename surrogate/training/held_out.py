@@ -13,7 +13,7 @@ from surrogate.scene.samples import Samples, held_out_samples
 from surrogate.training.plan import Plan
 
 HELD_OUT_FAILURES = 0.1  # share of the held-out flows that may fail; one always may
-AT_ONCE = 16  # most held-out flows between two reports, per lane of each device
+AT_ONCE = 16  # most held-out flows between two reports, per body that a device solves at once
 
 Report = Callable[[int, int], None]
 
@@ -37,7 +37,7 @@ def solve_held_out(
       NotConverged: more than a tenth of the flows, at least two, or all of them did not converge.
     """
     held_out = held_out_samples(plan.scene, plan.seed, plan.held_out)
-    most, parts = AT_ONCE * devices.lanes * devices.count, []
+    most, parts = AT_ONCE * devices.device_batch * devices.count, []
     size = -(-held_out.count // -(-held_out.count // most))  # of parts of equal size
     for start in range(0, held_out.count, size):
         own = np.arange(start, min(start + size, held_out.count))

@@ -41,7 +41,7 @@ BLOWN_UP = 10.0
 class TrainingResult:
     """The result of a training; ``stopped`` says why it ended early, None if it did not.
 
-    ``idle_work`` counts the convolutions that devices and lanes could have done while they waited,
+    ``idle_work`` counts the convolutions that devices could have done while they waited,
     ``compile_s`` the seconds of compiling the steps.
     """
 

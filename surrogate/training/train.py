@@ -31,7 +31,7 @@ def train(
     out: str | Path | None = None,
     progress: bool = True,
     devices: int | None = None,
-    lanes: int | None = None,
+    device_batch: int | None = None,
     overwrite: bool = False,
 ) -> Surrogate:
     """Train a small network that predicts the drag of a scene's bodies, using the flow solver.
@@ -70,8 +70,8 @@ def train(
         measured anew.
       progress: whether to show progress on stderr.
       devices: number of devices over which the flows are distributed; by default 1.
-      lanes: batch size per device: flows solved simultaneously on one device; by default 1 on a
-        CPU, 32 elsewhere.
+      device_batch: batch size per device: flows solved simultaneously on one device; by default 1
+        on a CPU, 32 elsewhere.
       overwrite: train even if the folder holds a surrogate, and replace it.
 
     Returns:
@@ -83,7 +83,7 @@ def train(
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
     plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published, held_out)
-    chosen = choose_devices(devices, lanes)
+    chosen = choose_devices(devices, device_batch)
     surrogate = train_plan(plan, out, progress, chosen, overwrite=overwrite)
     warn_of_inaccuracy(surrogate, f"training by {method}", stacklevel=3)
     return surrogate

@@ -32,7 +32,7 @@ WAYS = {  # devices of a process, processes, whether each process has one core
 }
 ACCELERATED = {"one accelerator": (1, 1, False)}
 BODIES = {"draft": 96, "standard": 64, "fine": 12}
-CPU_LANES, GPU_LANES = (2, 4, 8, 16), (8, 32, 128)  # batch sizes per device
+CPU_BATCHES, GPU_BATCHES = (2, 4, 8, 16), (8, 32, 128)  # batch sizes per device
 COUNTS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000)
 MANY = 4096  # bodies of the model
 NUMBERS = 40  # that are gathered per body: tractions, slopes, flags
@@ -44,13 +44,13 @@ def batches(run: Run) -> list[Row]:
     accelerator = run.options["accelerator"]
     ways = tuple(ACCELERATED if accelerator else WAYS)
     if run.tiny:
-        return cases(fidelity=["draft"], way=ways[-1:], lanes=[1])
-    grids, lanes = (BODIES, GPU_LANES) if accelerator else (["draft"], CPU_LANES)
-    one = cases(fidelity=BODIES, way=ways, lanes=[1])
-    return one + cases(fidelity=grids, way=ways[:1], lanes=lanes)
+        return cases(fidelity=["draft"], way=ways[-1:], device_batch=[1])
+    grids, device_batch = (BODIES, GPU_BATCHES) if accelerator else (["draft"], CPU_BATCHES)
+    one = cases(fidelity=BODIES, way=ways, device_batch=[1])
+    return one + cases(fidelity=grids, way=ways[:1], device_batch=device_batch)
 
 
-def flows(run: Run, fidelity: str, way: str, lanes: int) -> Row:
+def flows(run: Run, fidelity: str, way: str, device_batch: int) -> Row:
     """Flows per second of the same bodies, in processes of their own."""
     accelerator = run.options["accelerator"]
     devices, processes, one_core = (WAYS | ACCELERATED)[way]
@@ -59,7 +59,7 @@ def flows(run: Run, fidelity: str, way: str, lanes: int) -> Row:
         "devices": devices,
         "processes": processes,
         "one_core": one_core,
-        "lanes": lanes,
+        "device_batch": device_batch,
         "bodies": run.pick(4, BODIES[fidelity] * (4 if accelerator else 1)),
         "rounds": run.pick(1, 5),
         "coordinator": f"localhost:{free_port()}",
@@ -187,7 +187,7 @@ def child(asked: Row) -> Row:
         join(asked["coordinator"], asked["processes"], asked["process"])
     flow = Flow(Scene(fidelity=FIDELITIES[asked["fidelity"]]))
     samples = training_samples(flow.scene, 0, asked["bodies"])
-    devices = choose_devices(asked["devices"] * asked["processes"], asked["lanes"])
+    devices = choose_devices(asked["devices"] * asked["processes"], asked["device_batch"])
     partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
     given = devices.place((partition, *map(np.asarray, samples)))
     solve, found = batch_solver(flow.bodies, devices).lower(*given).compile(), []
@@ -196,14 +196,14 @@ def child(asked: Row) -> Row:
     return {
         "flows_per_s": asked["bodies"] / seconds,
         "green_applications": np.asarray(found[-1].green_applications).tolist(),
-        "mib_per_lane": memory / devices.lanes / 2**20,
+        "mib_per_body": memory / devices.device_batch / 2**20,
         "device": jax.devices()[0].device_kind,
     }
 
 
 FLOWS = columns(
-    "grid {fidelity} | devices {way} | batch size per device {lanes}"
-    " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_lane:.0f}"
+    "grid {fidelity} | devices {way} | batch size per device {device_batch}"
+    " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_body:.0f}"
 )
 SCALING = columns(
     "devices {devices} | idle work {waste:.0%} | solving {solving_s:.2f} s"

@@ -70,7 +70,7 @@ static void P_heads_L(real z[FEATURES][L], real f[HEADS][L], real by[HEADS][FEAT
     }
 }
 
-/* Outputs before they are made even or odd, and their derivatives in z: of bodies that turn in space
+/* Outputs before they are made even or odd, and their derivatives in z: of 3-D bodies at incidence
  * the parts of the moment are summed up. */
 static void P_outputs_L(real z[FEATURES][L], real f[HEADS][L], real by[HEADS][FEATURES][L],
                         int with_derivatives)

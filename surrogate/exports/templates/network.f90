@@ -175,7 +175,7 @@ contains
         if (turn > 0) call sum_up_moment(z, f, by, with_derivatives)
     end subroutine evaluate
 
-    !> The parts of the moment of bodies that turn in space are summed up.
+    !> The parts of the moment of 3-D bodies at incidence are summed up.
     pure subroutine sum_up_moment(z, f, by, with_derivatives)
         real(rk), intent(in) :: z(features_)
         real(rk), intent(inout) :: f(heads_), by(heads_, features_)
