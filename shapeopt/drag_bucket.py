@@ -13,13 +13,17 @@ from surrogate.model.surrogate import Surrogate
 def designs_over_lift(
     surrogate: Surrogate, reynolds: float, lifts: Sequence[float], **bounds: float | None
 ) -> tuple[list[dict[str, Any]], dict[str, Any], float]:
-    """Return a row for every bound on the lift, the row of best glide, and the wall seconds of all.
+    """Optimise bodies under lower bounds on the lift, and for the best glide ratio, in one batch.
 
     Args:
       surrogate: of bodies with lift.
       reynolds: the Reynolds number.
       lifts: lower bounds on Cl, one for each body of least drag.
       **bounds: other constraints of all bodies by their names in ``Problem``.
+
+    Returns:
+      A row for every bound on the lift, the row of the best glide ratio Cl / Cd, and the wall
+      seconds of all.
 
     Raises:
       InvalidInput, NotConverged: as ``optimise_all``.

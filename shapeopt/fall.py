@@ -80,7 +80,9 @@ def fall(
     seconds: float,
     tilt: float = 0.0,
 ) -> Fall:
-    """Integrate the free fall of a body from rest; ``tilt`` replaces an incidence among parameters.
+    """Integrate the free fall of a body from rest in its plane of symmetry.
+
+    An incidence among the parameters is ignored; ``tilt`` is the orientation at the start.
 
     Args:
       surrogate: of 3-D bodies at incidences from 0 to 90 degrees.
@@ -88,6 +90,9 @@ def fall(
       particle: density ratio, viscosity, size and gravity.
       seconds: duration.
       tilt: of the axis above the horizontal at the start, in degrees.
+
+    Returns:
+      The motion at ``SAMPLES`` times from 0 to ``seconds``, evenly spaced.
 
     Raises:
       InvalidInput: an argument is invalid, or the body becomes faster than the trained range.
@@ -138,7 +143,12 @@ def fall(
 
 
 def checked_body(surrogate, parameters):
-    """Return a body's parameters at incidence 0, refusing models and bodies of other kinds."""
+    """Return the parameters of a body at incidence 0, after checking the surrogate and the body.
+
+    Raises:
+      InvalidInput: the surrogate is not of 3-D bodies at incidences from 0 to 90 degrees, or the
+        body is outside its trained ranges.
+    """
     expect("surrogate", surrogate, Surrogate, "Surrogate")
     family = surrogate.scene.family
     ranges = dict(zip(family.names, family.bounds.tolist(), strict=True))
@@ -157,14 +167,27 @@ def checked_body(surrogate, parameters):
 
 @functools.partial(jax.jit, static_argnums=1)
 def loads_at(network, body_class, body, angle, reynolds):
-    """Cd, Cl and Cm at any angle in radians."""
+    """Return Cd, Cl and Cm of a body that moves steadily at any angle to its axis.
+
+    Args:
+      network: of the surrogate.
+      body_class: of the surrogate's family, of 3-D bodies at incidence.
+      body: its parameters; the incidence among them is replaced.
+      angle: from the axis to the velocity, in radians.
+      reynolds: by the speed, within the trained range.
+    """
     turned = jnp.asarray(body).at[body_class.names.index("incidence")].set(jnp.rad2deg(angle))
     nearest, image = in_first_quarter(body_class.parameters, turned)
     return network.loads(nearest, reynolds) * jnp.stack([jnp.ones(()), image, image])
 
 
 def constants_of(surrogate, body, particle):
-    """Masses along and across the axis, inertia, resistance to rotation, weight, least Re."""
+    """Return the six constants of the equations of motion, with lengths in D and time in D^2 / nu.
+
+    They are the masses along and across the axis and the inertia, each with the added one, the
+    resistance to rotation K, the weight less buoyancy (pi/6) (s - 1) N, and the least Re of the
+    surrogate.
+    """
     body_class, s = surrogate.scene.family.body_class, particle.density_ratio
     aspect, flatness = (float(f(body)) for f in (body_class.aspect, body_class.flatness))
     ellipsoid = equivalent_ellipsoid(aspect, flatness)
@@ -176,7 +199,7 @@ def constants_of(surrogate, body, particle):
 
 
 def axes_of(tilt) -> tuple[Array, Array]:
-    """The axis of the body, tail to nose, and the direction across it."""
+    """Return the unit vectors along the body's axis, tail to nose, and across it (+90 degrees)."""
     c, s = jnp.cos(tilt), jnp.sin(tilt)
     return jnp.stack([c, s]), jnp.stack([-s, c])
 
@@ -191,7 +214,16 @@ def _velocity(constants, state):
 
 @functools.partial(jax.jit, static_argnums=1)
 def rates_of(network, body_class, body, constants, state):
-    """Derivatives in time of position, tilt, momentum and angular velocity."""
+    """Return the time derivatives of position, tilt, momentum and angular velocity.
+
+    Args:
+      network: of the surrogate, which answers the loads.
+      body_class: of the surrogate's family.
+      body: parameters at incidence 0.
+      constants: as ``constants_of`` returns them.
+      state: of shape (6,): x and z, tilt in radians, the two components of the momentum, and the
+        angular velocity.
+    """
     _, _, inertia, resistance, weight, slowest = constants
     velocity, (axis, normal) = _velocity(constants, state), axes_of(state[2])
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)

@@ -35,18 +35,19 @@ MEANINGS = {
 
 
 class LoadsComponent(om.ExplicitComponent):
-    """Cd, and Cl and Cm of bodies with lift, of a body of the model's family.
+    """An OpenMDAO component that evaluates the loads on a body of the model's family.
 
-    Inputs are the parameters of the family by name (``incidence`` in degrees) and ``reynolds``, U D
-    / nu; outputs are ``cd``, ``cl`` and ``cm``. A body that the model refuses, and a flow that
-    does not converge, is an ``AnalysisError``, so that a driver can step back.
+    Inputs are the parameters of the family by name (``incidence`` in degrees) and ``reynolds``,
+    U D / nu; outputs are ``cd`` and, for bodies with lift, ``cl`` and ``cm``. A body that the model
+    refuses, and a flow that does not converge, is an ``AnalysisError``, so that a driver can step
+    back.
 
     Options:
       model: a ``Surrogate`` or a ``Flow``.
     """
 
     def initialize(self) -> None:
-        """Declare the options."""
+        """Declare the option ``model``."""
         self.options.declare("model", types=(Surrogate, Flow), desc="answers the loads")
 
     @property
@@ -56,7 +57,7 @@ class LoadsComponent(om.ExplicitComponent):
         return {**dict(scene.family.ranges), REYNOLDS: scene.reynolds}
 
     def setup(self) -> None:
-        """Declare inputs, outputs and derivatives."""
+        """Declare the inputs, the outputs and the derivatives."""
         model = self.options["model"]
         kinds = {p.name: p for p in model.scene.family.body_class.parameters}
         for name, (low, high) in self.ranges.items():
@@ -74,7 +75,7 @@ class LoadsComponent(om.ExplicitComponent):
         self._load_derivatives = jax.jit(jax.jacobian(model.loads, (0, 1)))
 
     def compute(self, inputs: Vector, outputs: Vector) -> None:
-        """Evaluate the loads.
+        """Evaluate the load coefficients of the body.
 
         Raises:
           AnalysisError: the model refuses the body, or its flow does not converge.
@@ -87,7 +88,7 @@ class LoadsComponent(om.ExplicitComponent):
             outputs[name] = float(load)
 
     def compute_partials(self, inputs: Vector, partials: Jacobian) -> None:
-        """Evaluate the derivatives of the loads: by the network's, or by an adjoint each.
+        """Evaluate the derivatives of the loads, by the network or by one adjoint for each load.
 
         Raises:
           AnalysisError: as ``compute``.

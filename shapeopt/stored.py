@@ -20,7 +20,7 @@ NO_CONSTRAINTS = ("scene", "reynolds")  # fields of a problem
 def design_settings(
     problem: Problem, surrogate: Surrogate | None, on_flow: bool, memory: str | None = None
 ) -> JsonObject:
-    """Return what defines a design, as plain values for JSON.
+    """Return the settings that define a design, as plain values for JSON.
 
     Args:
       problem: objective and constraints.
@@ -42,7 +42,7 @@ def design_settings(
 
 
 def stored_run(folder: str | Path, settings: JsonObject, overwrite: bool) -> JsonObject | None:
-    """Return the record of a folder's run if it is the design of these settings, else None.
+    """Return the record of a folder's run if it is a design of these settings, else None.
 
     Args:
       folder: of the run.

@@ -11,7 +11,7 @@ from scipy.special import ellipe, elliprd, elliprf, elliprg
 
 
 class Ellipsoid(NamedTuple):
-    """Half axes in D: along the stream and across it."""
+    """An ellipsoid by its half axes in D, along the stream and across it."""
 
     length: float
     width: float
@@ -19,33 +19,33 @@ class Ellipsoid(NamedTuple):
 
     @property
     def surface(self) -> float:
-        """Its area over that of the sphere of equal volume; one over the sphericity."""
+        """The surface's area over that of the sphere of equal volume; one over the sphericity."""
         a, b, c = (axis**2 for axis in self)
         return 4 * float(elliprg(a * b, a * c, b * c))
 
     @property
     def front(self) -> float:
-        """Area as the stream sees it, over the sphere's."""
+        """The area that the stream sees, over the sphere's."""
         return 4 * self.width * self.height
 
     @property
     def side(self) -> float:
-        """Area as seen from across the stream, on average round it, over the sphere's."""
+        """The area seen from across the stream, averaged round it, over the sphere's."""
         low, high = sorted([self.width, self.height])
         return 8 / np.pi * self.length * high * float(ellipe(1 - (low / high) ** 2))
 
 
 def ellipsoid(aspect: float, flatness: float = 1.0) -> Ellipsoid:
-    """Of volume pi/6 by length / thickness and width / height."""
+    """Return the ellipsoid of volume pi/6 with these ratios length / thickness, width / height."""
     half = aspect ** (-1 / 3) / 2
     return Ellipsoid(aspect * half, half * flatness**0.5, half / flatness**0.5)
 
 
 def oberbeck(body: Ellipsoid, reynolds: float) -> float:
-    """Exact in Stokes flow (Oberbeck, J. reine angew. Math. 81, 1876), then Oseen's correction.
+    """Return Cd of an ellipsoid, exact in Stokes flow (Oberbeck 1876), with Oseen's correction.
 
-    The force F over mu U D is that of the ellipsoid's own potentials; at small Re it grows by
-    F Re / (16 pi) (Brenner, J. Fluid Mech. 11, 1961).
+    Oberbeck, J. reine angew. Math. 81, 1876. The force F over mu U D is that of the ellipsoid's own
+    potentials; at small Re it grows by F Re / (16 pi) (Brenner, J. Fluid Mech. 11, 1961).
     """
     a, b, c = (axis**2 for axis in body)
     potential = 2 * elliprf(a, b, c) + a * 2 / 3 * elliprd(b, c, a)
@@ -54,11 +54,11 @@ def oberbeck(body: Ellipsoid, reynolds: float) -> float:
 
 
 def hoelzer_sommerfeld(body: Ellipsoid, reynolds: float) -> float:
-    """Hoelzer, Sommerfeld (Powder Technology 184, 2008): a body held at its angle to the stream.
+    """Return Cd of a body held at its angle to the stream, by Hoelzer and Sommerfeld (2008).
 
-    By sphericity; crosswise sphericity, the sphere's cross-section over the area that the stream
-    sees; and lengthwise sphericity, the same over half the surface less the area seen from the
-    side.
+    Powder Technology 184, 2008. By sphericity; crosswise sphericity, the sphere's cross-section
+    over the area that the stream sees; and lengthwise sphericity, the same over half the surface
+    less the area seen from the side.
     """
     sphericity, crosswise = 1 / body.surface, 1 / body.front
     lengthwise = 1 / (2 * body.surface - body.side)
@@ -71,7 +71,10 @@ def hoelzer_sommerfeld(body: Ellipsoid, reynolds: float) -> float:
 
 
 def haider_levenspiel(body: Ellipsoid, reynolds: float) -> float:
-    """Haider, Levenspiel (Powder Technology 58, 1989): bodies that fall freely, by sphericity."""
+    """Return Cd of bodies that fall freely, by their sphericity.
+
+    Haider, Levenspiel (Powder Technology 58, 1989).
+    """
     phi = 1 / body.surface
     a = np.exp(2.3288 - 6.4581 * phi + 2.4486 * phi**2)
     b = 0.0964 + 0.5565 * phi

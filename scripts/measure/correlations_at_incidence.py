@@ -12,7 +12,7 @@ from correlations import ellipsoid
 
 
 class Loads(NamedTuple):
-    """Cd, and Cl and Cm where a correlation has them."""
+    """The loads by a correlation: Cd, and Cl and Cm where it has them."""
 
     cd: float | None
     cl: float | None = None
@@ -20,7 +20,11 @@ class Loads(NamedTuple):
 
 
 def froehlich(aspect: float, flatness: float, incidence: float, re: float) -> Loads | None:
-    """Froehlich, Meinke, Schroeder (J. Fluid Mech. 901, 2020): prolate spheroids, Re 1 to 100."""
+    """Return the loads on prolate spheroids at Re 1 to 100, by Froehlich et al. (2020).
+
+    Froehlich, Meinke, Schroeder (J. Fluid Mech. 901, 2020). ``incidence`` is in degrees; None
+    outside of the correlation's range.
+    """
     if flatness != 1 or not (1 < aspect <= 8 and 1 <= re <= 100):
         return None
     log, phi = math.log(aspect), math.radians(incidence)
@@ -40,7 +44,7 @@ def froehlich(aspect: float, flatness: float, incidence: float, re: float) -> Lo
 
 
 def stokes_factors(aspect: float) -> tuple[float, float]:
-    """Return K2 and K0 of prolate spheroids, of Stokes flow along the axis and across it."""
+    """Return the Stokes factors K2 (along the axis) and K0 (across it) of a prolate spheroid."""
     q = math.sqrt(aspect**2 - 1)
     k = math.log((aspect - q) / (aspect + q))
     s0, s1 = -aspect * k / q, aspect**2 / q**2 + aspect * k / (2 * q**3)
@@ -55,7 +59,10 @@ ZASTAWNY = {  # aspect: a0, ..., a8
 
 
 def zastawny(aspect: float, flatness: float, incidence: float, re: float) -> Loads | None:
-    """Zastawny et al. (Int. J. Multiphase Flow 39, 2012): two prolate spheroids, Re 0.1 to 300."""
+    """Return Cd of two prolate spheroids at Re 0.1 to 300, by Zastawny et al. (2012).
+
+    Int. J. Multiphase Flow 39, 2012. ``incidence`` is in degrees; None for other bodies and Re.
+    """
     if flatness != 1 or aspect not in ZASTAWNY or not 0.1 <= re <= 300:
         return None
     a = ZASTAWNY[aspect]
@@ -71,7 +78,10 @@ def front(aspect: float, flatness: float, incidence: float) -> float:
 
 
 def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
-    """Hoelzer, Sommerfeld 2008 as codes for particles use it: crosswise sphericity in all terms."""
+    """Return Cd by Hoelzer, Sommerfeld 2008 as particle codes use it.
+
+    Crosswise sphericity is in all terms, that of the first included. ``incidence`` is in degrees.
+    """
     sphericity = 1 / ellipsoid(aspect, flatness).surface
     crosswise = 1 / front(aspect, flatness, incidence)
     return Loads(
@@ -83,7 +93,7 @@ def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: flo
 
 
 def ganser(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
-    """Return the drag by Ganser (Powder Technology 77, 1993): sphericity and the area seen.
+    """Return the drag by Ganser (Powder Technology 77, 1993), from sphericity and the area seen.
 
     Equation 18 and table 7 for bodies that are not isometric, without a vessel's wall: K1 has the
     diameter of the circle with the area that the stream sees, over D. It was fitted to bodies that

@@ -29,7 +29,7 @@ CORNERS = 1e-9  # compressibility, so that corner elements without free velociti
 
 
 class ElementResult(NamedTuple):
-    """Cd of a body, unknowns, and seconds from the finished mesh to the Cd."""
+    """The Cd of a body by finite elements, the unknowns, and the seconds from mesh to Cd."""
 
     cd: float
     unknowns: int
@@ -37,12 +37,13 @@ class ElementResult(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """The symmetric part of the flow that is solved.
+    """A kind of flow for the finite elements, and the symmetric part of it that is solved.
 
-    ``weak_form(ng, space, reynolds, traction)`` has the traction on its outlet. ``green(ng, k, x,
-    distance)`` returns the Green's functions of the Oseen operator, with k = Re / 2, and of
-    Laplace's. The whole force is ``multiplicity`` times that on the part, Cd is ``scale`` times
-    the force over rho U^2 and D (2-D) or D^2. ``fixed`` names the Dirichlet boundaries.
+    ``mesh(ng, shape, elements)`` returns the mesh. ``weak_form(ng, space, reynolds, traction)`` has
+    the traction on its outlet. ``green(ng, k, x, distance)`` returns the Green's functions of the
+    Oseen operator, with k = Re / 2, and of Laplace's. The whole force is ``multiplicity`` times
+    that on the part, Cd is ``scale`` times the force over rho U^2 and D (2-D) or D^2. ``fixed``
+    names the Dirichlet boundaries.
     """
 
     dimension: int
@@ -56,7 +57,7 @@ class Geometry(NamedTuple):
 
 
 def ngsolve() -> Any:
-    """The package of the finite elements.
+    """Return the package of the finite elements, NGSolve.
 
     Raises:
       Unavailable: It is not installed.
@@ -70,7 +71,13 @@ def ngsolve() -> Any:
 def solve_by_elements(
     geometry: Geometry, body: Mapping[str, float], reynolds: float, elements: Elements | None = None
 ) -> ElementResult:
-    """Solve the flow past a body of the family; ``reynolds * elements.box`` is to be 50 or more.
+    """Solve the flow past a body of the family by finite elements.
+
+    Args:
+      geometry: The kind of flow.
+      body: Parameters of the family by name.
+      reynolds: U D / nu; its product with ``elements.box`` is to be 50 or more.
+      elements: Of the mesh; by default those of the geometry.
 
     Raises:
       Unavailable: NGSolve is not installed.
@@ -86,12 +93,15 @@ def solve_by_elements(
 def reference_cd(
     geometry: Geometry, body: Mapping[str, float], reynolds: float, elements: Elements | None = None
 ) -> float:
-    """Cd by ``solve_by_elements``, solved once for all rows of a study that need it."""
+    """Return Cd by ``solve_by_elements``, solved once for all rows of a study that need it.
+
+    The arguments are those of ``solve_by_elements``.
+    """
     return _solved_once(geometry, tuple(body.items()), reynolds, elements)
 
 
 def unbounded_cd(body: Mapping[str, float], reynolds: float) -> float:
-    """Cd of a body of the 2-D family in an unbounded stream, extrapolated from two boxes.
+    """Return Cd of a body of the 2-D family in an unbounded stream, extrapolated from two boxes.
 
     Of boxes of 100, 200, 400 and 800 D at Re 1 every difference of Cd is 0.377 of the last.
     """
@@ -108,7 +118,17 @@ def _solved_once(geometry, body, reynolds, elements):
 
 
 def at_rest(ng: Any, geometry: Geometry, body: Mapping[str, float], elements: Elements) -> Any:
-    """Velocity and pressure, both zero, on a mesh round the body."""
+    """Return a grid function of velocity and pressure, both zero, on a mesh round the body.
+
+    Args:
+      ng: The package NGSolve.
+      geometry: The kind of flow.
+      body: Parameters of the family by name.
+      elements: Of the mesh.
+
+    Raises:
+      InvalidInput: The body is flattened but the elements are axisymmetric.
+    """
     if geometry.weak_form is axisymmetric_form and body.get("flatness", 1.0) != 1.0:
         raise InvalidInput("axisymmetric elements: flatness must be 1")
     shape = family_shape(body, dimension=geometry.dimension)
@@ -118,7 +138,7 @@ def at_rest(ng: Any, geometry: Geometry, body: Mapping[str, float], elements: El
 
 
 def stopwatch() -> Callable[[], float]:
-    """Seconds since now, of the processor or of the clock, whichever are fewer.
+    """Return a function of the seconds since this call, by processor or clock, whichever is less.
 
     Waiting threads count as busy processors.
     """
@@ -134,7 +154,7 @@ def solve_by_continuation(
     force: float = 0.0,
     tolerance: float = TOLERANCE,
 ) -> float:
-    """Take the flow to this Re; its force over rho U^2 and D, in 3-D D^2.
+    """Take the flow to this Re in place; return its force over rho U^2 and D, in 3-D D^2.
 
     Args:
       ng: The package NGSolve.
@@ -153,20 +173,27 @@ def solve_by_continuation(
 
 
 def continuation(reynolds: float) -> Iterator[float]:
-    """Increasing Reynolds numbers up to this one, in equal ratios."""
+    """Yield increasing Reynolds numbers up to this one, in equal ratios."""
     steps = max(math.ceil(math.log(reynolds / START, RISE)), 0)
     for left in range(steps, -1, -1):
         yield reynolds * (START / reynolds) ** (left / max(steps, 1))
 
 
 class Jacobian:
-    """The factors of a form's Jacobian matrix, kept while the steps of Newton's method fall."""
+    """A form's Jacobian matrix by its factors, kept while the steps of Newton's method fall."""
 
     def __init__(self, form: Any):
         self.form, self.factors, self.last = form, None, math.inf
 
     def solve(self, ng: Any, flow: Any, residual: Any, change: Any) -> None:
-        """Overwrite the change of the flow by that which the residual asks for."""
+        """Overwrite ``change`` by the Newton step that a residual of the flow asks for.
+
+        Args:
+          ng: The package NGSolve.
+          flow: At which the form is linearised.
+          residual: Of the form.
+          change: Is overwritten.
+        """
         if self.factors is not None:
             change.data = self.factors * residual
         if self.factors is None or ng.Norm(change) > FALL * self.last:
@@ -221,13 +248,23 @@ def _oseenlet(ng: Any, reynolds: float, dimension: int, green: Callable) -> tupl
 
 
 def green_3d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
-    """Green's functions of the Oseen operator and of Laplace's in 3-D."""
+    """Return the Green's functions of the Oseen operator and of Laplace's in 3-D.
+
+    Args:
+      ng: The package NGSolve.
+      k: Re / 2.
+      x: Coordinate along the stream.
+      distance: From the origin.
+    """
     sphere = 4 * math.pi * distance
     return ng.exp(k * (x - distance)) / sphere, 1 / sphere
 
 
 def green_2d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
-    """The same in 2-D; K0 by its asymptotic series, which has six digits in the far field."""
+    """Return the Green's functions of the Oseen operator and of Laplace's in 2-D, as ``green_3d``.
+
+    K0 is taken by its asymptotic series, which has six digits in the far field.
+    """
     z = k * distance
     series = 1 - 1 / (8 * z) + 9 / (128 * z**2)
     decay = ng.exp(k * x - z) * ng.sqrt(math.pi / (2 * z)) * series
@@ -235,7 +272,14 @@ def green_2d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
 
 
 def cartesian_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
-    """Steady Navier-Stokes in 2-D or 3-D, with a traction on the outlet."""
+    """Return the weak form of steady flow in 2-D or 3-D, with a traction on the outlet.
+
+    Args:
+      ng: The package NGSolve.
+      space: Of velocity and pressure.
+      reynolds: U D / nu.
+      traction: On the outlet.
+    """
     (u, p), (v, q) = space.TnT()
     viscous, inertia = ng.InnerProduct(ng.Grad(u), ng.Grad(v)), (ng.Grad(u) * u) * v
     incompressible = p * ng.div(v) + q * ng.div(u) + CORNERS * p * q
@@ -246,7 +290,10 @@ def cartesian_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
 
 
 def axisymmetric_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
-    """Steady Navier-Stokes without swirl, per unit azimuth, with a traction on the outlet."""
+    """Return the weak form of steady axisymmetric flow without swirl, per unit azimuth.
+
+    The arguments are those of ``cartesian_form``.
+    """
     (u, p), (v, q) = space.TnT()
     r = ng.y
     viscous = r * ng.InnerProduct(ng.Grad(u), ng.Grad(v)) + u[1] * v[1] / r

@@ -15,7 +15,16 @@ Lines = Sequence[tuple[str | None, Sequence[tuple[float, float]], Mapping[str, A
 def lines(
     x: str, y: str, by: str | None, labels: tuple[str, str], panel: str = "", key: str = "rows"
 ) -> Callable[[Result, Path], None]:
-    """A picture of column ``y`` over ``x``, a line per value of ``by``, axes per ``panel``."""
+    """Return a function that draws column ``y`` over ``x`` of a study's rows, in logarithmic axes.
+
+    Args:
+      x: column.
+      y: column; rows without a value are left out.
+      by: column, each of whose values has a line; None for one line.
+      labels: of the axes x and y.
+      panel: column, each of whose values has axes of its own; none by default.
+      key: of the rows in the study's result.
+    """
 
     def draw(result: Result, path: Path) -> None:
         panels: dict[str, dict[str, Any]] = {}
@@ -31,7 +40,10 @@ def lines(
 
 
 def draw_lines(panels: Sequence[tuple[str, Lines]], ylabel: str, path: Path) -> None:
-    """Logarithmic axes side by side, each with its label and lines: (label, points, settings)."""
+    """Draw logarithmic axes side by side, each with its label and lines, and save the picture.
+
+    Each line is (label, points, settings of matplotlib).
+    """
     with plt.rc_context(STYLE):
         size = {"figsize": (4.6 * len(panels) + 2.4, 4.4), "layout": "constrained"}
         figure, axes = plt.subplots(1, len(panels), sharey=True, squeeze=False, **size)
@@ -54,7 +66,15 @@ def draw_maps(
     path: Path,
     abreast: int = 2,
 ) -> None:
-    """One map per ``panel``, ``abreast`` in a line, coloured by the ``outcome`` of its rows."""
+    """Draw a map for each ``panel`` of the rows, coloured by the ``outcome`` of each row.
+
+    Args:
+      rows: with "panel", "row", "column" and "outcome".
+      cell: returns the text in the cell of a row.
+      colours: by outcome.
+      path: of the picture.
+      abreast: number of maps side by side.
+    """
     panels = values(rows, "panel")
     deep = math.ceil(len(panels) / abreast)
     size = {"figsize": (13, 0.5 + 6 * deep / abreast), "squeeze": False, "layout": "constrained"}

@@ -32,7 +32,7 @@ AXIS = 1e-9  # of the wake parabola k (r - x), so that quotients by it are finit
 
 
 class Loads(NamedTuple):
-    """Cd, Cl and Cm (about the centroid, nose up) of a body."""
+    """The loads of a body: Cd, Cl and Cm (about the centroid, nose up)."""
 
     cd: float
     cl: float
@@ -42,7 +42,7 @@ class Loads(NamedTuple):
 def unbounded_loads(
     body: Shape | Mapping[str, float], reynolds: float, elements: Elements = SECTION
 ) -> Loads:
-    """Loads of a 2-D body in an unbounded stream, extrapolated from two boxes as ``unbounded_cd``.
+    """Return the loads of a 2-D body in an unbounded stream, extrapolated as ``unbounded_cd``.
 
     Raises:
       Unavailable: NGSolve is not installed.
@@ -58,7 +58,7 @@ def unbounded_loads(
 def loads_by_elements(
     body: Shape | Mapping[str, float], reynolds: float, elements: Elements = SECTION
 ) -> Loads:
-    """Loads of a 2-D body in one box.
+    """Return the loads of a 2-D body in one box.
 
     Raises:
       Unavailable: NGSolve is not installed.
@@ -70,7 +70,7 @@ def loads_by_elements(
 
 
 def loads_in_space(body: Mapping[str, float], reynolds: float, elements: Elements = BOX) -> Loads:
-    """Loads of a 3-D body in one box, whose far field is that of its force.
+    """Return the loads of a 3-D body in one box, whose far field is that of its force.
 
     Elements of third degree start from the flow in elements of second degree on the same mesh,
     which takes a fraction of the time.
@@ -94,7 +94,7 @@ def loads_in_space(body: Mapping[str, float], reynolds: float, elements: Element
 
 
 def section_at_rest(ng: Any, shape: Shape, elements: Elements) -> Any:
-    """Velocity and pressure, both zero, on a mesh of the plane round the body."""
+    """Return a grid function of velocity and pressure, both zero, on a mesh of the plane."""
     mesh = whole_plane(ng, shape, elements)
     velocities = ng.VectorH1(mesh, order=elements.order, dirichlet="body|stream")
     return ng.GridFunction(velocities * ng.H1(mesh, order=elements.order - 1))
@@ -103,9 +103,15 @@ def section_at_rest(ng: Any, shape: Shape, elements: Elements) -> Any:
 def raise_reynolds(
     ng: Any, flow: Any, numbers: Iterable[float], loads: ArrayLike = (0.0, 0.0, 0.0)
 ) -> np.ndarray:
-    """Take the flow with these loads from Re to Re; force and moment over rho U^2 and D there.
+    """Take the flow from Re to Re in place; return its forces and moment over rho U^2 and D.
 
     In 3-D they are over D^2 and D^3, of the whole body.
+
+    Args:
+      ng: The package NGSolve.
+      flow: Velocity and pressure, replaced by those at the last Re.
+      numbers: Reynolds numbers, one after another.
+      loads: Drag, lift and moment of the flow at the start.
 
     Raises:
       NotConverged: Newton's method failed.
@@ -150,12 +156,12 @@ def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarra
 
 
 def oseenlets(ng: Any, reynolds: float, dimension: int = 2) -> list[tuple[Any, Any]]:
-    """Velocity, and traction on planes x = const, of unit forces on the body along drag and lift.
+    """Return the velocities and tractions of unit forces on the body along drag and along lift.
 
-    With G and L as in ``elements``: a force along x drives Re G along x - grad (G - L), one along
-    the lift Re G along it - grad dQ, where in 3-D dQ = (lift coordinate) k (1 - exp(-s)) / (4 pi r
-    s), s = k (r - x). In 2-D that is the curl (-d/dy, d/dx) of G - L. The pressures are minus the
-    derivatives of L.
+    The tractions are those on planes x = const. With G and L as in ``elements``: a force along x
+    drives Re G along x - grad (G - L), one along the lift Re G along it - grad dQ, where in 3-D
+    dQ = (lift coordinate) k (1 - exp(-s)) / (4 pi r s), s = k (r - x). In 2-D that is the curl
+    (-d/dy, d/dx) of G - L. The pressures are minus the derivatives of L.
     """
     if dimension == 2:
         axes, green = (ng.x, ng.y), green_2d

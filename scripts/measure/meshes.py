@@ -9,7 +9,7 @@ from surrogate.body.shape import FamilyShape
 
 
 class Elements(NamedTuple):
-    """Degree of the elements, half extent of the box, and element widths.
+    """The resolution of a mesh: degree of the elements, half extent of the box, and their widths.
 
     The widths are on the body, near it, and in its wake. The region near the body ends ``margin``
     from it, and 2 D behind it.
@@ -24,7 +24,10 @@ class Elements(NamedTuple):
 
 
 def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
-    """Triangles of the half plane above the body's axis: (x, y) in 2-D, (x, r) of revolution."""
+    """Return triangles of the half plane above a body's axis: (x, y) in 2-D, (x, r) in 3-D.
+
+    In 3-D the body is one of revolution.
+    """
     from netgen import occ
 
     def box(start, end, height, width):
@@ -45,7 +48,7 @@ def half_plane(ng: Any, body: Shape, elements: Elements) -> Any:
 
 
 def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
-    """Triangles of the plane around a body as it lies."""
+    """Return triangles of the plane around a body as it lies."""
     from netgen import occ
 
     def box(start, end, low, high, width):
@@ -66,12 +69,12 @@ def whole_plane(ng: Any, body: Shape, elements: Elements) -> Any:
 
 
 def quarter(ng: Any, body: FamilyShape, elements: Elements) -> Any:
-    """Tetrahedra of the quarter y, z > 0 round a flattened body with two mirror planes."""
+    """Return tetrahedra of the quarter y, z > 0 round a flattened body with two mirror planes."""
     return _space(ng, body, elements, ("flank", "floor"))
 
 
 def half(ng: Any, body: FamilyShape, elements: Elements) -> Any:
-    """Tetrahedra of the half y > 0 round a body at incidence."""
+    """Return tetrahedra of the half y > 0 round a body at incidence."""
     return _space(ng, body, elements, ("flank",))
 
 

@@ -19,7 +19,10 @@ WAVY = 0.3  # amplitude of wave k, at most, times k
 
 
 def random_bodies(count: int, seed: int) -> Iterator[Row]:
-    """As many of every kind: Re and aspect evenly in their logarithms, the rest evenly."""
+    """Yield ``count`` random bodies with their Re and stream, as many of every kind.
+
+    Re and aspect are drawn evenly in their logarithms, the rest evenly.
+    """
     draws = qmc.Sobol(2 + 2 * len(WAVES) + 1, rng=seed).random_base2(math.ceil(math.log2(count)))
     for k, (re, aspect, choice, *rest) in enumerate(draws[:count]):
         reynolds = float(REYNOLDS[0] * (REYNOLDS[1] / REYNOLDS[0]) ** re)
@@ -36,7 +39,7 @@ def random_bodies(count: int, seed: int) -> Iterator[Row]:
 
 
 def valid(aspect: float, betas: np.ndarray, turn: float) -> Shape:
-    """A body of the family, its betas halved until it does not cross itself."""
+    """Return a body of the family, its betas halved until it does not cross itself."""
     try:
         return family_shape({"aspect": aspect} | dict(zip(BETAS, betas, strict=True)), turn)
     except InvalidInput:
@@ -44,7 +47,7 @@ def valid(aspect: float, betas: np.ndarray, turn: float) -> Shape:
 
 
 def wavy(aspect: float, cosines: np.ndarray, sines: np.ndarray) -> np.ndarray:
-    """A lopsided smooth contour: an ellipse whose radius is multiplied by a random wave."""
+    """Return a lopsided smooth contour: an ellipse whose radius is multiplied by a random wave."""
     t = 2 * np.pi * np.arange(200) / 200
     size = WAVY / WAVES / len(WAVES)
     radius = 1 + (size * cosines) @ np.cos(np.outer(WAVES, t))

@@ -29,7 +29,7 @@ README = Path(__file__).parents[2] / "README.md"
 
 
 def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
-    """Keep records of other commands, then write both texts."""
+    """Keep the records of other commands that are given, then write the README and RESULTS.md."""
     parser = Parser(__doc__)
     parser.add_argument("--payoff", type=Path, help="result of scripts/payoff.py, to be kept")
     parser.add_argument(
@@ -54,9 +54,9 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
 
 
 def filled(text: str, block: Callable[[str, Result], str], folder: Path = RESULTS) -> str:
-    """The text with ``block(name, record)`` between ``<!-- name -->`` and ``<!-- /name -->``.
+    """Return the text with its blocks between ``<!-- name -->`` and ``<!-- /name -->`` replaced.
 
-    Nothing stands there where there is no record.
+    ``block(name, record)`` returns their contents; nothing stands there where there is no record.
     """
 
     def put(match):
@@ -69,7 +69,7 @@ def filled(text: str, block: Callable[[str, Result], str], folder: Path = RESULT
 
 
 def keep_payoff(path: Path, out: Path = RESULTS, pictures: Path = PICTURES) -> None:
-    """Keep the payoff's result and pictures, those of 3-D scenes under names of their own."""
+    """Copy the payoff's result and pictures, those of 3-D scenes under names of their own."""
     result = json.loads(path.read_text())
     space = "_space" if result.get("scene", {}).get("dimension") == 3 else ""
     command = result.pop("command", f"python scripts/payoff.py --out {path.parent}")
@@ -79,7 +79,7 @@ def keep_payoff(path: Path, out: Path = RESULTS, pictures: Path = PICTURES) -> N
 
 
 def whole_block(name: str, record: Result) -> str:
-    """Tables and picture of a study, then its command, date, duration and machine."""
+    """Return the tables and picture of a study, then its command, date, duration and machine."""
     result, command, payoff = record["result"], record["command"], name.startswith("payoff")
     text = payoff_tables(result) if payoff else load_study(name).markdown(result)
     if not payoff:  # older records name a file of the study's own
@@ -95,7 +95,7 @@ def whole_block(name: str, record: Result) -> str:
 
 
 def short_block(name: str, record: Result) -> str:
-    """The part of the README on a study."""
+    """Return the part of the README on a study."""
     tell = {
         "training": _training,
         "accuracy": _accuracy,

@@ -17,17 +17,19 @@ COMPONENTS = 4  # of partial least squares, and points that replace a flow's gra
 
 
 class Solved(NamedTuple):
-    """Solved flows: their scaled inputs and observations."""
+    """Solved flows of family bodies: their scaled inputs and observations."""
 
     inputs: Inputs
     z: np.ndarray
     observations: list[Observation]
 
     def head(self, count: int) -> "Solved":
+        """Return the first ``count`` flows."""
         return Solved(self.inputs, self.z[:count], self.observations[:count])
 
     @property
     def log_drag(self) -> np.ndarray:
+        """The logarithms of the drag coefficients, shape (flows,)."""
         return np.log([flow.drag for flow in self.observations])
 
 
@@ -44,7 +46,10 @@ Fit = Callable[[Solved], Predictor]
 
 
 def rivals() -> dict[str, Fit]:
-    """By name; kriging with slopes alone where scikit-learn is not installed."""
+    """Return the regressions by name; GEK alone where scikit-learn is not installed.
+
+    GEK is gradient-enhanced kriging, as that by which designs from nothing are led.
+    """
     try:
         import sklearn  # noqa: F401
     except ImportError:
@@ -90,7 +95,7 @@ def _kriging(solved: Solved) -> Predictor:
 
 
 def polynomial_with_slopes(solved: SolvedLoads) -> Predictor:
-    """Least squares of outputs and slopes on all monomials, of the degree that predicts best.
+    """Fit outputs and slopes by least squares on all monomials, of the degree that predicts best.
 
     The degree is chosen on a quarter of the flows, fitted to the others.
     """
@@ -125,7 +130,7 @@ def _fitted_polynomial(solved: SolvedLoads, degree: int) -> Predictor:
 
 
 def gekpls(solved: SolvedLoads) -> Predictor:
-    """Gradient-enhanced kriging with partial least squares by SMT (Bouhlel and Martins 2019).
+    """Fit gradient-enhanced kriging with partial least squares by SMT (Bouhlel and Martins 2019).
 
     Raises:
       Unavailable: SMT is not installed.

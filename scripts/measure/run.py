@@ -67,7 +67,7 @@ OPTIONAL = ("pyvista", "scikit-learn", "ngsolve")  # recorded where they are ins
 
 
 def load_study(name: str) -> Study:
-    """The study of this name.
+    """Return the study of this name.
 
     Raises:
       InvalidInput: There is none.
@@ -78,7 +78,7 @@ def load_study(name: str) -> Study:
 
 
 def main(argv: Sequence[str] | None = None) -> Result:
-    """Run a study; its record."""
+    """Run a study, and return its record."""
     argv = sys.argv[1:] if argv is None else argv
     study = load_study(argv[0]) if argv and not argv[0].startswith("-") else Study(())
     parser = Parser(__doc__)
@@ -105,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> Result:
 
 
 class Checkpoint:
-    """Rows and seconds of the cases measured so far, in a file until the record is written.
+    """The rows and seconds of the cases measured so far, in a file until the record is written.
 
     A file with another ``head`` is of another command or other versions, and is replaced.
     """
@@ -116,14 +116,14 @@ class Checkpoint:
             self.cases = found["cases"]
 
     def add(self, case: Row) -> None:
-        """Keep one more case."""
+        """Add one more case, and write the file."""
         self.cases.append(case)
         with whole_file(self.path) as part:
             part.write_text(json.dumps({"head": self.head, "cases": self.cases}))
 
 
 def measure(study: Study, run: Run, checkpoint: Checkpoint) -> tuple[Result, float]:
-    """Measure every case of every table; the result, and the seconds that it took."""
+    """Measure every case of every table, and return the result and the seconds that it took."""
     jobs = [(table, case) for table in study.tables for case in table.chosen(run)]
     for k, (table, case) in list(enumerate(jobs))[len(checkpoint.cases) :]:
         shown = [f"{x:g}" if isinstance(x, float) else x for x in case.values()]
@@ -151,7 +151,18 @@ def _measured(run: Run, table: Table, case: Row) -> Row:
 def keep(
     name: str, result: Result, command: str, seconds: float | None = None, out: Path = RESULTS
 ) -> Result:
-    """Write a result with its command, versions, machine and date to ``out/name.json``."""
+    """Write a result with its command, versions, machine and date to ``out/name.json``.
+
+    Args:
+      name: Of the study.
+      result: Of the study.
+      command: That measured it.
+      seconds: That it took, if known.
+      out: Folder.
+
+    Returns:
+      The record, as in the file.
+    """
     installed = {one.name: one.version for one in importlib.metadata.distributions()}
     optional = {package: installed[package] for package in OPTIONAL if package in installed}
     record = plain(

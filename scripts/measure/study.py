@@ -23,7 +23,7 @@ Show = Callable[[Sequence[Row]], str]
 
 
 class Unavailable(InvalidInput):
-    """An optional package that a measurement needs is not installed."""
+    """Raised where an optional package that a measurement needs is not installed."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,17 +38,17 @@ class Run:
     progress: Callable[[float, str], None] = lambda done, state: None
 
     def pick(self, tiny: Any, whole: Any) -> Any:
-        """The value for the scale of this run."""
+        """Return the value for the scale of this run."""
         return tiny if self.tiny else whole
 
     def fidelity(self, name: str, dimension: int = 2) -> Fidelity:
-        """The named fidelity, or the tiny one."""
+        """Return the named fidelity, or the tiny one in a tiny run."""
         return TINY if self.tiny else Scene(dimension=dimension, fidelity=name).fidelity
 
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Rows that are measured in the same way.
+    """A table of rows that are measured in the same way.
 
     Args:
       cases: The cases, or a function of the run that returns them. A case is a dict.
@@ -66,12 +66,12 @@ class Table:
     tiny: str = "first"
 
     def chosen(self, run: Run) -> list[Row]:
-        """The cases that this run measures."""
+        """Return the cases that this run measures."""
         found = self.cases(run) if callable(self.cases) else self.cases
         return list(found)[SCALES[self.tiny if run.tiny else "all"]]
 
     def rows(self, run: Run, case: Row) -> list[Row]:
-        """Measure one case; values that JSON cannot hold are left out of the rows."""
+        """Measure one case and return its rows; values that JSON cannot hold are left out."""
         found = self.measure(run, **case)
         kept = {name: value for name, value in case.items() if isinstance(value, PLAIN)}
         return [plain(kept | row) for row in (found if isinstance(found, list) else [found])]
@@ -79,7 +79,7 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Study:
-    """Tables that one command measures, their text and their picture.
+    """A study: tables that one command measures, their text and their picture.
 
     Args:
       tables: The tables, in the order in which they are measured and shown.
@@ -96,19 +96,19 @@ class Study:
     options: Mapping[str, dict[str, Any]] = dataclasses.field(default_factory=dict)
 
     def markdown(self, result: Result) -> str:
-        """All tables, the text, and which package is not installed."""
+        """Return all tables, the text, and which package is not installed, as Markdown."""
         text = words(self.text, **result) if isinstance(self.text, str) else self.text(result)
         parts = [table.show(result[table.key]) for table in self.tables if result.get(table.key)]
         return "\n\n".join(filter(None, [*parts, text, result.get("unavailable", "")]))
 
 
 def cases(**axes: Iterable[Any]) -> list[Row]:
-    """All combinations of the values, the last varying fastest."""
+    """Return all combinations of the values, the last varying fastest."""
     return [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
 
 
 def columns(text: str) -> Show:
-    """A table of rows from "head {format} | head {format}", one column each."""
+    """Return a function that shows rows as a table of columns "head {format} | head {format}"."""
     cut = [(part[: part.index("{")].strip(), part[part.index("{") :]) for part in text.split("|")]
     heads = [head for head, _ in cut]
     return lambda rows: markdown(
@@ -117,7 +117,10 @@ def columns(text: str) -> Show:
 
 
 def maps(cell: Callable[[Row], str]) -> Show:
-    """One table per ``panel`` of the rows, with ``cell(row)`` where its row and column cross."""
+    """Return a function that shows rows as one table per ``panel``, with ``cell(row)`` in it.
+
+    A row's place is where its "row" and "column" cross.
+    """
 
     def show(rows: Sequence[Row]) -> str:
         parts = []
@@ -133,17 +136,24 @@ def maps(cell: Callable[[Row], str]) -> Show:
 
 
 def panel(name: str, row: str, column: str, found: Iterable[Row]) -> list[Row]:
-    """The cases with their places in ``maps``, whose forms are filled with the case."""
+    """Return the cases with their places in ``maps``, whose forms are filled with the case.
+
+    Args:
+      name: Form of the panel's name.
+      row: Form of the row's name.
+      column: Form of the column's name.
+      found: The cases.
+    """
     return [x | place(words(name, **x), words(row, **x), words(column, **x)) for x in found]
 
 
 def place(panel: str, row: str, column: str) -> Row:
-    """Where a row stands in ``maps``."""
+    """Return where a row stands in ``maps``, as entries of the row."""
     return {"panel": panel, "row": row, "column": column}
 
 
 def values(rows: Iterable[Row], key: str) -> list[Any]:
-    """The different values of ``key`` in the rows, in order of appearance."""
+    """Return the different values of ``key`` in the rows, in order of appearance."""
     return list(dict.fromkeys(row[key] for row in rows))
 
 
@@ -158,12 +168,12 @@ class _Words(string.Formatter):
 
 
 def words(form: str, **named: Any) -> str:
-    """``form`` filled in; a missing value is a dash, and a per cent sign follows a space."""
+    """Return ``form`` filled in; a missing value is a dash, and a per cent sign follows a space."""
     return _Words().vformat(form, (), named)
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON holds it: infinities and NaN are None, a fidelity is its name."""
+    """Return the value as JSON holds it: infinities and NaN are None, a fidelity is its name."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

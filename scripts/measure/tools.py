@@ -30,30 +30,39 @@ def solved(
     stream: str = "unbounded",
     **options: bool,
 ) -> Solution:
-    """The flow past a body of the family; without an estimate of its error unless asked for."""
+    """Solve the flow past a body of the family, without an estimate of its error unless asked for.
+
+    Args:
+      body: Parameters of the family by name.
+      reynolds: U D / nu.
+      fidelity: Of the flow.
+      dimension: 2 or 3.
+      stream: As for ``parse_stream``.
+      **options: Of ``Flow.solve``.
+    """
     flow = Flow(Scene(stream, dimension=dimension, fidelity=fidelity))
     shape = family_shape(body, dimension=dimension)
     return flow.solve(shape, reynolds, **{"estimate": False, "allow_unsteady": True} | options)
 
 
 def relative_error(cd: float | None, exact: float | None) -> float | None:
-    """Relative error, or None where one of the two is unknown."""
+    """Return the relative error, or None where one of the two is unknown."""
     return None if cd is None or exact is None else cd / exact - 1
 
 
 def mean_and_most(errors: Iterable[float | None]) -> tuple[float | None, float | None]:
-    """Mean and largest of the absolute errors that are known."""
+    """Return the mean and the largest of the absolute errors that are known."""
     known = [abs(error) for error in errors if error is not None]
     return (float(np.mean(known)), max(known)) if known else (None, None)
 
 
 def name_of(body: Mapping[str, float], form: str = "g") -> str:
-    """The parameters of a body as text, such as "aspect 2, beta2 0.1"."""
+    """Return the parameters of a body as text, such as "aspect 2, beta2 0.1"."""
     return ", ".join(f"{name} {value:{form}}" for name, value in body.items())
 
 
 class PeakMemory:
-    """Context in which the memory of the process is watched; ``mib`` is its greatest growth.
+    """A context in which the memory of the process is watched; ``mib`` is its greatest growth.
 
     It is 0 on systems without ``/proc``.
     """
@@ -83,7 +92,7 @@ def resident_mib() -> float:
 
 
 def medians(calls: Sequence[Callable[[], Any]], repeats: int = 7) -> list[float]:
-    """Median seconds of every call without compilation.
+    """Return the median seconds of every call, without compilation.
 
     The calls take turns, so that other work on the machine slows all of them alike.
     """
@@ -110,19 +119,19 @@ def cold_cache() -> Iterator[None]:
 
 
 def megabytes(compiled: Any) -> float:
-    """Memory of a compiled call, its outputs included."""
+    """Return the memory of a compiled call in MB, its outputs included."""
     memory = compiled.memory_analysis()
     return (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 1e6
 
 
 def power_of(rows: Sequence[Row], x: str, y: str) -> float | None:
-    """Exponent p of |y| ~ x^p, fitted to two rows or more."""
+    """Return the exponent p of |y| ~ x^p, fitted to two rows or more."""
     logs = np.log([[row[x], abs(row[y])] for row in rows]).T
     return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
 
 
 def platform_of(accelerator: str | None) -> dict[str, str]:
-    """Environment variables by which a new process uses the accelerator, or the processor.
+    """Return environment variables by which a new process uses the accelerator, or the processor.
 
     Raises:
       InvalidInput: There is no such accelerator.
@@ -136,7 +145,7 @@ def platform_of(accelerator: str | None) -> dict[str, str]:
 
 
 def free_port() -> int:
-    """A free TCP port of this machine."""
+    """Return a free TCP port of this machine."""
     with socket.socket() as probe:
         probe.bind(("localhost", 0))
         return probe.getsockname()[1]

@@ -38,7 +38,16 @@ UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
 def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2) -> list[float]:
-    """Parse comma-separated Reynolds numbers, each within the range that the solver answers."""
+    """Parse comma-separated Reynolds numbers, each within the range that the solver answers.
+
+    Args:
+      text: numbers and ranges, as ``numbers`` takes them.
+      allow_unsteady: accept Re beyond the onset of instability of the cylinder (sphere) too.
+      dimension: 2 or 3, on which the range depends.
+
+    Raises:
+      InvalidInput: the text has no numbers, or one is outside the range.
+    """
     return [check_reynolds(value, allow_unsteady, dimension) for value in numbers(text)]
 
 
@@ -54,14 +63,18 @@ def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> N
 def family_named(
     arguments: argparse.Namespace, names: Iterable[str] = PARAMETERS
 ) -> dict[str, float]:
-    """The family's parameters by name: those of the default family, and all others given."""
+    """Return a body's parameters by name, as the options give them.
+
+    Those of the default 2-D family are always there, 0 where no option gives them; others only if
+    given.
+    """
     given = {name: getattr(arguments, name) for name in names}
     usual = Body2D.default_ranges
     return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 
 def add_body_arguments(parser: Parser) -> None:
-    """Add the options of a body: of a family, a contour or a NACA section, at incidence."""
+    """Add the options of a body: of the family, a contour or a NACA section, at incidence."""
     add_family_arguments(parser, SECTION)
     add = parser.add_argument
     add("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
@@ -72,7 +85,7 @@ def add_body_arguments(parser: Parser) -> None:
 
 
 def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, Shape]:
-    """The body that the options describe, by its incidence in degrees.
+    """Return the bodies that the options describe, one for each incidence in degrees.
 
     Raises:
       InvalidInput: there is none, or options contradict each other.
@@ -82,7 +95,7 @@ def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, 
 
 
 def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
-    """The body that the options describe, at one incidence.
+    """Return the body that the options describe, at its one incidence.
 
     Raises:
       InvalidInput: as ``shapes_of``, or there are several incidences.
@@ -95,9 +108,10 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
 
 @contextmanager
 def refusals_by_options(keep_size: bool, prefix: str = "") -> Iterator[None]:
-    """Let a grid's refusal of a body name ``--cells``, and ``--keep-size`` where that is the cause.
+    """Rewrite a grid's error about a body so that it names the options that would help.
 
-    The library's messages say how many cells per D would do; ``prefix`` is put before them.
+    The library's messages say how many cells per D would do, which is ``--cells`` here; where
+    ``--keep-size`` is the cause, it is named. ``prefix`` is put before the message.
     """
     try:
         yield
@@ -173,7 +187,11 @@ def add_problem_arguments(parser: Parser) -> None:
 
 
 def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
-    """The surrogate, or None for ``--surrogate none``."""
+    """Return the surrogate that the options name, or None for ``--surrogate none``.
+
+    Raises:
+      InvalidInput: --fidelity or --scene is given with a surrogate, which has its own.
+    """
     surrogate = None if arguments.surrogate == "none" else load(arguments.surrogate)
     for name in ("fidelity", "scene"):
         if surrogate and getattr(arguments, name):
@@ -182,7 +200,7 @@ def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
 
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
-    """The optimisation problem that the options describe."""
+    """Return the optimisation problem that the options describe."""
     return Problem(
         surrogate.scene if surrogate else scene_of(arguments),
         _objective(arguments),
@@ -198,7 +216,11 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:
-    """The scene of --scene, or the default one with --fidelity."""
+    """Return the scene of the file --scene, or the default scene with the fidelity --fidelity.
+
+    Raises:
+      InvalidInput: both options are given.
+    """
     if not arguments.scene:
         return Scene(fidelity=arguments.fidelity or "standard")
     if arguments.fidelity:

@@ -25,7 +25,7 @@ GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")
 
 
 class ProcessLost(RuntimeError):
-    """One of the processes of a distributed command has ended unexpectedly."""
+    """Raised when one of the processes of a distributed command has ended unexpectedly."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -47,6 +47,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--json", action="store_true", help="one JSON object on stdout")
 
     def error(self, message: str) -> NoReturn:
+        """Raise InvalidInput with argparse's message and the option or choice that may be meant."""
         hint = ""
         if wrong := re.search(r"unrecognized arguments: (--[\w-]+)", message):
             known = (name for action in self._actions for name in action.option_strings)

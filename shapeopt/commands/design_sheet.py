@@ -26,7 +26,7 @@ from surrogate.model.surrogate import Surrogate
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, optimise all bodies in one batch, draw them."""
+    """Parse the arguments, optimise all bodies in one batch and draw them."""
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
     reynolds = sorted(numbers(arguments.reynolds))

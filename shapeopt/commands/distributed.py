@@ -29,7 +29,7 @@ FATAL = re.compile(r"F\d{4} |\*\*\* |terminate called|E\d{4} .*(coordination|dis
 
 
 def add_device_argument(parser: Parser) -> None:
-    """Add ``--devices``."""
+    """Add the option ``--devices``, the number of devices of this process."""
     parser.add_argument("--devices", type=int, help="of this process: CPU cores, or GPUs (1)")
 
 
@@ -57,7 +57,11 @@ def add_distributed_arguments(parser: Parser) -> None:
 
 
 def needs_supervision(arguments: argparse.Namespace) -> bool:
-    """Whether the command is distributed and this process is not a supervised child."""
+    """Return whether the command is distributed and this process is not a supervised child.
+
+    Raises:
+      InvalidInput: --processes or --process is given without --coordinator.
+    """
     many = arguments.coordinator is not None or scheduled()
     if not many and (arguments.processes or arguments.process):
         raise InvalidInput("--processes and --process: go with --coordinator HOST:PORT")

@@ -25,7 +25,7 @@ NAMES = [name for name, p in PARAMETERS.items() if p.keeps_mirror_plane]
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, integrate, report."""
+    """Parse the arguments, integrate the fall and report it."""
     arguments = _parser().parse_args(argv)
     values = numbers(arguments.particle, "--particle", "1.2,1e-6,5e-4")
     if len(values) != 3:

@@ -17,7 +17,7 @@ EXAMPLE = "0.3,0.001,1.2,1.5e-5"
 
 
 def add_kept_arguments(parser: Parser) -> None:
-    """Add --out and --fluid."""
+    """Add the options --out (folder of the flow) and --fluid (forces in newtons)."""
     parser.add_argument("--out", help="folder of contour, fields and picture; one each of several")
     fluid = "forces in N (2-D: a metre of span) for U,D,RHO[,NU] in m/s, m, kg/m^3, m^2/s"
     parser.add_argument("--fluid", help=f"{fluid}, as {EXAMPLE}; NU checks that Re = U D / nu")
@@ -26,7 +26,9 @@ def add_kept_arguments(parser: Parser) -> None:
 def kept_flows(
     arguments: argparse.Namespace, cases: list[Case]
 ) -> Callable[[Case, Solution], JsonObject]:
-    """Return a function that keeps a solved flow and returns what its row of results gains.
+    """Return a function that stores a solved flow and returns the entries for its row of results.
+
+    The entries are the forces in newtons where --fluid is given, and the folder where --out is.
 
     Raises:
       InvalidInput: a folder holds something else, or U D / nu is not the Reynolds number.
@@ -55,7 +57,7 @@ def kept_flows(
 
 
 def forces_line(row: JsonObject) -> str:
-    """Return the forces of a row as text."""
+    """Return the forces of a row as a line of text: drag and lift in N, moment in N m."""
     force = row["forces_N"]
     span = " per metre of span" if row["forces_span"] else ""
     return (
@@ -65,7 +67,7 @@ def forces_line(row: JsonObject) -> str:
 
 
 def flow_folder(out: str, case: Case, cases: list[Case]) -> Path:
-    """Return a flow's folder: OUT of one alone, else OUT/re10 or OUT/incidence5_re10."""
+    """Return a flow's folder: OUT for a single flow, else OUT/re10 or OUT/incidence5_re10."""
     if len(cases) == 1:
         return Path(out)
     name = f"re{case.reynolds:.9g}"

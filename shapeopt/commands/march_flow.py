@@ -35,7 +35,7 @@ LEAST_REYNOLDS = 1.0  # the stable time step falls with Re
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """March, compare with the steady flow if there is one, render."""
+    """Parse the arguments, march in time, compare with the steady flow where stable, and render."""
     arguments = _parser().parse_args(argv)
     shape = shape_of(arguments)
     reynolds = reynolds_of(arguments, shape.chord, dimension=2)

@@ -46,7 +46,7 @@ HIDDEN = ("scene", "path", "command", "surrogate", "settings", "files_sha256")
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, optimise, verify, save."""
+    """Parse the arguments, optimise the shape, verify the optimum by the flow and save the run."""
     arguments = _parser().parse_args(argv)
     devices = use_devices(arguments.devices)
     check_run_folder(arguments.out)

@@ -51,7 +51,7 @@ SAMPLE = 8  # flows from which the direct cost of the robust design is extrapola
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, train, design by every strategy, tabulate, plot."""
+    """Parse the arguments, train, design by every strategy, tabulate the costs and plot them."""
     arguments = _parser().parse_args(argv)
     devices = choose_devices(use_devices(arguments.devices))
     seeds = whole_number("--seeds", arguments.seeds, 1, 20)

@@ -35,7 +35,7 @@ from surrogate.model.surrogate import Surrogate
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, predict, report."""
+    """Parse the arguments, predict the loads and report them."""
     arguments = _parser().parse_args(argv)
     if arguments.aspect is None:
         raise InvalidInput("body: --aspect is needed")

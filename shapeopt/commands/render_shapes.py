@@ -43,7 +43,7 @@ from surrogate.progress import Update, progress_bar
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, solve the flows, render."""
+    """Parse the arguments, solve the flows and render them."""
     arguments = _parser().parse_args(argv)
     out = check_file(arguments.out, ".png", ".gif")
     flows = [is_flow(folder) for folder in arguments.runs]

@@ -24,19 +24,19 @@ POWERS = {  # of the chord, by which coefficients by D are divided
 
 
 def add_reynolds_arguments(parser: Parser) -> None:
-    """Add --reynolds and --chord-reynolds, of which one is to be given."""
+    """Add the options --reynolds and --chord-reynolds, of which exactly one is to be given."""
     parser.add_argument("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
     parser.add_argument("--chord-reynolds", help="U c / nu instead, c the chord; in the same forms")
 
 
 def add_reference_argument(parser: Parser) -> None:
-    """Add --reference, the length by which coefficients are printed."""
+    """Add the option --reference, the reference length of the printed coefficients."""
     reference = "length of the coefficients: diameter (D, the default) or chord (Cm: its square)"
     parser.add_argument("--reference", choices=(DIAMETER, CHORD), default=DIAMETER, help=reference)
 
 
 def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> list[float]:
-    """The Reynolds numbers U D / nu of --reynolds, or of --chord-reynolds for a chord in D.
+    """Return the Reynolds numbers U D / nu of --reynolds, or of --chord-reynolds for a chord in D.
 
     Raises:
       InvalidInput: neither or both are given, or one is outside the range of the solver. Whether
@@ -56,13 +56,13 @@ def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> 
 
 
 def check_reference(reference: str, dimension: int) -> None:
-    """Raise InvalidInput where coefficients by the chord have no usual meaning."""
+    """Raise InvalidInput where coefficients are to be over the chord of a 3-D body."""
     if reference == CHORD and dimension == 3:
         raise InvalidInput("--reference chord: is for 2-D bodies; 3-D ones have areas")
 
 
 def by_reference(row: JsonObject) -> JsonObject:
-    """A row whose coefficients are by D, with coefficients by its "reference" instead.
+    """Return a row with its coefficients converted from D to the reference length that it names.
 
     By the chord, forces' coefficients are divided by it and the moment's by its square.
     """
@@ -73,7 +73,7 @@ def by_reference(row: JsonObject) -> JsonObject:
 
 
 def reference_record(reynolds: float, chord: float, reference: str = DIAMETER) -> JsonObject:
-    """Re = U D / nu, the chord in D, Re = U c / nu by it, and what coefficients are by."""
+    """Return Re = U D / nu, the chord in D, Re = U c / nu and the reference length as a record."""
     return {
         "reynolds": reynolds,
         "chord": chord,
@@ -83,7 +83,7 @@ def reference_record(reynolds: float, chord: float, reference: str = DIAMETER) -
 
 
 def reference_line(row: JsonObject) -> str:
-    """Words on the chord and on what the coefficients of a row are by."""
+    """Return a line of text on the chord and on the reference length of a row's coefficients."""
     by = "the equivalent diameter D"
     if row["reference"] == CHORD:
         by = "the chord c (Cm by its square)"

@@ -49,7 +49,7 @@ from surrogate.scene.stream import parse_stream
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, solve at every incidence and Reynolds number, report."""
+    """Parse the arguments, solve the flow at every incidence and Reynolds number, and report."""
     arguments = _parser().parse_args(argv)
     if arguments.settling is not None:
         _check_settling(arguments)

@@ -29,7 +29,10 @@ COLUMNS = {  # of the text: key in a row, head and format
 
 
 class Case(NamedTuple):
-    """A body at an incidence in degrees, Re = U D / nu, and what its coefficients are by."""
+    """A flow to be solved: a body at an incidence in degrees and at Re = U D / nu.
+
+    ``reference`` names the reference length of its coefficients, the diameter D or the chord.
+    """
 
     shape: Shape
     incidence: float
@@ -38,7 +41,7 @@ class Case(NamedTuple):
 
     @property
     def record(self) -> JsonObject:
-        """The case as part of a row."""
+        """Incidence, Reynolds numbers, chord and reference length as entries of a row."""
         return {"incidence": self.incidence} | reference_record(
             self.reynolds, self.shape.chord, self.reference
         )
@@ -49,7 +52,7 @@ class Case(NamedTuple):
 
 
 def solve_cases(cases: Sequence[Case], solve: Callable[[Case], JsonObject]) -> list[JsonObject]:
-    """The rows of all cases; where a flow does not converge, a row without numbers.
+    """Return one row of results for each case, without numbers where the flow does not converge.
 
     Args:
       cases: to be solved in this order, with a progress bar.
@@ -86,7 +89,10 @@ def check_converged(rows: Sequence[JsonObject]) -> None:
 
 
 def text_table(rows: Sequence[JsonObject]) -> str:
-    """Rows as aligned columns, of which empty ones are left out; a dash where there is no value."""
+    """Return rows of results as a text table with aligned columns.
+
+    Columns without any value are left out; a missing value is shown as a dash.
+    """
     columns = {key: c for key, c in COLUMNS.items() if any(row[key] is not None for row in rows)}
     lines = [[head for head, _ in columns.values()]]
     for row in rows:
@@ -100,7 +106,10 @@ def text_table(rows: Sequence[JsonObject]) -> str:
 
 
 def write_table(rows: Sequence[JsonObject], path: str | Path) -> None:
-    """Write rows as CSV: a column for each key, of tables in them 'name.key'; None is empty."""
+    """Write rows as CSV with one column for each key; None becomes an empty cell.
+
+    The columns of a nested table are named 'name.key'.
+    """
     flat = [dict(_flat(row)) for row in rows]
     names = list(dict.fromkeys(itertools.chain.from_iterable(flat)))
     with whole_file(path) as part, part.open("w", newline="") as file:

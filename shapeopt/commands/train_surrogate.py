@@ -44,7 +44,7 @@ KEYS = (
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, train, save, and compare the cost with its forecast."""
+    """Parse the arguments, train and save a surrogate, and report its errors and cost."""
     a = _parser().parse_args(argv)
     if needs_supervision(a):
         supervise("train", sys.argv[1:] if argv is None else argv)

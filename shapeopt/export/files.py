@@ -15,7 +15,7 @@ from surrogate.flow.surface.surface import Surface
 
 
 def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> Path:
-    """Write rows of x,y in D, clockwise from the nose."""
+    """Write the contour, clockwise from the nose, as CSV rows of x,y in D, and return the path."""
     with whole_file(path) as part:
         np.savetxt(part, np.asarray(markers), "%.9f", ",", header="x,y", comments="")
     return Path(path)
@@ -24,7 +24,10 @@ def write_contour_csv(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> 
 def write_contour_vtp(
     markers: Float[AnyArray, "nodes 2"], path: str | Path, surface: Surface | None = None
 ) -> Path:
-    """Write the contour as a closed line, with ``surface`` also its Cp and Cf as point data."""
+    """Write the contour as a closed line in a .vtp file for ParaView, and return the path.
+
+    With ``surface`` its markers are written instead, with Cp and Cf as point data.
+    """
     mesh = outline(markers if surface is None else surface.markers)
     if surface is not None:
         mesh["Cp"], mesh["Cf"] = surface.cp, surface.cf
@@ -36,7 +39,7 @@ def write_contour_vtp(
 def write_solid_stl(
     markers: Float[AnyArray, "nodes 2"], path: str | Path, span: float = 1.0
 ) -> Path:
-    """Write the body extruded over ``span`` (in D) as a closed binary STL."""
+    """Write the body extruded over ``span`` (in D) as a closed binary STL, and return the path."""
     with whole_file(path) as part:
         solid(markers, span).save(part)
     return Path(path)
@@ -47,7 +50,12 @@ def write_skin(
 ) -> None:
     """Write the closed surface of a 3-D body as .vtp and binary STL.
 
-    With ``solution``, Cp and the friction vector Cf are point data of the .vtp.
+    Args:
+      shape: the body.
+      vtp: path of the .vtp file.
+      stl: path of the STL file.
+      solution: of the flow past it; if given, Cp and the friction vector Cf are point data of the
+        .vtp.
     """
     mesh, areas = skin_mesh(shape)
     with whole_file(stl) as part:

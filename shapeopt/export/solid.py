@@ -10,13 +10,13 @@ Markers = Float[AnyArray, "nodes 2"]
 
 
 def polygon(markers: Markers, height: float = 0.0) -> pv.PolyData:
-    """The area of a 2-D body as triangles."""
+    """Return the area of a 2-D body as a mesh of triangles at the height z = ``height``."""
     points = np.column_stack([markers, np.full(len(markers), height)])
     return pv.PolyData(points, faces=[len(points), *range(len(points))]).triangulate()
 
 
 def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:
-    """A 2-D body extruded over ``span``, as a closed mesh of triangles with outward normals.
+    """Return a 2-D body extruded over ``span`` as a closed mesh of triangles with outward normals.
 
     ``markers`` are the contour, clockwise.
     """

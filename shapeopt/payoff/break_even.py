@@ -19,7 +19,7 @@ LATE = 5  # designs at the end of a stream whose mean cost stands for all later 
 
 @dataclasses.dataclass(frozen=True)
 class Cost:
-    """Wall seconds, and convolutions with the Green's function (G)."""
+    """The cost of a training: wall seconds, and convolutions with the Green's function (G)."""
 
     seconds: float = 0.0
     green_applications: float = 0.0
@@ -27,7 +27,7 @@ class Cost:
 
 @dataclasses.dataclass(frozen=True)
 class Strategy:
-    """A strategy to answer a stream of queries, with what it cost.
+    """A strategy that answers a stream of design problems (queries), with its answers and its cost.
 
     Attributes:
       name: as in the tables.
@@ -47,18 +47,18 @@ class Strategy:
     drag_error_max: float | None = None
 
     def design_costs(self, unit: Unit) -> Float[np.ndarray, "seeds queries"]:
-        """Return the cost of every design."""
+        """Return the cost of every design, in seconds or in convolutions (G)."""
         return np.array([[getattr(d, unit) for d in row] for row in self.designs], float)
 
     def training_costs(self, unit: Unit) -> Float[np.ndarray, " seeds"]:
-        """Return the cost of every training."""
+        """Return the cost of the training for each seed, in seconds or in convolutions (G)."""
         return np.array([getattr(cost, unit) for cost in self.trainings], float)
 
     def cumulative(self, unit: Unit, count: int) -> Float[np.ndarray, " designs"]:
-        """Return the cost of training and designs after 1, 2, ..., count designs, mean over seeds.
+        """Return the cumulative cost after 1, 2, ..., ``count`` designs, training included.
 
-        Beyond the stream a design costs the mean of its last designs where flows are kept, else
-        the mean of all.
+        It is a mean over the seeds. Where flows are kept, designs beyond the stream cost the mean
+        of its last ``LATE``; otherwise every design costs the mean of all.
         """
         costs = self.design_costs(unit).mean(axis=0)
         late = costs[-LATE:].mean() if self.keeps_flows else costs.mean()
@@ -70,7 +70,7 @@ class Strategy:
 
 @dataclasses.dataclass(frozen=True)
 class BreakEven:
-    """Number of designs after which a training has paid, with a 95 % interval; inf if never."""
+    """The number of designs after which a training has paid, with a 95 % interval; inf if never."""
 
     designs: float
     low: float
@@ -78,7 +78,7 @@ class BreakEven:
 
 
 def break_even(training: float, own: float, direct: float) -> float:
-    """Return the number of designs K from which training + K own <= K direct."""
+    """Return the number of designs K at which training + K own = K direct; inf if own >= direct."""
     return training / (direct - own) if direct > own else math.inf
 
 
@@ -87,6 +87,12 @@ def pays_after(strategy: Strategy, direct: Strategy, unit: Unit, seed: int = 0) 
 
     Seeds and queries are resampled independently. ``scipy.stats.bootstrap`` is not used because it
     refuses a single seed and interpolates between break-evens that may be infinite.
+
+    Args:
+      strategy: whose training is to pay.
+      direct: the strategy without training to which it is compared, on the same queries.
+      unit: of the costs.
+      seed: of the resampling.
     """
     generator, training = np.random.default_rng(seed), strategy.training_costs(unit)
     saved = direct.design_costs(unit).mean(axis=0) - strategy.design_costs(unit)
@@ -102,7 +108,14 @@ def pays_after(strategy: Strategy, direct: Strategy, unit: Unit, seed: int = 0) 
 
 
 def overtakes(strategy: Strategy, rival: Strategy, unit: Unit, most: int = 1000) -> int | None:
-    """Return the first number of designs at which a strategy costs no more than its rival."""
+    """Return the first number of designs at which a strategy costs no more than its rival.
+
+    Args:
+      strategy: with or without training.
+      rival: the strategy to which it is compared.
+      unit: of the cumulative costs, training included.
+      most: largest number of designs; None is returned if the strategy costs more up to it.
+    """
     ahead = strategy.cumulative(unit, most) <= rival.cumulative(unit, most)
     return int(np.argmax(ahead)) + 1 if ahead.any() else None
 
@@ -113,7 +126,7 @@ def best_known(strategies: Sequence[Strategy]) -> Float[np.ndarray, " queries"]:
 
 
 def per_design(strategy: Strategy) -> dict[str, float]:
-    """Return the mean flows, work and seconds of a design."""
+    """Return the mean number of flows, convolutions (G) and wall seconds of a design."""
     designs = [design for row in strategy.designs for design in row]
     return {
         "flows_per_design": statistics.fmean(design.flows for design in designs),
@@ -123,7 +136,10 @@ def per_design(strategy: Strategy) -> dict[str, float]:
 
 
 def quality(strategy: Strategy, best: Float[np.ndarray, " queries"]) -> dict[str, float]:
-    """Return the largest KKT residual, and mean and largest excess over the best objective."""
+    """Return the largest KKT residual, and the mean and largest relative excess over ``best``.
+
+    ``best`` is the least known objective of every query, see ``best_known``.
+    """
     gaps = [([d.objective for d in row] - best) / np.abs(best) for row in strategy.designs]
     return {
         "kkt_max": max(design.kkt_residual for row in strategy.designs for design in row),

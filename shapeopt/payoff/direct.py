@@ -76,7 +76,10 @@ def design_directly(
 def nearest_design(
     problem: Problem, designs: Sequence[Design]
 ) -> Float[AnyArray, " parameters"] | None:
-    """Return the body of the design whose problem is most similar, in its bounds and log Re."""
+    """Return the body of the design whose problem is most similar in its bounds and log Re.
+
+    None if there are no designs.
+    """
 
     def features(one):
         bounds = [getattr(one, name) or bound.usual for name, bound in BOUNDS.items()]

@@ -15,7 +15,7 @@ LIFTS = (0.1, 0.5)  # lower bounds on Cl, in scenes whose bodies have lift
 
 
 def plain_queries(scene: Scene, count: int) -> list[Problem]:
-    """Return problems without constraints, evenly in log Re over the scene's range.
+    """Return ``count`` problems without constraints, spaced evenly in log Re over the scene.
 
     They ask for the least drag, or for the best glide ratio where bodies have lift; Re is rounded
     to two digits.
@@ -27,10 +27,11 @@ def plain_queries(scene: Scene, count: int) -> list[Problem]:
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
-    """Return ``count`` solvable problems: log Re uniform, each bound set with probability 1/2.
+    """Return ``count`` random solvable problems, with log Re uniform over the scene's range.
 
-    Where bodies have lift, half of the problems ask for the best glide ratio instead of the least
-    drag, and the others have a lower bound on the lift.
+    A bound on the length and one on the thickness (3-D: on the height) are each set with
+    probability 1/2. Where bodies have lift, half of the problems ask for the best glide ratio
+    instead of the least drag, and the others have a lower bound on the lift.
 
     Raises:
       InvalidInput: the family's bodies are all longer or thinner than the bounds that are drawn.

@@ -16,7 +16,16 @@ ValuesAndJacobian = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 class SlsqpResult(NamedTuple):
-    """The end of a search, whether it is feasible, and whether SLSQP reported success there."""
+    """The result of a search by SLSQP.
+
+    Attributes:
+      parameters: of the body at the end.
+      value: objective there.
+      kkt_residual: by how much the optimality condition is missed, see ``kkt_residual``.
+      feasible: whether the body satisfies the constraints, down to ``FEASIBLE``.
+      converged: whether SLSQP reported success at a feasible body with a finite objective.
+      path: the start, and the body after every iteration.
+    """
 
     parameters: Float[AnyArray, " parameters"]
     value: float
@@ -35,8 +44,17 @@ def minimise_slsqp(
 ) -> SlsqpResult:
     """Return the local optimum that SLSQP finds from ``start``, in parameters scaled to [0, 1].
 
-    ``tolerance`` is SciPy's ``ftol``, of the objective; ``load_constraints`` returns values that
-    are >= 0 where bounds on loads hold, and their Jacobian.
+    Args:
+      value_and_gradient: returns the objective and its gradient at a body's parameters.
+      limits: ranges of the parameters and constraints.
+      start: parameters of the first body.
+      tolerance: SciPy's ``ftol``, of the objective.
+      load_constraints: returns, at a body's parameters, values that are >= 0 where bounds on loads
+        hold, and their Jacobian in the parameters.
+
+    Returns:
+      The end of the search in unscaled parameters. No exception is raised where SLSQP fails; see
+      ``feasible`` and ``converged``.
     """
     low, width = limits.low, np.asarray(limits.width)
     path, last = [start], {}

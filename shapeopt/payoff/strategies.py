@@ -17,10 +17,10 @@ Solve = Callable[[Problem], Design]
 
 
 def rivals(queries: Queries, flow: Flow) -> list[Strategy]:
-    """Return the strategies without training.
+    """Return the three strategies without training, with their answers to all queries.
 
-    SLSQP from the same body, SLSQP from the nearest design so far, and kriging with memory: the
-    managed search from nothing, which keeps its flows.
+    They are SLSQP from the same body, SLSQP from the nearest design so far, and kriging with
+    memory: the managed search without a network, which keeps its flows.
     """
     found: list[Design] = []
 
@@ -37,12 +37,12 @@ def rivals(queries: Queries, flow: Flow) -> list[Strategy]:
 
 
 def trained(name: str, queries: Queries, surrogates: Sequence[Surrogate]) -> Strategy:
-    """Return the strategy of a network, one a seed, whose correction is forgotten after a query."""
+    """Return the strategy of a network per seed whose correction is forgotten after each query."""
     return _of_seeds(name, queries, surrogates, lambda s: lambda q: Designer(s).design(q), False)
 
 
 def trained_with_memory(name: str, queries: Queries, surrogates: Sequence[Surrogate]) -> Strategy:
-    """Return the strategy of a network, one a seed, whose correction is kept between queries."""
+    """Return the strategy of a network per seed whose correction is kept from query to query."""
     return _of_seeds(name, queries, surrogates, lambda s: Designer(s).design, True)
 
 
@@ -81,7 +81,7 @@ def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> float:
     """Compile what designs need, and return the seconds, which no design's cost includes.
 
     Kriging with memory answers all queries twice, because it compiles anew as it grows; the first
-    time takes longer by the compilation.
+    time takes longer by the compilation. The first design by the surrogate is counted whole.
     """
     first, second = (_seconds(Designer(flow), queries) for _ in range(2))
     return first - second + _seconds(Designer(surrogate), queries[:1])

@@ -22,10 +22,10 @@ Row = Mapping[str, Any]
 def payoff_rows(
     strategies: Sequence[Strategy], rivals: Sequence[Strategy], seed: int
 ) -> list[dict[str, Any]]:
-    """Return one row of JSON for each strategy; a break-even of None is never.
+    """Return one row of JSON for each strategy, the rivals first; a break-even of None means never.
 
     ``rivals`` are as ``strategies.rivals`` returns them, direct optimisation first and kriging with
-    memory last.
+    memory last; ``seed`` is that of the bootstrap intervals.
     """
     direct, kriging = rivals[0], rivals[-1]
     best = best_known([*strategies, *rivals])
@@ -62,7 +62,7 @@ def payoff_tables(result: Row) -> str:
 
 
 def break_even_table(rows: Sequence[Row]) -> str:
-    """Return the full table, one line for each strategy."""
+    """Return errors, costs, quality and break-even as Markdown, one line for each strategy."""
     heads = [
         "strategy",
         "error mean / max",
@@ -86,7 +86,7 @@ def break_even_table(rows: Sequence[Row]) -> str:
 
 
 def short_table(rows: Sequence[Row]) -> str:
-    """Return the costs and break-even alone, without the methods as published."""
+    """Return costs and break-even alone as Markdown, without the methods as published."""
     chosen = [row for row in rows if "published" not in row["method"]]
     lines = [[row["method"], *_costs(row), *_break_evens(row)] for row in chosen]
     return markdown(["strategy", *COSTS, *PAYS], lines)

@@ -16,7 +16,7 @@ from surrogate.errors import InvalidInput
 
 
 def candidates(problem: Problem) -> Float[np.ndarray, "bodies parameters"]:
-    """Return feasible bodies from all over the family.
+    """Return feasible bodies from all over the family's ranges.
 
     Raises:
       InvalidInput: there is none; the message names the constraints in conflict.
@@ -28,9 +28,10 @@ def candidates(problem: Problem) -> Float[np.ndarray, "bodies parameters"]:
 
 
 def explain_conflict(problem: Problem) -> str:
-    """Return which constraints cannot be met: single ones, or else a set in contradiction.
+    """Return a message that names the constraints which no body satisfies.
 
-    The set is irreducible: without any one of its members some body satisfies the others.
+    They are single ones that cannot be met, or else a set in contradiction. The set is irreducible:
+    without any one of its members some body satisfies the others.
     """
     constraints = _constraints(problem)
     free = _without(problem, constraints)

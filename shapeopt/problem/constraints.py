@@ -21,7 +21,7 @@ EVERY = "every body of the family"
 
 
 class Bound(NamedTuple):
-    """A bound that a problem may set, by what it measures on a body, in D.
+    """A kind of bound that a problem may set on a quantity measured on a body, in D.
 
     It holds for every value of ``measure``, a method of ``BodyClass``: a minimum where ``sense`` is
     1, a maximum where it is -1. ``unbounded`` is a bound that every body satisfies. ``usual``
@@ -39,7 +39,7 @@ class Bound(NamedTuple):
     def values(
         self, body_class: BodyClass, parameters: Float[AnyArray, " parameters"]
     ) -> Float[Array, " values"]:
-        """Return what the bound measures on a body."""
+        """Return the quantities of a body that the bound limits."""
         return jnp.hstack(jax.tree.leaves(getattr(body_class, self.measure)(parameters)))
 
 
@@ -71,7 +71,8 @@ class Limits(eqx.Module):
     """All constraints of a problem as arrays.
 
     ``low`` and ``high`` are the ranges of the parameters, ``shift`` the shape changes of the
-    scenarios, under which a body must not cross itself; ``stations`` has rows (x/c, thickness).
+    scenarios, under which a body must not cross itself; ``bounds`` are values by their names in
+    ``BOUNDS``; ``stations`` has rows (x/c, thickness).
     """
 
     low: Float[AnyArray, " parameters"]
@@ -87,7 +88,7 @@ class Limits(eqx.Module):
         return jnp.maximum(self.high - self.low, 1e-12)
 
     def padded(self, names: set[str], stations: int, cases: int) -> "Limits":
-        """Return the same constraints with these bounds and numbers of stations and cases.
+        """Return equivalent constraints with these bounds and numbers of stations and cases.
 
         What is added is satisfied by every body, so that limits can be stacked.
         """

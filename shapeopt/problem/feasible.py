@@ -32,7 +32,10 @@ def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
 
 
 def drawn_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
-    """Return ellipses of all aspects, then uniform draws, the same for every problem."""
+    """Return bodies within the ranges: ellipses of all aspects, then uniform draws.
+
+    The draws, as shares of the ranges, are the same for every problem.
+    """
     aspects = np.linspace(*map(limits.body_class.aspect, (limits.low, limits.high)), ELLIPSES)
     ellipses = [np.clip(limits.body_class.ellipse(a), limits.low, limits.high) for a in aspects]
     draws = _uniform_draws(len(limits.low))

@@ -20,7 +20,7 @@ from surrogate.scene.scene import Scene
 
 
 class Objective(abc.ABC):
-    """What is minimised: one number made of the loads over scenarios.
+    """An objective to be minimised: one number made of the loads over scenarios.
 
     ``fixed`` says whether the scenarios are known before the search; otherwise each optimum has a
     ``following`` objective, until there is none (``shapeopt.search.following``).
@@ -66,15 +66,17 @@ class Objective(abc.ABC):
 
 @dataclasses.dataclass(frozen=True)
 class AtReynolds(Objective):
-    """Cd at one Reynolds number."""
+    """The objective Cd at one Reynolds number."""
 
     reynolds: float
 
     @property
     def nominal(self) -> float:
+        """The Reynolds number of the objective."""
         return self.reynolds
 
     def scenarios(self, scene: Scene) -> Scenarios:
+        """Return the one scenario: the body itself at this Reynolds number."""
         return scenarios_of(scene, [scene.check_reynolds(self.reynolds)], [1.0])
 
 
@@ -83,6 +85,11 @@ class Glide(AtReynolds):
     """The glide ratio Cl / Cd at one Reynolds number, which is maximised: -Cl / Cd is minimised."""
 
     def scenarios(self, scene: Scene) -> Scenarios:
+        """Return the one scenario, with the loss -Cl / Cd.
+
+        Raises:
+          InvalidInput: the scene's bodies have no lift, or Re is outside its range.
+        """
         if scene.family.body_class.symmetric:
             raise InvalidInput("glide: the bodies of this scene have no lift; camber or incidence")
         return scenarios_of(scene, [scene.check_reynolds(self.reynolds)], [1.0], glide=True)
@@ -123,6 +130,7 @@ class Weighted(Objective):
         return self.reynolds[int(np.argmax(self.weights))]
 
     def scenarios(self, scene: Scene) -> Scenarios:
+        """Return one scenario for each Reynolds number, with Cd over the cylinder's (sphere's)."""
         reynolds = [scene.check_reynolds(value) for value in self.reynolds]
         weight = np.array(self.weights) / max(self.weights)
         return scenarios_of(scene, reynolds, weight / weight.sum(), relative=True)
@@ -138,7 +146,7 @@ def scenarios_of(
     glide: bool = False,
     force: bool = False,
 ) -> Scenarios:
-    """Return scenarios at Reynolds numbers with weights; the others are as in ``Scenarios``.
+    """Return scenarios at Reynolds numbers with weights, and with changes of shape if given.
 
     Args:
       scene: of the problem.

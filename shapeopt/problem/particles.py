@@ -29,6 +29,14 @@ class Tumbling(AtReynolds):
     """
 
     def scenarios(self, scene: Scene) -> Scenarios:
+        """Return one scenario for each incidence of Gauss's rule, and two of weight 0.
+
+        Those without weight are at 0 and 90 degrees, so that the design itself stays at 45.
+
+        Raises:
+          InvalidInput: the scene is not of 3-D bodies at incidences from 0 to 90 degrees, or Re is
+            outside its range.
+        """
         names, middle = scene.family.names, QUARTER_TURN / 2
         turned = dict(scene.family.ranges).get(INCIDENCE.name) == (0, QUARTER_TURN)
         if scene.dimension != 3 or not turned:
@@ -77,14 +85,30 @@ class Settling(Objective):
 
     @property
     def nominal(self) -> float:
+        """The Reynolds number at which the search is now."""
         return self.reynolds
 
     def scenarios(self, scene: Scene) -> Scenarios:
+        """Return the one scenario, with the magnitude of the force as the loss.
+
+        Raises:
+          InvalidInput: the scene is not of 3-D bodies.
+        """
         if scene.dimension != 3:
             raise InvalidInput("settling: needs a scene of 3-D bodies, dimension 3")
         return scenarios_of(scene, [self._within(scene)], [1.0], force=True)
 
     def following(self, scene, loads, by_log_reynolds):
+        """Return the objective after a Newton step in log Re, or None where force balances weight.
+
+        Args:
+          scene: of the problem.
+          loads: Cd and, where there is one, Cl of the optimum.
+          by_log_reynolds: their derivatives in log Re.
+
+        Raises:
+          InvalidInput: they balance outside the scene's range of Re.
+        """
         at, force = self._within(scene), np.asarray(loads)[:2]  # Cd and, where there is one, Cl
         thrust = np.linalg.norm(force) * at**2
         excess = math.log(thrust / (4 / 3 * self.archimedes))
@@ -101,6 +125,7 @@ class Settling(Objective):
         return dataclasses.replace(self, reynolds=reynolds)
 
     def record(self, scene: Scene) -> dict[str, Any]:
+        """Return the Archimedes number."""
         return {"archimedes": self.archimedes}
 
     def _within(self, scene):

@@ -18,7 +18,7 @@ from surrogate.scene.scene import Scene
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
-    """Minimise an objective over the bodies of a scene's family, under constraints.
+    """An objective to be minimised over the bodies of a scene's family, under constraints.
 
     All bodies have the area pi/4 (in 3-D the volume pi/6), so their equivalent diameter D is 1.
     Lengths are in D.
@@ -82,13 +82,13 @@ class Problem:
 
     @property
     def objective(self) -> Objective:
-        """The objective; Cd at a Reynolds number where ``reynolds`` is a number."""
+        """The objective that is minimised: ``reynolds``, or Cd there where it is a number."""
         given = self.reynolds
         return given if isinstance(given, Objective) else AtReynolds(given)
 
     @functools.cached_property
     def scenarios(self) -> Scenarios:
-        """The cases of the objective, with the bounds on loads, as arrays."""
+        """The scenarios of the objective, with the bounds on loads, as arrays."""
         scenarios = self.objective.scenarios(self.scene)
         if self.scene.family.body_class.symmetric:
             return scenarios
@@ -100,7 +100,7 @@ class Problem:
 
     @functools.cached_property
     def limits(self) -> Limits:
-        """All constraints as arrays."""
+        """The ranges of the parameters and the constraints on the body, as arrays."""
         bounds = {}
         for name, bound in BOUNDS.items():
             given = getattr(self, name)

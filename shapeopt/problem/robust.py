@@ -23,7 +23,8 @@ LEAST_KEPT = 0.5 - 1e-6  # probability of the spread that must lie within the tr
 class Robust(Objective):
     """The mean of Cd, or of its worst cases, under an uncertain Re and an inexact shape.
 
-    Bodies keep 2 tolerances away from the edges of the trained ranges, so that no case leaves them.
+    Bodies keep the largest change of shape in the sample, at most 2 tolerances, away from the ends
+    of the trained ranges, so that no case leaves them.
 
     Args:
       reynolds: nominal Reynolds number.
@@ -61,6 +62,7 @@ class Robust(Objective):
 
     @property
     def nominal(self) -> float:
+        """The Reynolds number about which Re is distributed."""
         return self.reynolds
 
     def kept(self, scene: Scene) -> float:
@@ -68,6 +70,11 @@ class Robust(Objective):
         return float(np.ptp(self._probabilities(scene)))
 
     def scenarios(self, scene: Scene) -> Scenarios:
+        """Return the points of a Latin hypercube sample of Re and shape, equally weighted.
+
+        Raises:
+          InvalidInput: Re is outside the scene's range, or more than half of the spread is.
+        """
         nominal, kept = scene.check_reynolds(self.reynolds), self.kept(scene)
         if kept < LEAST_KEPT:
             raise InvalidInput(
@@ -87,6 +94,7 @@ class Robust(Objective):
         return scenarios_of(scene, reynolds, weight, shift, level=self.level)
 
     def record(self, scene: Scene) -> dict[str, Any]:
+        """Return the settings of the distribution, and the share of it within the scene's range."""
         return {
             "spread": self.spread.spread,
             "distribution": type(self.spread).__name__,

@@ -29,7 +29,7 @@ class LoadModel(Protocol):
 
 
 class LoadBound(NamedTuple):
-    """A bound on a load that a problem may set: ``index`` among Cd, Cl, Cm; minimum or maximum.
+    """A kind of bound that a problem may set on the load ``index`` among Cd, Cl and Cm.
 
     ``sense`` is 1 of a minimum and -1 of a maximum; ``symbol`` is the load's, for messages.
     """
@@ -69,7 +69,7 @@ class Scenarios(NamedTuple):
     load_bounds: Float[AnyArray, " load_bounds"]
 
     def padded(self, count: int) -> "Scenarios":
-        """Return the same objective with ``count`` cases, the last one repeated at weight 0."""
+        """Return the same objective with ``count`` cases, the last one repeated with weight 0."""
         missing = count - len(self.weight)
         return self._replace(
             shift=np.pad(self.shift, ((0, missing), (0, 0)), mode="edge"),
@@ -94,7 +94,11 @@ def combine(
 def load_constraints(
     loads: Float[AnyArray, "cases loads"], scenarios: Scenarios
 ) -> Float[Array, " constraints"]:
-    """Return what is >= 0 where loads satisfy their bounds, over Cd; empty without lift."""
+    """Return constraint values that are >= 0 where the loads satisfy their bounds.
+
+    They are the distances of Cl and Cm from their bounds over Cd, for every bound in every case;
+    empty where bodies have no lift.
+    """
     if not scenarios.load_bounds.shape[-1]:
         return jnp.zeros(0)
     rows = [
@@ -107,7 +111,7 @@ def load_constraints(
 def conditional_value_at_risk(
     losses: Float[AnyArray, " cases"], weight: Float[AnyArray, " cases"], level: AnyArray | float
 ) -> Float[Array, ""]:
-    """Return the mean of the worst share 1 - level of the losses, CVaR.
+    """Return the conditional value at risk (CVaR): the mean of the worst share 1 - level of losses.
 
     The closed form of min over t of t + E max(loss - t, 0) / (1 - level) (Rockafellar and Uryasev
     2000): the case at the border of the worst share counts with the part of its weight inside.
@@ -122,7 +126,7 @@ def conditional_value_at_risk(
 def model_objective(
     model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> Float[Array, ""]:
-    """Return the objective of a body as a model predicts it; differentiable in the parameters."""
+    """Return the objective of a body as a model predicts it, differentiable in the parameters."""
     return objective_and_constraints(model, parameters, scenarios)[0]
 
 
@@ -130,7 +134,7 @@ def model_objective(
 def objective_and_constraints(
     model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[Float[Array, ""], Float[Array, " constraints"]]:
-    """Return the objective of a body, and its ``load_constraints``, as a model predicts them."""
+    """Return the objective of a body and its ``load_constraints`` as a model predicts them."""
     loads, round_drags = model_loads(model, parameters, scenarios)
     return combine(loads, round_drags, scenarios), load_constraints(loads, scenarios)
 
@@ -138,7 +142,7 @@ def objective_and_constraints(
 def model_loads(
     model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[Float[Array, "cases loads"], Float[Array, " cases"]]:
-    """Return the predicted loads of a body, and drags of the round body, in every scenario."""
+    """Return the loads of a body and the drags of the round body in every scenario, by a model."""
     loads = jax.vmap(model.loads)(parameters + scenarios.shift, scenarios.reynolds)
     of_round = jax.vmap(model.loads, in_axes=(None, 0))(scenarios.round_body, scenarios.reynolds)
     return loads, of_round[:, 0]

@@ -16,13 +16,18 @@ from surrogate.errors import InvalidInput
 class Distribution(Protocol):
     """A continuous distribution with the methods of ``scipy.stats``."""
 
-    def cdf(self, x: Sequence[float]) -> np.ndarray: ...
-    def ppf(self, q: np.ndarray) -> np.ndarray: ...
+    def cdf(self, x: Sequence[float]) -> np.ndarray:
+        """Return the probabilities of values below ``x``."""
+        ...
+
+    def ppf(self, q: np.ndarray) -> np.ndarray:
+        """Return the quantiles of the probabilities ``q``, the inverse of ``cdf``."""
+        ...
 
 
 @dataclasses.dataclass(frozen=True)
 class LogNormal:
-    """log Re is normally distributed about the log of the nominal Re.
+    """A distribution of Re: log Re is normally distributed about the log of the nominal Re.
 
     Args:
       spread: standard deviation of log Re, 0 to 2.
@@ -42,7 +47,7 @@ class LogNormal:
 
 @dataclasses.dataclass(frozen=True)
 class Uniform:
-    """Re is uniformly distributed between (1 - spread) and (1 + spread) times the nominal Re.
+    """A distribution of Re: uniform between (1 - spread) and (1 + spread) times the nominal Re.
 
     Args:
       spread: relative half width, 0 to below 1.

@@ -23,7 +23,7 @@ PERCENTILES = 2, 99.5  # of the surface values, ends of the colour scale
 
 
 class Load(NamedTuple):
-    """What a body is coloured by: an array of its surface mesh, its title, and a colour map."""
+    """A quantity that colours a body: an array of its surface mesh, its title and a colour map."""
 
     array: str
     title: str
@@ -82,7 +82,11 @@ def render_bodies(
 ) -> Path:
     """Draw bodies and their flows as a PNG, with one colour scale in each row.
 
-    Returns its path.
+    Args:
+      rows: the pictures, row by row.
+      path: of the PNG, which is returned.
+      load: that colours the bodies.
+      azimuth: of the camera in degrees: 0 beside the body, -90 in front of it.
     """
     columns = max(map(len, rows))
     size = SIZE[0] * columns, SIZE[1] * len(rows)
@@ -108,7 +112,7 @@ def render_bodies(
 
 
 def render_turntable(panel: BodyPanel, path: str | Path, load: Load = PRESSURE) -> Path:
-    """Draw a GIF of a body and its flow, turned around the vertical axis; returns its path.
+    """Draw a GIF of a body and its flow turned around the vertical axis, and return its path.
 
     Stream tubes are drawn behind the body only; by symmetry those in front look the same.
     """

@@ -19,7 +19,7 @@ LARGEST, LEAST = 0.55, 0.2  # inches of one D in the figure
 
 
 def plot_bucket(family: Family, rows: list[JsonObject], best: JsonObject, path: str | Path) -> Path:
-    """Draw Cd over Cl of bodies of least drag, each body at its incidence above its point.
+    """Plot Cd over Cl of bodies of least drag, each body at its incidence above its point.
 
     The tangent from the origin, where Cl / Cd is greatest, is that of the best glide ratio; its
     body is drawn below. Returns the path of the picture.

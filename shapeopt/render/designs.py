@@ -13,9 +13,10 @@ GAP = 0.35  # D, between bodies
 
 
 def plot_designs(family: Family, rows: list[JsonObject], path: str | Path) -> Path:
-    """Draw bodies to one scale: columns by Re, rows by length, colour by the drag that it costs.
+    """Draw optimal bodies to one scale: columns by Re, rows by the bound on the length.
 
-    Bodies wider than high are also drawn from above, as a line. Returns the path of the PNG.
+    The colour shows the drag that the bound costs. Bodies wider than high are also drawn from
+    above, as a line. Returns the path of the PNG.
     """
     columns = sorted({row["reynolds"] for row in rows})
     lengths = list(dict.fromkeys(row["max_length"] for row in rows))

@@ -23,7 +23,15 @@ def plot_fall(
     particle: Particle,
     path: str | Path,
 ) -> Path:
-    """Plot a fall and return the path of the picture; bodies are drawn larger than they are."""
+    """Plot the path of a fall, and Re and incidence over time, and return the picture's path.
+
+    Args:
+      found: the fall.
+      body_class: of the body.
+      body: its parameters; it is drawn on the path, larger than it is.
+      particle: for the title.
+      path: of the picture.
+    """
     ways = np.hypot(np.gradient(found.x), np.gradient(found.z)).cumsum()
     marks = np.searchsorted(ways, np.linspace(ways[0], ways[-1], BODIES)).clip(0, ways.size - 1)
     size = 0.6 * (ways[-1] - ways[0]) / BODIES

@@ -34,7 +34,15 @@ def draw_body(
     colour: ColorType | np.ndarray,
     centre: Sequence[float] | np.ndarray = (0, 0),
 ) -> None:
-    """Fill a body's outline seen from the side; if flatness > 1, add a line of it from above."""
+    """Fill a body's outline seen from the side; if flatness > 1, add a line of it from above.
+
+    Args:
+      axis: to draw on.
+      outline: in D, about the origin.
+      flatness: width over height.
+      colour: of the fill and the line.
+      centre: where the origin of the outline is drawn.
+    """
     axis.fill(*(outline + centre).T, color=colour, lw=0)
     if flatness > 1:
         above = outline * (1, flatness) + centre

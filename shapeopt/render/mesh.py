@@ -13,7 +13,7 @@ Velocity = Float[AnyArray, "2 nx ny"]
 
 
 def flow_mesh(lattice: Lattice, velocity: Velocity, refined: int = 1) -> pv.ImageData:
-    """Vorticity and stream function at the corners of the cells of an unfolded lattice.
+    """Return vorticity and stream function at the cell corners of an unfolded lattice as a mesh.
 
     The outermost corners, where differences wrap around, are left out. Cubic splines refine the
     mesh by the factor ``refined``, for smooth lines.

@@ -36,7 +36,7 @@ class Panel(NamedTuple):
 
 
 def render_flows(rows: list[list[Panel]], path: str | Path) -> Path:
-    """Draw flows as a PNG: vorticity in one colour scale, streamlines, the body.
+    """Draw flows as a PNG: vorticity in one colour scale, streamlines and the body.
 
     The colour scale is linear in the square root of vorticity, so that weak vorticity is visible.
     Returns the path.
@@ -76,7 +76,14 @@ def render_evolution(
     captions: list[str],
     path: str | Path,
 ) -> Path:
-    """Draw a GIF of the body along the optimiser's path, and the cylinder; returns its path."""
+    """Draw a GIF of the body along the optimiser's path, with the cylinder, and return its path.
+
+    Args:
+      family: of the bodies.
+      path_of_bodies: their parameters, one frame each.
+      captions: one for each frame.
+      path: of the GIF.
+    """
     bodies = [np.asarray(family.body_class.contour(body, 240)) for body in path_of_bodies]
     cylinder = np.asarray(family.outline(family.ellipse(1.0), 240))
     x, y = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
@@ -104,7 +111,15 @@ def render_march(
     captions: list[str],
     path: str | Path,
 ) -> Path:
-    """Draw a GIF of vorticity of a time march: the middle third of the domain; returns its path."""
+    """Draw a GIF of the vorticity of a march in time, in the middle third of its height.
+
+    Args:
+      lattice: of the domain, unfolded.
+      markers: of the body.
+      frames: velocities on the faces.
+      captions: one for each frame.
+      path: of the GIF, which is returned.
+    """
     (left, right), (low, high) = lattice.grid.domain
     edge = 2 * lattice.step[0]
     view = (max(left + edge, -3.0), right - edge, low / 3, high / 3)
@@ -221,7 +236,16 @@ def write_caption(
     colour: str = INK,
     place: str = "left",
 ) -> None:
-    """Draw a line of text at a position in the window, from 0 to 1, with minus signs."""
+    """Draw a line of text in a window, with minus signs in place of hyphens.
+
+    Args:
+      plotter: of the window.
+      text: the line.
+      at: position of the text, from 0 to 1 across and upwards.
+      size: of the font.
+      colour: of the text.
+      place: horizontal justification: "left", "center" or "right".
+    """
     text = text.replace("-", "\N{MINUS SIGN}")
     actor = plotter.add_text(text, position=at, viewport=True, font_size=size, color=colour)
     actor.prop.justification_horizontal = place

@@ -24,7 +24,7 @@ LOOKS = {"cylinder": {"color": START, "ls": (0, (5, 2))}, "optimum": {"color": O
 
 
 def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | Path) -> Path:
-    """Plot Cp and Cf against x / c of cylinder and optimum, one row for each run.
+    """Plot Cp and Cf over x / c of the cylinder and of the optimum, one row for each run.
 
     Of symmetric bodies only the upper side is drawn. Returns the path of the PNG.
     """
@@ -51,7 +51,7 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
 
 
 def plot_family(records: list[JsonObject], path: str | Path) -> Path:
-    """Draw the optima of several runs to one scale, in order of Re, and their drag reduction.
+    """Draw the optima of several runs to one scale in order of Re, and plot their drag reduction.
 
     Where a run was for lift, the glide ratios stand for the drag reductions. Bodies wider than
     high are also drawn from above, as a line. Returns the path of the PNG.

@@ -23,7 +23,7 @@ PANELS = (("cd", "cl"), ("incidence", "cl"), ("incidence", "cd"), ("incidence", 
 
 
 def plot_polar(rows: Sequence[JsonObject], title: str, path: str | Path) -> Path:
-    """Plot the rows of one body's flows that converged, and return the path of the picture.
+    """Plot the loads of one body's converged flows, and return the path of the picture.
 
     With several incidences, Cl over Cd, and Cl, Cd and Cm over incidence, a line for each Re. With
     one incidence Cd, and of a body with lift also Cl and Cm, over Re. Re is by the chord where the

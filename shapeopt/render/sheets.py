@@ -29,7 +29,7 @@ def solve_run(record: JsonObject) -> tuple[Solution, Solution]:
 
 
 def before_and_after(record: JsonObject) -> list[Panel]:
-    """Panels of the reference body and of the run's optimum.
+    """Return panels of the reference body and of the run's optimum, whose flows are solved.
 
     Raises:
       NotConverged: a flow did not converge.
@@ -48,12 +48,12 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 
 
 def has_no_lift(record: JsonObject) -> bool:
-    """Whether the bodies of a run's scene are all symmetric."""
+    """Return whether the bodies of a run's scene are all symmetric."""
     return run_scene(record).family.body_class.symmetric
 
 
 def is_about_lift(record: JsonObject) -> bool:
-    """Whether a run was for the glide ratio, or under bounds on lift or moment.
+    """Return whether a run was for the glide ratio, or under bounds on lift or moment.
 
     Its drag over the reference body's then says little. Where the bodies have lift and the run's
     settings are unknown it is taken for one.
@@ -84,12 +84,12 @@ def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
 
 
 def origin(record: JsonObject) -> str:
-    """The model by which an optimum was found, for a caption."""
+    """Return by which model an optimum was found, for a caption."""
     if record["surrogate"] == "none":
         return "found by the flow's adjoint"
     return f"found by the surrogate {Path(record['surrogate']).name}"
 
 
 def standing(record: JsonObject) -> str:
-    """Whether an optimum is verified by the flow, for a caption."""
+    """Return whether an optimum is verified by the flow, as words for a caption."""
     return "not verified" if record.get("cd_verified") is None else "verified by the flow"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 
 def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table with aligned columns."""
+    """Return a Markdown table with aligned columns."""
     widths = [max(len(row[k]) for row in [heads, *rows]) for k in range(len(heads))]
     lines = [heads, ["-" * width for width in widths], *rows]
     return "\n".join(

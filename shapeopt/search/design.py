@@ -53,7 +53,7 @@ class Design:
         return f"Design({listed(self._named)}: Cd {self.drag:.4f}, {lift}{work})"
 
     def summary(self) -> str:
-        """Return the body and how it was found as lines of text."""
+        """Return the body, and how it was found, as lines of text."""
         lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self.has_lift else {}
         return aligned(
             {
@@ -115,18 +115,18 @@ class Design:
 
     @property
     def status(self) -> str:
-        """``accurate`` where all of its flows are, else ``degraded``."""
+        """The status of its flows: ``accurate`` where all of them are, else ``degraded``."""
         return self.verified.status
 
     @property
     def estimated_error(self) -> float | None:
-        """The largest estimated relative error of its flows; None where one has no estimate."""
+        """The largest bound on the relative error of its flows; None where one has no estimate."""
         return self.verified.estimated_error
 
 
 def padded_loads(
     loads: Sequence[float] | Float[AnyArray, " loads"],
 ) -> tuple[float, float, float]:
-    """Return Cd, Cl and Cm of the loads that a model knows; those it does not are zero."""
+    """Return Cd, Cl and Cm as a tuple; loads that a model does not have are zero."""
     drag, lift, moment = (*map(float, loads), 0.0, 0.0)[:3]
     return drag, lift, moment

@@ -50,7 +50,7 @@ Report = Callable[[EvaluatedDesign, int], None]
 
 
 class Designer:
-    """Find designs of one scene, each an optimum of the flow, and reuse all flows for the next.
+    """A search for optima of the flow of one scene, which reuses its flows from design to design.
 
     Args:
       model: a surrogate that leads the search, or the flow to start from nothing.
@@ -76,14 +76,14 @@ class Designer:
 
     @property
     def scene(self) -> Scene:
-        """The scene of all its designs."""
+        """The scene of all designs."""
         return self.memory.flow.scene
 
     def design(self, problem: Problem, report: Report | None = None) -> Design:
         """Return an optimum of the flow for a problem.
 
         Flows are kept whether or not the search succeeds; a warning says where they could not be
-        written to the file. A body whose flow is not found is left out.
+        written to the file. A body whose flow does not converge is left out.
 
         Args:
           problem: of the designer's scene.
@@ -199,7 +199,7 @@ class Designer:
 
 
 def check_model(model: Surrogate | Flow) -> None:
-    """Raise InvalidInput unless it is a drag model."""
+    """Raise InvalidInput unless the model is a ``Surrogate`` or a ``Flow``."""
     if not isinstance(model, Surrogate | Flow):
         raise InvalidInput(f"optimise: {model!r} is no drag model; load(name) or Flow(scene) is")
 

@@ -32,14 +32,14 @@ class EvaluatedDesign(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, float]:
-        """Sorting key: local optima first, then by objective."""
+        """The key by which evaluated bodies are sorted: local optima first, then by objective."""
         return self.kkt_residual > KKT_TOLERANCE, self.value
 
 
 def evaluate_design(
     problem: Problem, memory: Memory, parameters: Float[AnyArray, " parameters"]
 ) -> EvaluatedDesign:
-    """Return objective, gradient and KKT residual of a body from flows and adjoints.
+    """Return objective, gradient and KKT residual of a body, from flows and adjoints.
 
     Raises:
       NotConverged: a flow or adjoint did not converge.
@@ -91,6 +91,9 @@ def starting_body(
 
 
 def distance(problem: Problem, parameters: Float[AnyArray, " parameters"], bodies: Bodies) -> float:
-    """Return the largest parameter difference to the nearest of some bodies, in range widths."""
+    """Return the distance of a body from the nearest of ``bodies``, in widths of the ranges.
+
+    It is the largest difference of a parameter; infinity if there are no bodies.
+    """
     width = np.asarray(problem.limits.width)
     return min((float(np.max(np.abs(b - parameters) / width)) for b in bodies), default=np.inf)

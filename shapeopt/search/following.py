@@ -20,7 +20,7 @@ MAX_PROBLEMS = 12  # that follow from each other; Newton's method in log Re take
 def following(
     problem: Problem, loads: Float[AnyArray, " loads"], by_log_reynolds: Float[AnyArray, " loads"]
 ) -> Problem | None:
-    """Return the problem that follows from a problem's optimum, None where that is the answer.
+    """Return the problem to be solved after a problem's optimum, None where that is the answer.
 
     Args:
       problem: whose objective has one scenario.
@@ -37,9 +37,17 @@ def following(
 def follow_all(
     problems: Sequence[Problem], model: LoadModel, devices: Devices | None = None
 ) -> tuple[list[Problem], list[Proposal]]:
-    """Return the last problem that follows from each problem on a model, and its optimum.
+    """Optimise problems, and those that follow from them, on a model; return the last ones.
 
-    Problems with fixed objectives are their own last ones.
+    A problem with a fixed objective is its own last one.
+
+    Args:
+      problems: of one scene.
+      model: a differentiable model of the loads.
+      devices: over which the problems are spread.
+
+    Returns:
+      The last problem that follows from each problem, and the optimum of each last problem.
 
     Raises:
       InvalidInput: as ``propose_all``; or a problem has no answer within the scene.
@@ -59,7 +67,7 @@ def follow_all(
 
 
 def not_followed() -> NotConverged:
-    """Return the error where every optimum leads to another problem."""
+    """Return the error to be raised where every optimum leads to another problem."""
     return NotConverged(f"optimise: no Reynolds number was found in {MAX_PROBLEMS} searches")
 
 

@@ -27,10 +27,16 @@ REFIT = 1.3  # growth of the number of observations after which kriging's length
 
 
 class Memory:
-    """All observations of a scene's flow: a body that is known is not solved again.
+    """A store of all observations of a scene's flow: a body that is known is not solved again.
 
     ``flows`` and ``green_applications`` count the flows that were solved by this object, and the
     convolutions with the Green's function (G) of these flows and their adjoints.
+
+    Args:
+      flow: of the scene.
+      base: the network that kriging corrects; None to interpolate the loads themselves.
+      file: JSON file of observations, which is read if it exists.
+      devices: over which the flows are spread.
     """
 
     def __init__(
@@ -49,7 +55,7 @@ class Memory:
         self.refresh()
 
     def evaluate(self, parameters: Float[AnyArray, " parameters"], reynolds: float) -> Observation:
-        """Return loads and slopes of a body, by one flow and adjoint unless they are known.
+        """Return the loads of a body and their slopes, by a flow and its adjoints unless known.
 
         Raises:
           NotConverged: the flow or its adjoint did not converge.
@@ -57,7 +63,7 @@ class Memory:
         return self.evaluate_all([(parameters, reynolds)])[0]
 
     def evaluate_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Observation]:
-        """Return loads and slopes for every (body, Reynolds number), spread over the devices.
+        """Return loads and slopes for every (body, Reynolds number), solved on all devices.
 
         Raises:
           NotConverged: a flow or its adjoint did not converge.
@@ -115,7 +121,10 @@ class Memory:
             self.observations += [o for o in read if _key(o.parameters, o.reynolds) not in known]
 
     def save(self) -> None:
-        """Add to the file, if there is one, what it lacks; several processes may share it."""
+        """Write to the file, if there is one, the observations that it lacks.
+
+        Several processes may share it: what they have added is read first.
+        """
         if self.file is None:
             return
         with FileLock(f"{self.file}.lock"):

@@ -23,12 +23,21 @@ def kkt_residual(
     of_loads: Float[AnyArray, " constraints"] | None = None,
     by_loads: Float[AnyArray, "constraints parameters"] | None = None,
 ) -> float:
-    """Return min over m >= 0 of |g - A^T m| / |f|, the part of the gradient no constraint holds.
+    """Return the KKT residual of a body: the part of the gradient that no constraint holds.
 
-    With g the gradient of the objective f in z = (p - low) / width and A the gradients of the
+    It is equation (5) of ``shapeopt/README.md``, min over m >= 0 of |g - A^T m| / max(|f|, 0.1),
+    with g the gradient of the objective f in z = (p - low) / width and A the gradients of the
     active constraints, ranges included: the relative change of f per width of a parameter's range.
-    It vanishes at a local optimum. With constraints on loads, values and Jacobian, it is their
-    largest violation where that is larger.
+    It vanishes at a local optimum. With constraints on loads it is their largest violation where
+    that is larger.
+
+    Args:
+      limits: ranges of the parameters and constraints on the body.
+      parameters: the body p.
+      value: the objective f.
+      gradient: of f in p.
+      of_loads: values of the constraints on loads, >= 0 where they hold; none by default.
+      by_loads: their Jacobian in p.
     """
     width = np.asarray(limits.width)
     constraints, jacobian = map(np.asarray, constraint_values_and_jacobian(parameters, limits))

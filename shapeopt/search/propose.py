@@ -34,7 +34,7 @@ Bodies = Sequence[Float[AnyArray, " parameters"]]
 
 
 class Proposal(NamedTuple):
-    """The best end of the searches on a model.
+    """The optimum of a problem on a model: the best end of several searches.
 
     ``start`` is the objective where that search began, ``path`` the bodies on its way, ``calls``
     the number of drags that all searches evaluated the model for.
@@ -51,7 +51,17 @@ class Proposal(NamedTuple):
 def propose(
     problem: Problem, model: LoadModel, starts: Bodies = (), require_converged: bool = True
 ) -> Proposal:
-    """Return the global optimum of a problem on a model, as ``propose_all`` does."""
+    """Return the global optimum of a problem on a model, as ``propose_all`` does.
+
+    Args:
+      problem: objective and constraints.
+      model: a differentiable model of the loads.
+      starts: bodies from which a search starts too.
+      require_converged: otherwise the best feasible body will do where no search converged.
+
+    Raises:
+      InvalidInput, NotConverged: as ``propose_all``.
+    """
     return propose_all([problem], model, starts, require_converged)[0]
 
 
@@ -66,10 +76,13 @@ def propose_all(
 
     Args:
       problems: of one scene; their constraints and objectives may be of different kinds.
-      model: a differentiable drag model.
-      starts: bodies from which a search starts too.
+      model: a differentiable model of the loads.
+      starts: bodies from which a search starts too, in place of the last draws.
       require_converged: otherwise the best feasible body will do where no search converged.
       devices: over which the problems are spread.
+
+    Returns:
+      The best ends, in the order of the problems.
 
     Raises:
       InvalidInput: no body satisfies the constraints of a problem.
@@ -117,7 +130,18 @@ def best_draws(
     limits: Limits,
     scenarios: Scenarios,
 ) -> tuple[Float[Array, "problems starts parameters"], Int[Array, " problems"]]:
-    """Return the best draws of every problem, and how many of its draws are feasible."""
+    """Return the best draws of every problem, and how many of its draws are feasible.
+
+    Args:
+      model: a differentiable model of the loads.
+      drawn: bodies for every problem.
+      limits: of all problems, stacked.
+      scenarios: of all problems, stacked.
+
+    Returns:
+      The draws of least objective, with a penalty on violated bounds on loads, best first; where
+      too few are feasible, the last ones are not. Then the number of feasible draws.
+    """
     count = max(STARTS, 2 * drawn.shape[-1])
 
     def one(case):
@@ -138,7 +162,18 @@ def minimise_from_all(
     limits: Limits,
     scenarios: Scenarios,
 ) -> tuple[SqpResult, Float[Array, " problems"], Int[Array, " problems"]]:
-    """Return, for every problem, its best end, the objective where that began, all evaluations."""
+    """Return the best end of the searches of every problem, from all of its starts.
+
+    Args:
+      model: a differentiable model of the loads.
+      starts: bodies from which the searches of every problem start.
+      limits: of all problems, stacked.
+      scenarios: of all problems, stacked.
+
+    Returns:
+      For every problem the best converged end, or else the best feasible one, the objective where
+      that search began, and the number of evaluations of all its searches.
+    """
 
     def one(case):
         starts, limits, scenarios = case

@@ -27,8 +27,17 @@ def solve_relaxed_qp(
 ) -> tuple[Float[Array, " n"], Float[Array, " constraints"]]:
     """Minimise g d + d B d / 2 + penalty t over the step d and the relaxation t >= 0.
 
-    Subject to c + J d + t >= 0 and low <= d <= high, with low <= 0 <= high. It has a solution
-    whatever the constraints are.
+    Subject to c + J d + t >= 0 and low <= d <= high, with low <= 0 <= high: equation (3) of
+    ``shapeopt/README.md``. It has a solution whatever the constraints are.
+
+    Args:
+      hessian: B, symmetric and positive definite.
+      gradient: g.
+      values: c, the constraint values at d = 0.
+      jacobian: J, their derivatives.
+      low: lower bounds of d, at most 0.
+      high: upper bounds of d, at least 0.
+      penalty: price of the relaxation, rho.
 
     Returns:
       d, within ``low`` and ``high``, and the multipliers of the constraints.

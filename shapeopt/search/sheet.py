@@ -14,9 +14,17 @@ def designs_over(
     lengths: Sequence[float],
     min_thickness: float | None = None,
 ) -> tuple[list[dict[str, Any]], float]:
-    """Return a row for every bound on the length and Re, and the wall seconds of all.
+    """Return the optimum at every Re and bound on the length as a row, and the wall seconds of all.
 
-    Unbounded lengths come last. ``excess`` is the drag over that of the unbounded optimum, minus 1.
+    Args:
+      surrogate: the model.
+      reynolds: Reynolds numbers.
+      lengths: upper bounds on the chord, in D.
+      min_thickness: lower bound on the maximum thickness of all bodies, in D.
+
+    Returns:
+      Rows by length, then Re, without a bound last; ``excess`` is the drag over that of the
+      optimum without a bound on the length, minus 1. Then the wall seconds.
 
     Raises:
       InvalidInput, NotConverged: as ``optimise_all``.

@@ -35,7 +35,7 @@ ARMIJO = 1e-4  # share of the predicted decrease that a step must achieve, as us
 
 
 class SqpResult(NamedTuple):
-    """The end of a search: the body, objective and gradient, and how it went.
+    """The end of a search: the body with its objective and gradient, and how the search went.
 
     ``feasibility`` is the least constraint value. The first ``steps`` + 1 rows of ``path`` are the
     bodies on the way.
@@ -83,7 +83,17 @@ class _State(NamedTuple):
 def minimise_sqp(
     model: LoadModel, start: Float[AnyArray, " parameters"], limits: Limits, scenarios: Scenarios
 ) -> SqpResult:
-    """Return the local optimum, from ``start``, of the objective that a model predicts."""
+    """Return the local optimum, from ``start``, of the objective that a model predicts.
+
+    Args:
+      model: a differentiable model of the loads.
+      start: parameters of the first body; clipped to the ranges.
+      limits: ranges of the parameters and constraints on the body.
+      scenarios: of the objective, with the bounds on loads.
+
+    Returns:
+      The end of the search, whether or not it has converged and is feasible.
+    """
     low, width = limits.low, limits.width
 
     def evaluate(z):

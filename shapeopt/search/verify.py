@@ -18,7 +18,7 @@ from surrogate.flow.solution import Solution
 
 @dataclasses.dataclass(frozen=True)
 class Verified:
-    """The objective of a body by the flow, the flows of all scenarios, and the cylinder's drags.
+    """The objective of a body by the flow, the flows of all scenarios and the cylinder's drags.
 
     In 3-D the sphere stands for the cylinder. ``cylinder`` holds its Cd at the Reynolds number of
     every scenario, and ``cylinder_objective`` is the objective of these drags.
@@ -59,18 +59,18 @@ class Verified:
 
     @property
     def accuracy(self) -> str:
-        """Whether every flow meets the tolerance, in words, with the largest errors."""
+        """A text that says whether every flow meets the tolerance, with the largest errors."""
         errors = self.expected_error, self.estimated_error
         return accuracy_text(self.status, *errors, self.solutions[0].tolerance)
 
     @property
     def green_applications(self) -> int:
-        """Convolutions with the Green's function (G) of the body's flows."""
+        """The number of convolutions with the Green's function (G) of the body's flows."""
         return sum(solution.green_applications for solution in self.solutions)
 
     @property
     def seconds(self) -> float:
-        """Wall time of the body's flows."""
+        """The wall time of the body's flows in s."""
         return sum(solution.seconds for solution in self.solutions)
 
 
@@ -84,7 +84,7 @@ def verify(
     cylinder: Float[AnyArray, " cases"] | None = None,
     estimate: bool = True,
 ) -> Verified:
-    """Solve the flow of every scenario of a problem for one body.
+    """Solve the flow of every scenario of a problem for one body, and return its objective.
 
     Args:
       problem: whose objective is evaluated.

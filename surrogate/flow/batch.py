@@ -26,7 +26,7 @@ class FlowBatch(NamedTuple):
 
     @property
     def drag(self) -> Float[AnyArray, " bodies"]:
-        """Drag coefficients Cd."""
+        """The drag coefficients Cd."""
         return self.loads[:, 0]
 
 
@@ -43,7 +43,10 @@ def estimated_cost(
 def batch_solver(
     bodies: DiscreteBodies, devices: Devices, gradients: bool = False
 ) -> Callable[[Partition, AnyArray, AnyArray], FlowBatch | LoadsAndGradients]:
-    """Return a compiled function of (partition, parameters, reynolds) that solves many flows."""
+    """Return a compiled function of (partition, parameters, reynolds) that solves many flows.
+
+    With ``gradients`` it solves the adjoints too and returns ``LoadsAndGradients``.
+    """
 
     def flow(body):
         operators, state, info = bodies.solved(*body)

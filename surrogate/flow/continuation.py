@@ -19,14 +19,14 @@ MAX_HALVINGS = 3  # of the step in Re: continuation in 2, 4 or 8 steps
 
 
 class FlowResult(NamedTuple):
-    """State and convergence of a solved flow."""
+    """A solved flow: its state, and how Newton's method ended."""
 
     state: FlowState
     info: NewtonInfo
 
     @property
     def drag(self) -> float:
-        """Drag coefficient Cd."""
+        """The drag coefficient Cd."""
         return float(drag_coefficient(self.state.amplitude))
 
 
@@ -37,7 +37,15 @@ def solve_markers(
     reynolds: Float[AnyArray, ""],
     guess: FlowState | None = None,
 ) -> FlowResult:
-    """Solve for body flow; ``info.converged`` says whether the numbers mean anything."""
+    """Solve the flow past a body; ``info.converged`` says whether the numbers mean anything.
+
+    Args:
+      domain: the discrete problem.
+      settings: tolerances of Newton's method.
+      markers: of the body, ``domain.nodes`` of them.
+      reynolds: U D / nu.
+      guess: state to begin from; the Oseen flow by default.
+    """
     operators = programs.assemble(domain, markers, reynolds)
     return FlowResult(*programs.solve(domain, settings, operators, guess))
 
@@ -45,7 +53,13 @@ def solve_markers(
 def solve_by_continuation(
     domain: Domain, settings: NewtonSettings, shape: Shape, reynolds: float
 ) -> tuple[FlowResult, int]:
-    """Solve for the flow past a shape; where Newton fails, reach Re in 2, 4 or 8 equal steps.
+    """Solve the flow past a shape; where Newton's method fails, reach Re in 2, 4 or 8 equal steps.
+
+    Args:
+      domain: the discrete problem.
+      settings: tolerances of Newton's method.
+      shape: the body.
+      reynolds: U D / nu.
 
     Returns:
       The flow, and the convolutions with G of all attempts, their assembly included.

@@ -42,12 +42,12 @@ class LoadsAndGradients(NamedTuple):
 
     @property
     def drag(self) -> Float[AnyArray, "*bodies"]:
-        """Drag coefficients Cd."""
+        """The drag coefficients Cd."""
         return self.loads[..., 0]
 
     @property
     def gradient(self) -> Float[AnyArray, "*bodies parameters"]:
-        """Derivatives of Cd in the parameters."""
+        """The derivatives of Cd in the parameters."""
         return self.gradients[..., 0, :]
 
 
@@ -58,7 +58,14 @@ def loads_and_status(
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
 ) -> tuple[Float[Array, " loads"], NewtonInfo]:
-    """Return loads of a body, differentiable in both arguments, and the solver's outcome."""
+    """Return loads of a body, differentiable in parameters and Re, and the solver's outcome.
+
+    Args:
+      bodies: the grid and the class of bodies.
+      loads: functions as in ``surrogate.flow.loads``.
+      parameters: of the body.
+      reynolds: U D / nu.
+    """
     operators, state, info = bodies.solved(parameters, reynolds)
     return load_values(bodies, loads, operators, state), info
 
@@ -75,7 +82,14 @@ def _loads_tangent(bodies, loads, primals, tangents):
 def load_values(
     bodies: DiscreteBodies, loads: tuple[Load, ...], operators: Operators, state: FlowState
 ) -> Float[Array, " loads"]:
-    """Return the values of loads of a solved flow."""
+    """Return the values of loads of a solved flow.
+
+    Args:
+      bodies: the grid and the class of bodies.
+      loads: functions as in ``surrogate.flow.loads``.
+      operators: of the body.
+      state: of the flow.
+    """
     at = bodies.domain.modes, state.amplitude, operators.markers
     return jnp.stack([load(*at) for load in loads])
 
@@ -94,9 +108,18 @@ def exact_gradients(
     state: FlowState,
     operators: Operators | None = None,
 ) -> tuple[Float[Array, "loads parameters"], Float[Array, " loads"]]:
-    """Return dJ/d(parameters, Re) of loads to as many digits as the flow has.
+    """Return the derivatives of loads in parameters and Re, to as many digits as the flow has.
 
-    NaN where an adjoint has not converged.
+    Args:
+      bodies: the grid and the class of bodies.
+      loads: functions J as in ``surrogate.flow.loads``.
+      parameters: of the body, p.
+      reynolds: U D / nu.
+      state: of the flow past it.
+      operators: of the body; assembled if not given.
+
+    Returns:
+      dJ/dp and dJ/dRe; NaN where an adjoint has not converged.
     """
     if operators is None:
         operators = programs.assemble(bodies.domain, bodies.markers(parameters), reynolds)
@@ -132,7 +155,14 @@ def named_gradients(
     reynolds: float,
     state: FlowState,
 ) -> dict[str, dict[str, float]]:
-    """Return, by load, its derivatives by the parameters' names and ``reynolds``.
+    """Return for every load its derivatives by the parameters' names and "reynolds".
+
+    Args:
+      bodies: the grid and the class of bodies.
+      loads: functions as in ``surrogate.flow.loads``, by name.
+      parameters: of the body.
+      reynolds: U D / nu.
+      state: of the flow past it.
 
     Raises:
       NotConverged: an adjoint did not converge.
@@ -154,7 +184,10 @@ def loads_and_gradients(
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
 ) -> LoadsAndGradients:
-    """Return the loads of a body and their gradients by an adjoint each, to ``QUICK_ADJOINT``."""
+    """Return the loads of a body and their gradients by one adjoint for each load.
+
+    The adjoints are solved to the tolerance of ``QUICK_ADJOINT``; see ``LoadsAndGradients``.
+    """
     operators, state, info = bodies.solved(parameters, reynolds)
     found = programs.load_gradients(
         bodies.loads, bodies.domain, QUICK_ADJOINT, operators, state, reynolds

@@ -26,7 +26,7 @@ OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
 
 
 class Coverage(NamedTuple):
-    """How a grid covers bodies.
+    """Whether a grid holds and resolves bodies, and their onset of instability.
 
     Attributes:
       onset: Re above which their steady flow is unstable.
@@ -43,7 +43,7 @@ class Coverage(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class DiscreteBodies:
-    """Bodies given by parameters on one grid; hashable, so a static argument of jit."""
+    """A class of bodies, given by parameters, on one grid; hashable as a static argument of jit."""
 
     domain: Domain
     body_class: BodyClass
@@ -61,12 +61,12 @@ class DiscreteBodies:
     def solved(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> tuple[Operators, FlowState, NewtonInfo]:
-        """Return the operators of a body and the steady flow past it, solved from Oseen flow."""
+        """Solve the flow past a body from its Oseen flow; return operators, state and outcome."""
         operators = programs.assemble(self.domain, self.markers(parameters), reynolds)
         return operators, *programs.solve(self.domain, self.settings, operators, None)
 
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
-        """Return whether a body fits the box of the grid and is resolved by its cells."""
+        """Return whether a body fits the grid's box, is resolved, and where it becomes unstable."""
         half_extent = jnp.abs(jax.tree.leaves(self.markers(parameters))[0]).max(axis=0)
         outline = self.body_class.outline(parameters, OUTLINE_NODES)
         thickness = least_mean_thickness(outline, self.body_class.flatness(parameters))

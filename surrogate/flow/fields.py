@@ -59,7 +59,15 @@ def fields_of(
     velocity: Float[AnyArray, "axes ..."],
     reynolds: float,
 ) -> Fields:
-    """Return the fields of a flow whose ``velocity`` on the faces includes the stream."""
+    """Return the fields of a flow at the centres of its cells.
+
+    Args:
+      domain: of the flow.
+      shape: the body.
+      state: of the flow, on the domain's lattice.
+      velocity: on the faces of the whole lattice, mirror images and the stream included.
+      reynolds: U D / nu.
+    """
     lattice = domain.lattice.unfolded
     inner = (slice(1, -1),) * lattice.dimension
     axes = tuple(
@@ -77,7 +85,7 @@ def fields_of(
 
 
 def inside(shape: Shape, axes: tuple[Float[np.ndarray, " _cells"], ...]) -> Bool[np.ndarray, "..."]:
-    """Return which points of a grid lie inside a body."""
+    """Return which points of a grid lie inside a body, as an array over the grid."""
     grid = np.meshgrid(*axes, indexing="ij", sparse=True)
     if shape.dimension == 2:
         contour = shapely.Polygon(shape.draw(NODES))

@@ -67,12 +67,12 @@ class Flow:
 
     @functools.cached_property
     def domain(self) -> Domain:
-        """The scene's discretisation, which holds all of its bodies."""
+        """The discretisation of the scene, which holds all of its bodies."""
         return scene_domain(self.scene)
 
     @functools.cached_property
     def bodies(self) -> DiscreteBodies:
-        """What compiled programs depend on: the domain, the class of bodies, the settings."""
+        """The scene's class of bodies on its grid: all that compiled programs depend on."""
         return DiscreteBodies(self.domain, self.scene.family.body_class, self.settings)
 
     def drag(
@@ -136,6 +136,10 @@ class Flow:
         """Return the loads of a body and their gradients, cheaper than by ``jax.grad``.
 
         Each load takes an adjoint, which is solved to a relative residual of 2e-4.
+
+        Args:
+          parameters: of the body, shape (parameters,).
+          reynolds: Reynolds number, also beyond the onset of instability.
 
         Raises:
           InvalidInput: as ``drag``, except beyond the onset of instability.

@@ -51,11 +51,11 @@ class Conditions:
 
 @dataclasses.dataclass(frozen=True)
 class Forces:
-    """Force of the fluid on the body in N and moment in N m; in 2-D per metre of span.
+    """The force of the fluid on the body in N and the moment in N m; in 2-D per metre of span.
 
     Attributes:
       drag: along the stream, N; ``drag_pressure`` and ``drag_friction`` are its parts.
-      lift: along y, N.
+      lift: across the stream, along y in 2-D and along z in 3-D, N.
       moment: about the centroid, positive nose up, N m.
     """
 
@@ -67,7 +67,16 @@ class Forces:
 
 
 def forces_of(coefficients: dict[str, float], conditions: Conditions, dimension: int) -> Forces:
-    """Return coefficients times (1/2) rho U^2 D, in 3-D (1/2) rho U^2 pi D^2 / 4; moments by D."""
+    """Return the forces in N and the moment in N m that have these coefficients.
+
+    Forces are coefficients times (1/2) rho U^2 D, in 3-D (1/2) rho U^2 pi D^2 / 4; the moment is
+    multiplied by D too.
+
+    Args:
+      coefficients: by the names in ``Forces``.
+      conditions: speed U, diameter D and density rho.
+      dimension: 2 or 3.
+    """
     head = conditions.density * conditions.speed**2 / 2
     unit = head * conditions.diameter
     if dimension == 3:

@@ -20,9 +20,10 @@ from surrogate.flow.grid.modes_3d import FORCE_UNIT, Modes3D
 
 
 class Coefficients(NamedTuple):
-    """Force of the fluid on the body over (1/2) rho U^2 D per unit span; in 3-D over pi D^2 / 4.
+    """The coefficients of the force of the fluid on the body and of its moment.
 
-    ``moment`` is about the centroid, positive nose up, over (1/2) rho U^2 D^2.
+    Forces are over (1/2) rho U^2 D per unit span, in 3-D over (1/2) rho U^2 pi D^2 / 4. ``moment``
+    is about the centroid, positive nose up, and over D times that.
     """
 
     drag: Float[AnyArray, ""]
@@ -44,21 +45,21 @@ def drag_coefficient(
 
 
 def drag_amplitude(drag: Float[AnyArray, "..."]) -> Float[AnyArray, "..."]:
-    """Return a_0 of a drag coefficient, the inverse of ``drag_coefficient``."""
+    """Return the amplitude a_0 of a drag coefficient, the inverse of ``drag_coefficient``."""
     return drag / -2
 
 
 def drag(
     modes: AnyModes, amplitude: Float[AnyArray, " modes"], markers: Markers
 ) -> Float[AnyArray, ""]:
-    """Return the drag coefficient Cd."""
+    """Return the drag coefficient Cd, a load of a solved flow."""
     return drag_coefficient(amplitude)
 
 
 def lift(
     modes: AnyModes, amplitude: Float[AnyArray, " modes"], markers: Markers
 ) -> Float[AnyArray, ""]:
-    """Return the lift coefficient Cl, positive along y, in 3-D along z; 0 of symmetric flows."""
+    """Return the lift coefficient Cl, positive along y, in 3-D along z; 0 for symmetric flows."""
     return jnp.zeros(()) if modes.lift_index is None else -2 * amplitude[modes.lift_index]
 
 
@@ -67,7 +68,7 @@ def moment(
 ) -> Float[AnyArray, ""]:
     """Return the moment coefficient Cm about the origin (the centroid), positive nose up.
 
-    0 of symmetric flows.
+    It is 0 for symmetric flows.
     """
     if modes.lift_index is None:
         return jnp.zeros(())
@@ -86,5 +87,5 @@ LOADS: dict[str, Load] = {"cd": drag, "cl": lift, "cm": moment}
 def traction(
     modes: AnyModes, amplitude: Float[AnyArray, " modes"], nodes: int | SkinNodes
 ) -> Float[Array, "nodes axes"]:
-    """Return the force of the fluid on the body at the nodes, per unit t; in 3-D of mu and phi."""
+    """Return the force of the fluid on the body at the nodes, per unit t (3-D: per mu and phi)."""
     return -jnp.tensordot(amplitude, modes.values(nodes), axes=1).T

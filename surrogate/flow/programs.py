@@ -19,7 +19,7 @@ from surrogate.flow.solver.steady import FlowState, Operators
 
 @compiled("domain")
 def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
-    """Assemble the operators of a body given by its markers."""
+    """Assemble the operators of a body given by its markers, see ``steady.assemble``."""
     return steady.assemble(domain, markers, reynolds)
 
 
@@ -30,7 +30,17 @@ def solve(
     operators: Operators,
     guess: FlowState | None,
 ) -> tuple[FlowState, NewtonInfo]:
-    """Solve for the flow past a body, from a guess or from its Oseen flow."""
+    """Solve the flow past a body, from a guess or from its Oseen flow.
+
+    Args:
+      domain: the discrete problem.
+      settings: tolerances of Newton's method.
+      operators: of the body.
+      guess: state to begin from; None for the Oseen flow.
+
+    Returns:
+      The state, and how Newton's method ended.
+    """
     return steady.body_flow(domain, operators, guess, settings)
 
 
@@ -43,5 +53,8 @@ def load_gradients(
     state: FlowState,
     reynolds: Float[Array, ""],
 ) -> LoadGradients:
-    """Return the gradients of loads in the body's markers and in Re, by an adjoint each."""
+    """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
+
+    The arguments are those of ``adjoint.load_gradients``.
+    """
     return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort)

@@ -22,7 +22,7 @@ LOG_RE = -20.0, 20.0  # between which the sphere's correlation is inverted
 
 @dataclasses.dataclass(frozen=True)
 class Particle:
-    """A body in a fluid at rest, in SI units.
+    """A body in a fluid at rest, with its numbers in SI units.
 
     Args:
       density_ratio: density over the fluid's.
@@ -52,12 +52,12 @@ class Particle:
 
     @property
     def archimedes(self) -> float:
-        """Archimedes number |density ratio - 1| g D^3 / nu^2."""
+        """The Archimedes number |density ratio - 1| g D^3 / nu^2."""
         weight = abs(self.density_ratio - 1) * self.gravity
         return weight * self.size**3 / self.viscosity**2
 
     def velocity(self, reynolds: float) -> float:
-        """Return the velocity in m/s at a Reynolds number."""
+        """Return the velocity in m/s of the particle at a Reynolds number."""
         return reynolds * self.viscosity / self.size
 
 
@@ -76,15 +76,16 @@ class Settled(NamedTuple):
 
     @property
     def drift(self) -> float:
-        """Angle between motion and gravity in degrees, of a body held at its incidence."""
+        """The angle between motion and gravity in degrees, of a body held at its incidence."""
         return math.degrees(math.atan2(self.solution.lift, self.solution.drag))
 
 
 def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) -> Settled:
-    """Return the steady fall or rise of a body: sqrt(Cd^2 + Cl^2) Re^2 = 4/3 Archimedes number.
+    """Return the steady fall or rise of a body, where the flow's force balances its weight.
 
-    The body is held at its incidence, the angle between its axis and its motion; with lift it
-    drifts sideways as it falls.
+    The balance is sqrt(Cd^2 + Cl^2) Re^2 = 4/3 Archimedes number, with buoyancy in the latter. The
+    body is held at its incidence, the angle between its axis and its motion; with lift it drifts
+    sideways as it falls.
     The secant method in logarithms starts from the sphere's correlation (Schiller and Naumann
     1933). Particles slower than the solver's least Re are in Stokes flow, where Cd Re is constant.
     A free body turns its broad side to its motion, by inertia (Khayat and Cox 1989): that incidence
@@ -134,7 +135,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
 
 
 def sphere_reynolds(archimedes: float) -> float:
-    """Return Re of a sphere that settles, by Schiller and Naumann's correlation."""
+    """Return the Re at which a sphere settles, by Schiller and Naumann's correlation of Cd."""
     goal = math.log(4 / 3 * archimedes)
     return math.exp(brentq(lambda log_re: _log_sphere_thrust(log_re) - goal, *LOG_RE))
 

@@ -97,70 +97,70 @@ class Solution:
 
     @property
     def gradient(self) -> dict[str, float] | None:
-        """Derivatives of Cd by the family's parameters and ``reynolds``, where asked for."""
+        """The derivatives of Cd by the family's parameters and ``reynolds``, where asked for."""
         return self.gradients and self.gradients["cd"]
 
     @property
     def accuracy(self) -> str:
-        """Whether Cd meets the tolerance, in words: "meets 0.4 % (expected 0.3 %, bound ...)"."""
+        """A text on whether Cd meets the tolerance: "meets 0.4 % (expected 0.3 %, bound ...)"."""
         errors = self.expected_error, self.estimated_error
         return accuracy_text(self.status, *errors, self.tolerance, self.sufficient)
 
     @property
     def markers(self) -> Markers:
-        """Surface markers in D: the contour clockwise from the nose, or a part of the skin."""
+        """The surface markers in D: the contour clockwise from the nose, or a part of the skin."""
         return self.shape.markers(self.domain.nodes)
 
     @property
     def velocity(self) -> Float[np.ndarray, "axes ..."]:
-        """Velocity over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
+        """The velocity over U, the stream included, on the faces of ``domain.lattice.unfolded``."""
         whole = np.array(self.domain.lattice.unfold(self.state.velocity))
         whole[0] += 1.0
         return whole
 
     @functools.cached_property
     def fields(self) -> Fields:
-        """Velocity, pressure and vorticity at the cell centres of the whole grid."""
+        """The velocity, pressure and vorticity at the cell centres of the whole grid."""
         return fields_of(self.domain, self.shape, self.state, self.velocity, self.reynolds)
 
     @property
     def x(self) -> Float[np.ndarray, " nx"]:
-        """x of the cell centres in D; fields are indexed [i, j(, k)] by x, y(, z)."""
+        """The x of the cell centres in D; fields are indexed [i, j(, k)] by x, y(, z)."""
         return self.fields.axes[0]
 
     @property
     def y(self) -> Float[np.ndarray, " ny"]:
-        """y of the cell centres in D."""
+        """The y of the cell centres in D."""
         return self.fields.axes[1]
 
     @property
     def z(self) -> Float[np.ndarray, " nz"]:
-        """z of the cell centres in D, of a 3-D flow."""
+        """The z of the cell centres in D, of a 3-D flow."""
         return self._in_3d("z", self.fields.axes)
 
     @property
     def u(self) -> Float[np.ndarray, "..."]:
-        """Velocity along x over U at the cell centres."""
+        """The velocity along x over U at the cell centres."""
         return self.fields.velocity[0]
 
     @property
     def v(self) -> Float[np.ndarray, "..."]:
-        """Velocity along y over U at the cell centres."""
+        """The velocity along y over U at the cell centres."""
         return self.fields.velocity[1]
 
     @property
     def w(self) -> Float[np.ndarray, "..."]:
-        """Velocity along z over U at the cell centres, of a 3-D flow."""
+        """The velocity along z over U at the cell centres, of a 3-D flow."""
         return self._in_3d("w", self.fields.velocity)
 
     @property
     def p(self) -> Float[np.ndarray, "..."]:
-        """Pressure over rho U^2 at the cell centres, zero far away; Cp is twice that."""
+        """The pressure over rho U^2 at the cell centres, zero far away; Cp is twice that."""
         return self.fields.p
 
     @property
     def vorticity(self) -> Float[np.ndarray, "..."]:
-        """Vorticity over U / D at the cell centres; all three components first in 3-D."""
+        """The vorticity over U / D at the cell centres; in 3-D an array of three components."""
         return self.fields.vorticity
 
     def forces(
@@ -214,7 +214,7 @@ class Solution:
 
     @property
     def chord_reynolds(self) -> float:
-        """U c / nu, by the chord c."""
+        """The Reynolds number U c / nu, by the chord c."""
         return self.reynolds * self.chord
 
     def surface(self, points: int = SURFACE_POINTS) -> Surface:

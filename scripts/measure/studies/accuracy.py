@@ -34,7 +34,7 @@ LARGEST = Fidelity("largest", 10, 10, 24, 16, wake=0.0)
 
 
 def flows(run: Run) -> list[Row]:
-    """Every fidelity against elements and over its range; then cells and domain alone."""
+    """Return the cases: fidelities against elements and over their range; cells; domains."""
     at, few = "Re {reynolds:g}", (1.0, 10.0, 40.0)
     if run.tiny:
         truths = cases(fidelity=[TINY], reynolds=[1.0], truth=[REFERENCES["unbounded"][1.0], TINY])
@@ -63,7 +63,17 @@ def flows(run: Run) -> list[Row]:
 
 
 def flow_error(run, reynolds, fidelity, truth, body=CYLINDER, stream="unbounded", **_) -> Row:
-    """Drag, error, work, and seconds of a second solve, without compilation."""
+    """Return drag, error, work, and the seconds of a second solve, without compilation.
+
+    Args:
+      run: How the study is run.
+      reynolds: U D / nu.
+      fidelity: Of the flow.
+      truth: The exact Cd, or a finer fidelity.
+      body: Parameters of the family by name.
+      stream: As for ``parse_stream``.
+      **_: The case's place in the maps.
+    """
     if isinstance(truth, Fidelity):
         truth = _drag_once(tuple(body.items()), reynolds, truth)
     solved(body, reynolds, fidelity, stream=stream)
@@ -78,7 +88,7 @@ def _drag_once(body: tuple, reynolds: float, fidelity: Fidelity) -> float:
 
 
 def gradient_error(run: Run, gradient: str) -> Row:
-    """Distance from the adjoint's gradient on the standard and on the fine grid."""
+    """Return the distances from the adjoint's gradient on the standard and on the fine grid."""
     bodies = held_out_samples(Scene(), 0, run.pick(2, 64))
     if gradient in METHODS:
         drag = load(f"pretrained:{gradient}").network.drag
@@ -98,20 +108,20 @@ def _slopes_once(fidelity: Fidelity, count: int) -> np.ndarray:
 
 
 def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
-    """Shape gradients of the drag; NaN where flow or adjoint did not converge."""
+    """Return the shape gradients of the drag; NaN where flow or adjoint did not converge."""
     return np.array(
         [flow.loads_and_gradients(*query).gradient for query in zip(*bodies, strict=True)]
     )
 
 
 def distance(gradient: np.ndarray, truth: np.ndarray, widths: np.ndarray) -> float:
-    """Median over bodies of |g - truth| / |truth|, each parameter scaled by its range."""
+    """Return the median of |g - truth| / |truth| over bodies, parameters scaled by their ranges."""
     error = np.linalg.norm((gradient - truth) * widths, axis=1)
     return float(np.nanmedian(error / np.linalg.norm(truth * widths, axis=1)))
 
 
 def single_precision(run: Run, aspect: float, reynolds: float) -> Row:
-    """Solve in both precisions with the same operators."""
+    """Solve in both precisions with the same operators, and compare work, drag and time."""
     shape = family_shape({"aspect": aspect})
     domain = fitted_domain(Unbounded(), run.fidelity("standard"), shape, reynolds)
     markers, re = jnp.asarray(shape.draw(domain.nodes)), jnp.asarray(reynolds)
@@ -130,7 +140,7 @@ def single_precision(run: Run, aspect: float, reynolds: float) -> Row:
 
 
 def marched(run: Run, reynolds: float) -> Row:
-    """The cylinder marched in time by the command ``march_flow.py``."""
+    """March the cylinder in time by the command ``march_flow.py``, and return its result."""
     few = run.pick(["--time", "5", "--height", "6"], [])
     with tempfile.TemporaryDirectory() as out, contextlib.redirect_stdout(sys.stderr):
         argv = ["--aspect", "1", "--reynolds", f"{reynolds:g}", "--out", out, *few]
@@ -138,7 +148,7 @@ def marched(run: Run, reynolds: float) -> Row:
 
 
 def march_text(result: Result) -> str:
-    """One line per Reynolds number."""
+    """Return one line of text per Reynolds number."""
     lines = [words("Blockage of the periodic domain: {blockage:.3f}.", **result["rows"][0])]
     for row in result["rows"]:
         form = "- Re {reynolds:g}: mean Cd {cd_mean:.4f}, Cl ±{cl_amplitude:.3f}, Strouhal number "

@@ -43,7 +43,7 @@ FINER = Elements(order=3, box=14.0, wall=0.25, near=0.5, wake=1.2)  # round flat
 
 
 def flows(run: Run) -> Iterator[Row]:
-    """The sphere, ellipsoids, correlations, and held-out bodies of revolution."""
+    """Yield the cases: sphere, ellipsoids, correlations, and held-out bodies of revolution."""
     names = ("draft", "standard", "fine")
     levels = [TINY] if run.tiny else [run.fidelity(name, 3) for name in names]
     usual, elements = levels[:2], run.pick(TINY_ELEMENTS, None)
@@ -107,7 +107,7 @@ def _row(cd, exact=None, work=None, seconds=None) -> Row:
 
 
 def held_out() -> list[tuple[dict[str, float], float]]:
-    """Bodies of revolution: aspects and Re evenly in their logarithms, betas at random."""
+    """Return bodies of revolution: aspects and Re evenly in their logarithms, betas at random."""
     keys = jax.random.split(jax.random.key(3))
     bodies = np.array(REVOLVED.sample(keys[0], COUNT))
     aspect = REVOLVED.names.index("aspect")
@@ -117,19 +117,19 @@ def held_out() -> list[tuple[dict[str, float], float]]:
 
 
 def ellipsoid_body(aspect: float, flatness: float) -> dict[str, float]:
-    """Parameters of the family."""
+    """Return the parameters of the family, by name, of an ellipsoid."""
     return {"aspect": aspect} | ({} if flatness == 1 else {"flatness": flatness})
 
 
 def cell(row: Row) -> str:
-    """Error, or Cd where there is none; work and time where they were taken."""
+    """Return the text of a cell: error, or Cd where there is none; work and time where known."""
     form = "{cd:.4g}" if row["error"] is None else "{error:+.2%}"
     form += ", {green_applications} G" if row["green_applications"] else ""
     return words(form + (" in {seconds:.1f} s" if row["seconds"] else ""), **row)
 
 
 def flow_text(result: Result) -> str:
-    """Mean and largest errors of the held-out bodies and of the correlations."""
+    """Return the mean and largest errors of the held-out bodies and of the correlations as text."""
     rows = [row for row in result["rows"] if row["error"] is not None]
     bodies = [row for row in rows if row["panel"] == HELD_OUT]
     levels = [[row for row in bodies if row["column"] == n] for n in values(bodies, "column")]
@@ -145,14 +145,22 @@ def _summary(form: str, rows: list[Row]) -> str:
 
 
 def corners(run: Run) -> Iterator[Row]:
-    """Corners of the family with the largest errors, and wide bodies, on draft and standard."""
+    """Yield corners of the family with the largest errors, and wide bodies, on two fidelities."""
     for body, re in CORNERS:
         for name in ("draft", "standard"):
             yield {"body": name_of(body), "re": re, "fidelity": name, "parameters": body}
 
 
 def corner(run, parameters, re, fidelity, **_) -> Row:
-    """Error against elements beside the estimated error and the status."""
+    """Return the error against elements, beside the estimated error and the status.
+
+    Args:
+      run: How the study is run.
+      parameters: Of the body, by name.
+      re: U D / nu.
+      fidelity: Name of the fidelity.
+      **_: The rest of the case.
+    """
     level = run.fidelity(fidelity, 3)
     found = solved(parameters, re, level, 3, estimate=True)
     geometry, elements = AXISYMMETRIC, run.pick(TINY_ELEMENTS, None)
@@ -165,7 +173,7 @@ def corner(run, parameters, re, fidelity, **_) -> Row:
 
 
 def fine_flows(run: Run) -> Iterator[Row]:
-    """The sphere, ellipsoids and held-out bodies, with their exact Cd where it is known."""
+    """Yield the sphere, ellipsoids and held-out bodies, with their exact Cd where it is known."""
     known = [({"aspect": 1.0}, re, exact) for re, exact in SPHERE.items() if not run.tiny or re > 9]
     for ratios in ELLIPSOIDS:
         exact = oberbeck(ellipsoid(*ratios), CREEPING)
@@ -175,7 +183,17 @@ def fine_flows(run: Run) -> Iterator[Row]:
 
 
 def extrapolation(run, parameters, re, exact, **_) -> Row:
-    """Errors of the drag and of the extrapolated drag, against the exact one or elements."""
+    """Return the errors of the drag and of the extrapolated drag.
+
+    They are against the exact drag, or that of elements where it is not known.
+
+    Args:
+      run: How the study is run.
+      parameters: Of the body, by name.
+      re: U D / nu.
+      exact: Its Cd, or None for that of the elements.
+      **_: The rest of the case.
+    """
     found = solved(parameters, re, run.fidelity("fine", 3), 3, estimate=True)
     exact = exact or reference_cd(AXISYMMETRIC, parameters, re, run.pick(TINY_ELEMENTS, None))
     errors = {
@@ -186,6 +204,7 @@ def extrapolation(run, parameters, re, exact, **_) -> Row:
 
 
 def extrapolation_text(result: Result) -> str:
+    """Return the mean and largest errors of the drag and of the extrapolated drag as text."""
     drag, limit = (
         mean_and_most(row[key] for row in result["rows"]) for key in ("error", "extrapolated")
     )

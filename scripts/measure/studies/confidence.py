@@ -20,7 +20,10 @@ QUARTERS = (0.25, 0.75)  # of the bodies, ordered by their bounds
 
 
 def measure(run: Run, surrogate: str) -> list[Row]:
-    """Errors of every load, how many lie within their bounds, and errors where bounds are large."""
+    """Return a row for every load: its errors, and how many of them lie within their bounds.
+
+    The rows also compare the errors of the bodies with the smallest and with the largest bounds.
+    """
     net = load(surrogate)
     scene = dataclasses.replace(net.scene, fidelity=run.pick(TINY, net.scene.fidelity))
     samples, loads = _drawn(scene, run.pick(4, COUNTS[scene.dimension]))
@@ -46,7 +49,7 @@ def _drawn(scene: Scene, count: int) -> tuple[Samples, np.ndarray]:
 
 
 def text(result: Result) -> str:
-    """How many of all errors lie within their bounds."""
+    """Return a sentence on how many of all errors lie within their bounds."""
     rows = result["rows"]
     count = sum(row["bodies"] for row in rows)
     covered = sum(row["bodies"] * row["covered"] for row in rows)

@@ -61,7 +61,14 @@ ROUND: Body = (("aspect", 1.0),)
 
 
 def sweep(name: str, values: Iterable[Any], what: str, errors: Callable) -> Iterator[Row]:
-    """Yield one case for every value of a constant; ``errors(run, value)`` are measured later."""
+    """Yield one case for every value of a constant; ``errors(run, value)`` are measured later.
+
+    Args:
+      name: Of the constant, a key of ``CHOSEN``.
+      values: That are tried.
+      what: Is measured, in words.
+      errors: Measures it.
+    """
     for value in values:
         row = {"constant": name, "value": _text(value), "errors": partial(errors, value=value)}
         yield row | {"chosen": "chosen" if value == CHOSEN[name] else "", "what": what}
@@ -89,7 +96,14 @@ def _flow(domain, markers, reynolds, compliance, wall):
 
 
 def solve(domain: Domain, shape: Shape, reynolds: float, **values: float) -> steady.FlowState:
-    """Return the flow's state with some constants at other values; NaN without convergence."""
+    """Return the flow's state with some constants at other values; NaN where it did not converge.
+
+    Args:
+      domain: The discrete problem.
+      shape: The body.
+      reynolds: U D / nu.
+      **values: Of the constants in ``WALL`` and of NULL_MODE_COMPLIANCE.
+    """
     compliance = values.pop("NULL_MODE_COMPLIANCE", steady.NULL_MODE_COMPLIANCE)
     body = shape.markers(domain.nodes), jnp.asarray(reynolds)
     state, info = _flow(domain, *body, compliance, CHOSEN_WALL | values)
@@ -98,7 +112,15 @@ def solve(domain: Domain, shape: Shape, reynolds: float, **values: float) -> ste
 
 @cache
 def cd(body: Body, reynolds: float, level: Fidelity, dimension: int = 2, **values: float) -> float:
-    """Return the drag coefficient Cd with some constants at other values."""
+    """Return the drag coefficient Cd of a body with some constants at other values.
+
+    Args:
+      body: Names and values of the parameters.
+      reynolds: U D / nu.
+      level: Fidelity.
+      dimension: 2 or 3.
+      **values: Of the constants.
+    """
     shape = family_shape(dict(body), dimension=dimension)
     domain = fitted_domain(Unbounded(), level, shape, reynolds)
     return float(drag_coefficient(solve(domain, shape, reynolds, **values).amplitude))

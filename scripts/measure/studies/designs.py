@@ -31,7 +31,7 @@ QUANTITIES = {
 
 
 def many_designs(run: Run, _: Result) -> Result:
-    """Medians of rounds without compilation; designs of the call beside those one at a time."""
+    """Return medians of rounds without compilation, and designs of one call beside single ones."""
     surrogate, count = load("pretrained"), run.pick(4, 1000)
     queries, alone, together = query_stream(surrogate.scene, 0, count), [], []
     for k in range(1 + ROUNDS):
@@ -62,7 +62,7 @@ def many_designs(run: Run, _: Result) -> Result:
 
 
 def many_text(result: Result) -> str:
-    """Two paragraphs."""
+    """Return the result of ``many_designs`` as two paragraphs."""
     form = (
         "The optimum of the pretrained surrogate takes {alone:.1f} ms per query one at a time, and "
         "{together:.1f} ms in a call of {queries} queries ({first_s:.0f} s with its compilation), "
@@ -80,12 +80,15 @@ def many_text(result: Result) -> str:
 
 
 def draw_sheet(result: Result, path: Path) -> None:
-    """Designs over Re and length."""
+    """Draw the designs over Re and length."""
     plot_designs(load("pretrained").scene.family, result["sheet"], path)
 
 
 def robust(run: Run, cases: int, way: str) -> Row:
-    """Designs whose objective takes one flow, or many; each is the flow's own optimum."""
+    """Return the cost of designs whose objective takes one flow, or many.
+
+    Each is the flow's own optimum; ``way`` is the strategy.
+    """
     net = load("pretrained")
     scene = Scene(fidelity=TINY) if run.tiny else net.scene
     flow, found = Flow(scene), []
@@ -105,7 +108,7 @@ def robust(run: Run, cases: int, way: str) -> Row:
 
 
 def averages(run: Run, dimension: int) -> list[Row]:
-    """Mean costs over the default scene, from which costs are predicted."""
+    """Return the mean costs over the default scene, from which costs are predicted."""
     if run.tiny:
         small = Family(dimension=dimension, aspect=(1.0, 1.5))
         scenes = [Scene(family=small, fidelity=TINY)] * 2
@@ -137,7 +140,7 @@ def _averages(scene: Scene, rough: Scene, count: int) -> Convolutions:
 
 
 def show_averages(rows: list[Row]) -> str:
-    """With the quantities in words."""
+    """Return the table of mean costs, with the quantities in words."""
     form = "dimension {dimension} | average {quantity} | measured {measured:.1f}"
     return columns(form)([row | {"quantity": QUANTITIES[row["name"]]} for row in rows])
 

@@ -40,7 +40,7 @@ BANDWIDTH = 1e9  # bytes per second, of a plain network
 
 
 def batches(run: Run) -> list[Row]:
-    """Every grid on all devices, then larger batches on the first."""
+    """Return the cases: every grid on all devices, then larger batches on the first."""
     accelerator = run.options["accelerator"]
     ways = tuple(ACCELERATED if accelerator else WAYS)
     if run.tiny:
@@ -51,7 +51,14 @@ def batches(run: Run) -> list[Row]:
 
 
 def flows(run: Run, fidelity: str, way: str, device_batch: int) -> Row:
-    """Flows per second of the same bodies, in processes of their own."""
+    """Return the flows per second of the same bodies, in processes of their own.
+
+    Args:
+      run: How the study is run.
+      fidelity: Name of the grid's fidelity.
+      way: Devices and processes, a key of ``WAYS`` or ``ACCELERATED``.
+      device_batch: Batch size per device.
+    """
     accelerator = run.options["accelerator"]
     devices, processes, one_core = (WAYS | ACCELERATED)[way]
     asked = {
@@ -95,7 +102,7 @@ def _last_line(name: str, child: subprocess.Popen) -> str:
 
 
 def model(run: Run, result: Result) -> Result:
-    """Seconds of many flows over devices, from the rate and the work measured on the first.
+    """Return the modelled seconds of many flows over devices, from measurements on the first row.
 
     The measured convolutions with G are drawn anew for every body, and bodies are partitioned at
     random in equal numbers; the results of all bodies are gathered on all devices once.
@@ -113,7 +120,7 @@ def model(run: Run, result: Result) -> Result:
 
 
 def model_text(result: Result) -> str:
-    """The work per body, then the model."""
+    """Return the work per body and the model as text."""
     form = (
         "A body takes {mean:.0f} convolutions with G on average and {most} at most. From that, a "
         "model (not a measurement) of the flows of {bodies} bodies on the grid of the first row, "
@@ -127,7 +134,7 @@ def model_text(result: Result) -> str:
 
 
 def trainings(run: Run) -> Iterator[Row]:
-    """Devices, cores that the process may use (all where None), and the accelerator."""
+    """Yield the devices, cores that the process may use (all where None), and the accelerator."""
     yield {"way": "one device, all cores"}
     yield {"way": "one device, one core", "cores": 1}
     yield {"way": "two devices", "devices": 2}
@@ -136,7 +143,17 @@ def trainings(run: Run) -> Iterator[Row]:
 
 
 def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
-    """HIG's full training in a process of its own, with nothing compiled before."""
+    """Return the time and error of HIG's full training in a process of its own.
+
+    Nothing is compiled before.
+
+    Args:
+      run: How the study is run.
+      way: Name of the case.
+      devices: Number of devices.
+      cores: Number of cores that the process may use; None for all.
+      accelerator: Name of the accelerator, if any.
+    """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         scene, out = folder / "scene.toml", folder / "surrogate"
@@ -169,7 +186,7 @@ def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
 
 
 def difference(run: Run, result: Result) -> Result:
-    """The largest difference of a weight from those of the first training."""
+    """Add to each row the largest difference of a weight from those of the first training."""
     weights = [np.array(row.pop("weights")) for row in result["rows"]]
     for row, mine in zip(result["rows"], weights, strict=True):
         row["weights_off"] = float(np.abs(mine - weights[0]).max())

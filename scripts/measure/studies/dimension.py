@@ -31,13 +31,13 @@ GOALS = (0.003, 0.001)  # mean errors, for which bodies are counted
 
 
 def family_of(parameters: int) -> Family:
-    """The default family with more sine modes; ranges of higher modes are smaller."""
+    """Return the default family with more sine modes; ranges of higher modes are smaller."""
     betas = {f"beta{k}": (-0.24 / k, 0.24 / k) for k in range(5, parameters + 1)}
     return Family(**dict(Family().ranges), **betas)
 
 
 def models(run: Run) -> Iterator[Row]:
-    """Models, each of growing numbers of bodies."""
+    """Yield the cases: every method from more and more bodies, by the number of parameters."""
     for parameters in run.pick((4,), (4, 7, 11)):
         yield {"parameters": parameters, "method": GROWING, "bodies": 0}
         for bodies in run.pick((8,), COUNTS):
@@ -46,7 +46,7 @@ def models(run: Run) -> Iterator[Row]:
 
 
 class Ground(NamedTuple):
-    """What all models with the same number of parameters share."""
+    """The flows that all models with the same number of parameters share."""
 
     flow: Flow
     unseen: Samples
@@ -57,7 +57,7 @@ class Ground(NamedTuple):
 
 @functools.lru_cache(maxsize=1)
 def ground_of(parameters: int, tiny: bool) -> Ground:
-    """Solve the flows of held-out and training bodies."""
+    """Solve the flows of held-out and training bodies, and return them."""
     flow = Flow(Scene(family=family_of(parameters), fidelity=TINY if tiny else "standard"))
     unseen = held_out_samples(flow.scene, 0, 4 if tiny else 64)
     samples = training_samples(flow.scene, 0, 8 if tiny else max(COUNTS))
@@ -67,7 +67,16 @@ def ground_of(parameters: int, tiny: bool) -> Ground:
 
 
 def measure(run: Run, parameters: int, method: str, bodies: int) -> Row:
-    """Errors, work and seconds of the fit; flows per design of models of ``LED`` bodies."""
+    """Return errors, work and seconds of the fit, and flows per design of some models.
+
+    Designs are by the models of ``LED`` bodies, and by kriging with memory.
+
+    Args:
+      run: How the study is run.
+      parameters: Number of shape parameters.
+      method: Kriging, a network's, or kriging with memory.
+      bodies: Number of training bodies.
+    """
     flow, unseen, truth, solved, work = ground_of(parameters, run.tiny)
     asked = query_stream(flow.scene, 0, run.pick(1, run.options["queries"]))
     if method == GROWING:
@@ -124,7 +133,7 @@ def _points(rows: Sequence[Row], parameters: int, method: str) -> list[tuple[int
 
 
 def text(result: Result) -> str:
-    """Bodies that each mean error takes."""
+    """Return a table of the number of bodies that each mean error takes."""
     kinds = [(goal, method) for goal in GOALS for method in (KRIGING, *METHODS)]
     form, rows = "parameters {parameters}", result["rows"]
     for k, (goal, method) in enumerate(kinds):

@@ -36,13 +36,13 @@ Evaluate = Callable[[np.ndarray], object]
 
 
 def cases(run: Run) -> Iterator[Row]:
-    """Every language of every surrogate."""
+    """Yield every language of every surrogate."""
     for name in SURROGATES:
         yield from ({"surrogate": name, "language": language} for language in LANGUAGES)
 
 
 def measure(run: Run, surrogate: str, language: str) -> Row:
-    """Answers a second for 1,000 and 1,000,000 cases at a time; bytes and lines of the file."""
+    """Return the answers per second for 1,000 and 1,000,000 cases, and the size of the file."""
     net = load(surrogate)
     samples = held_out_samples(net.scene, 3, FEW)
     few = np.column_stack([samples.parameters, samples.reynolds])
@@ -97,6 +97,11 @@ def _jitted(function: Callable[[AnyArray], jax.Array]) -> Evaluate:
 
 
 def compile_c(path: Path, folder: Path, *more: str) -> ctypes.CDLL:
+    """Compile a C file to a shared library in a folder, with more flags if given, and load it.
+
+    Raises:
+      Unavailable: There is no C compiler.
+    """
     library = folder / f"{path.stem}.so"
     try:
         subprocess.run(["cc", *FLAGS, *more, "-I", folder, "-o", library, path, "-lm"], check=True)
@@ -176,7 +181,10 @@ def _least(net: Surrogate, language: str, folder: Path) -> float:
 
 
 def operations(plain: PlainNetwork) -> tuple[int, int]:
-    """Multiply-adds and tanh of one answer; with lift the mirror image is evaluated too."""
+    """Return the numbers of multiply-adds and of tanh of one answer.
+
+    With lift the mirror image is evaluated too.
+    """
     sizes, heads = plain.sizes, len(plain.constant)
     products = sum(a * b for a, b in itertools.pairwise(sizes))
     products += heads * sizes[0] * (sizes[0] + 1)
@@ -204,7 +212,7 @@ def _lines(path: Path) -> int | None:
 
 
 def text(result: Result) -> str:
-    """The forms and the machine."""
+    """Return a paragraph on the forms and on the machine."""
     return (
         f"Kriging of {FLOWS} flows with gradients; the polynomial is of degree 2, the trend of the "
         "network. Share of the peak: seconds for the multiply-adds and the tanh that an answer "

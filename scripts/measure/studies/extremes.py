@@ -21,7 +21,7 @@ ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
 def extremes(run: Run) -> list[Row]:
-    """Ellipses over Re, over cells, over the domain, and in tunnels."""
+    """Return the cases: ellipses over Re, over cells, over the domain, and in tunnels."""
     standard, replace = FIDELITIES["standard"], dataclasses.replace
     at = "aspect {aspect:g}", "Re {reynolds:g}"
     if run.tiny:
@@ -46,7 +46,16 @@ def extremes(run: Run) -> list[Row]:
 
 
 def outcome(run, aspect, reynolds, fidelity, stream="unbounded", **_) -> Row:
-    """Outcome, drag, its estimated error, and its error against the fine grid."""
+    """Return the outcome, the drag, its estimated error, and its error against the fine grid.
+
+    Args:
+      run: How the study is run.
+      aspect: Of the ellipse.
+      reynolds: U D / nu.
+      fidelity: Of the flow.
+      stream: As for ``parse_stream``.
+      **_: The rest of the case.
+    """
     found, cd, estimate = _solve(aspect, reynolds, fidelity, stream, True)
     fine = run.fidelity("fine")
     truth = None if cd is None else _solve(aspect, reynolds, fine, stream, False)[1]
@@ -70,14 +79,24 @@ def _solve(aspect: float, re: float, fidelity: Fidelity, stream: str, estimate: 
 
 
 def sections(run: Run) -> list[Row]:
-    """Ellipses at incidence over aspect and Re."""
+    """Return the cases: ellipses at incidence over aspect and Re."""
     angles = cases(incidence=(10.0, 20.0, 30.0), aspect=(1.5, 3.0, 6.0, 12.0), reynolds=STEADY)
     at = "incidence {incidence:g}", "aspect {aspect:g}", "Re {reynolds:g}"
     return panel(*at, run.pick(angles[:1], angles))
 
 
 def loads_of_section(run: Run, incidence: float, aspect: float, reynolds: float, **_) -> Row:
-    """Outcome, and errors of the loads over Cd against a finer grid in a larger domain."""
+    """Return the outcome, and errors of the loads over Cd against a finer grid.
+
+    That grid has a larger domain, too.
+
+    Args:
+      run: How the study is run.
+      incidence: In degrees.
+      aspect: Of the ellipse.
+      reynolds: U D / nu.
+      **_: The rest of the case.
+    """
     body = {"aspect": aspect, "incidence": incidence}
     fine = dataclasses.replace(run.fidelity("fine"), refinement=FINER)
     try:
@@ -102,7 +121,7 @@ def loads_of_section(run: Run, incidence: float, aspect: float, reynolds: float,
 
 
 def section_cell(row: Row) -> str:
-    """Errors of Cd and Cl over Cd, in brackets where the status warns."""
+    """Return the errors of Cd and Cl over Cd as text, in brackets where the status warns."""
     if "drag_error" not in row:
         return row["outcome"]
     text = words("{drag_error:+.2%}, {lift_error:+.2%}", **row)
@@ -110,7 +129,7 @@ def section_cell(row: Row) -> str:
 
 
 def sections_text(result: Result) -> str:
-    """How many errors are within their bounds."""
+    """Return a sentence on how many errors are within their bounds."""
     rows = result["fields"]
     known = [row for row in rows if row.get("drag_bound") is not None]
     loads = {"Cd": "drag", "Cl": "lift", "Cm": "moment"}
@@ -127,7 +146,7 @@ def sections_text(result: Result) -> str:
 
 
 def cell(row: Row) -> str:
-    """The error, in brackets where the status warns."""
+    """Return the error as text, in brackets where the status warns."""
     if row["cd"] is None:
         return row["outcome"]
     form = {"degraded": "({error:+.2%})", "silently wrong": "!! {error:+.2%}"}
@@ -135,7 +154,7 @@ def cell(row: Row) -> str:
 
 
 def extremes_text(result: Result) -> str:
-    """How many drags are called accurate and are not."""
+    """Return a sentence on how many drags are called accurate and are not."""
     rows = result["fields"]
     silent = sum(row["outcome"] == "silently wrong" for row in rows)
     text = f"{silent} of {len(rows)} flows are called accurate with an error of more than"
@@ -143,7 +162,7 @@ def extremes_text(result: Result) -> str:
 
 
 def draw(result, path):
-    """Maps of the outcomes."""
+    """Draw maps of the outcomes."""
     form = {True: "", False: "{error:+.1%}"}
     rows = result["fields"]
     draw_maps(rows, lambda row: words(form[row["error"] is None], **row), OUTCOMES, path)

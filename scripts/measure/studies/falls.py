@@ -15,7 +15,7 @@ FLUIDS = {"air": AIR, "water": WATER}
 
 
 def measure(run: Run, fluid: str, aspect: float) -> Row:
-    """Final Re, the sideways drift on the way, and small swings about the final motion."""
+    """Return the final Re, the sideways drift, and small swings about the final motion."""
     net, particle = load(SURROGATE), FLUIDS[fluid]
     body = [aspect, 1.0, 0.0, 0.0]
     stable = 90.0 if aspect > 1 else 0.0  # incidence of the axis, to the vertical velocity
@@ -41,7 +41,7 @@ def _until_steady(net: Surrogate, body: list[float], particle: Particle, tilt: f
 
 
 def text(result: Result) -> str:
-    """What the paper reports, and whether these falls show it."""
+    """Return what a paper reports on such falls, and whether these show it."""
     air = {row["aspect"]: row for row in result["rows"] if row["fluid"] == "air"}
     disc, rod = air.get(min(air)), air.get(max(air))
     if not (disc["frequency"] and rod["frequency"]):

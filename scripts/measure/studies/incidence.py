@@ -40,7 +40,15 @@ COSTS = cases(fidelity=("draft", "standard"), aspect=(0.6, 2.0), reynolds=(1.0, 
 
 
 def measure(run: Run, parameters: Mapping[str, float], reynolds: float, fidelity: str, **_) -> Row:
-    """Errors of the loads over Cd, their bounds, and the work."""
+    """Return the errors of the loads over Cd against elements, their bounds, and the work.
+
+    Args:
+      run: How the study is run.
+      parameters: Of the body, by name.
+      reynolds: U D / nu.
+      fidelity: Its name.
+      **_: The rest of the case.
+    """
     shape = family_shape(parameters, dimension=3)
     flow = Flow(Scene(dimension=3, fidelity=run.fidelity(fidelity, 3)))
     found = flow.solve(shape, reynolds, allow_unsteady=True)
@@ -59,7 +67,15 @@ def measure(run: Run, parameters: Mapping[str, float], reynolds: float, fidelity
 
 
 def elements(run: Run, parameters: Mapping[str, float], reynolds: float, degree: int, **_) -> Row:
-    """Cd by elements of second or third degree, and by the flow; the sphere's is known."""
+    """Return Cd by elements of second or third degree, and by the flow; the sphere's is known.
+
+    Args:
+      run: How the study is run.
+      parameters: Of the body, by name.
+      reynolds: U D / nu.
+      degree: Of the elements, 2 or 3.
+      **_: The rest of the case.
+    """
     mesh = run.pick(COARSE, CUBIC if degree == 3 else USUAL)
     found = loads_in_space(dict(parameters), reynolds, mesh).cd
     flow = Flow(Scene(dimension=3, fidelity=run.fidelity("standard", 3)))
@@ -81,7 +97,10 @@ def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
 
 
 def stokes(run: Run, aspect: float, incidence: float) -> Row:
-    """Errors over Cd by Oberbeck's drag along the axis and across it, which are superposed."""
+    """Return errors over Cd in Stokes flow, by Oberbeck's drags along the axis and across it.
+
+    These two are superposed at an incidence.
+    """
     level = run.fidelity("standard", 3)
     shape = family_shape({"aspect": aspect, "incidence": incidence}, dimension=3)
     found = Flow(Scene(dimension=3, fidelity=level)).solve(shape, CREEPING, estimate=False)
@@ -99,7 +118,7 @@ def stokes(run: Run, aspect: float, incidence: float) -> Row:
 
 
 def across(run: Run, aspect: float, reynolds: float) -> Row:
-    """A spheroid across the stream, by half of the domain, and the same body by a quarter."""
+    """Compare a spheroid across the stream on half of the domain with the same one on a quarter."""
     flow = Flow(Scene(dimension=3, fidelity=run.fidelity("standard", 3)))
     turned = {"aspect": aspect, "incidence": 90.0}
     aligned = {"aspect": aspect**-0.5, "flatness": aspect}
@@ -117,7 +136,14 @@ def across(run: Run, aspect: float, reynolds: float) -> Row:
 
 
 def cost(run: Run, fidelity: str, aspect: float, reynolds: float) -> Row:
-    """Seconds and memory at an incidence over those without, medians without compilation."""
+    """Compare the seconds of a flow at an incidence with those without; medians, no compilation.
+
+    Args:
+      run: How the study is run.
+      fidelity: Its name.
+      aspect: Of the spheroid.
+      reynolds: U D / nu.
+    """
     flow = Flow(Scene(dimension=3, fidelity=run.fidelity(fidelity, 3)))
     aligned, turned = (
         family_shape({"aspect": aspect, "incidence": turn}, dimension=3) for turn in (0.0, 30.0)
@@ -137,7 +163,7 @@ def cost(run: Run, fidelity: str, aspect: float, reynolds: float) -> Row:
 
 
 def text(result: Result) -> str:
-    """Mean and largest errors of the held-out flows."""
+    """Return the mean and largest errors of the held-out flows as text."""
     rows = result["rows"]
     parts = []
     for name, symbol in zip(LOADS, ("Cd", "Cl", "Cm"), strict=True):

@@ -60,7 +60,15 @@ LOADS = ("cd", "cl", "cm")
 def measure(
     run: Run, parameters: Mapping[str, float], reynolds: float, fidelity: str, **_: str
 ) -> Row:
-    """Errors of the loads over Cd, their bounds, and the work."""
+    """Return the errors of the loads over Cd against elements, their bounds, and the work.
+
+    Args:
+      run: How the study is run.
+      parameters: Of the body, by name.
+      reynolds: U D / nu.
+      fidelity: Its name.
+      **_: The rest of the case.
+    """
     shape = family_shape(parameters)
     found = Flow(Scene(fidelity=run.fidelity(fidelity))).solve(shape, reynolds, allow_unsteady=True)
     truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
@@ -90,7 +98,14 @@ def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
 
 
 def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> Row:
-    """Loads of a NACA section by its chord, by the flow and by elements, beside Lethe's."""
+    """Return the loads of a NACA section by its chord, by the flow and by elements, beside Lethe's.
+
+    Args:
+      run: How the study is run.
+      section: Its four digits.
+      incidence: In degrees.
+      chord_reynolds: U c / nu.
+    """
     shape = contour_shape(naca4(section), incidence)
     reynolds = chord_reynolds / shape.chord
     fidelity = run.pick("draft", "standard")  # the tiny domain is too short for a section
@@ -109,7 +124,7 @@ def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> 
 
 
 def text(result: Result) -> str:
-    """Every flow, what fidelities come to, and the sections."""
+    """Return tables of every flow, of the fidelities, and of the sections."""
     rows = result["rows"]
     levels = [
         _summary(level, [row for row in rows if row["fidelity"] == level]) for level in FIDELITIES

@@ -29,7 +29,7 @@ def _scene(run: Run) -> Scene:
 
 
 def one_at_a_time(run: Run, query: int, way: str) -> Row:
-    """The design of a query by a strategy that forgets its flows afterwards."""
+    """Return the design of a query by a strategy that forgets its flows afterwards."""
     problem = _queries(run)[query]
     if way == DIRECT:
         return _answer(problem, lambda: design_directly(problem, Flow(problem.scene)))
@@ -38,7 +38,7 @@ def one_at_a_time(run: Run, query: int, way: str) -> Row:
 
 
 def in_a_row(run: Run, way: str) -> list[Row]:
-    """The designs of all queries by kriging that grows with every flow."""
+    """Return the designs of all queries by kriging with memory."""
     queries, rows = _queries(run), []
     designer = Designer(Flow(_scene(run)))
     for k, problem in enumerate(queries):
@@ -68,12 +68,12 @@ def _answer(problem: Problem, solve) -> Row:
 
 
 def training(run: Run, _: Result) -> Result:
-    """Work of the training that made the network."""
+    """Return the work of the training that made the network."""
     return {"training_g": load(NAME).record["green_applications"]}
 
 
 def when_to_train(result: Result) -> str:
-    """The part of the README: what training gains in a scene with lift."""
+    """Return the README's paragraph on what training gains in a scene with lift."""
     lines = {line["way"]: line for line in strategies(result)}
     led = lines.pop(LED)
     flows = ", ".join(f"{line['flows']:.1f} {ORIGINS[way]}" for way, line in lines.items())
@@ -86,7 +86,7 @@ def when_to_train(result: Result) -> str:
 
 
 def text(result: Result) -> str:
-    """The strategies over all queries, and from which design the training pays."""
+    """Return the strategies over all queries, and from which design the training pays."""
     work = f"The training of {NAME} took {result['training_g']:,} convolutions (G)."
     by_network = LED_ROWS([row for row in result["rows"] if row["problem"] is None])
     ways = WAYS(strategies(result))
@@ -103,7 +103,10 @@ def _pays(result: Result) -> str:
 
 
 def strategies(result: Result) -> list[Row]:
-    """Each strategy over all queries: flows, work, KKT residuals, and gaps to the best known."""
+    """Return a row for each strategy over all queries: flows, work, KKT residuals and gaps.
+
+    A gap is the excess of the objective over the best known one.
+    """
     each = result["rows"] + result["growing"] + result["direct"]
     found = [row for row in each if row["problem"] is None]
     best = {q: min(r["objective"] for r in found if r["query"] == q) for q in _numbers(found)}

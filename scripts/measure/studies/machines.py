@@ -31,14 +31,14 @@ WAYS = {  # processes, each on a core of its own; whether they share a memory fi
 
 
 def sizes(run: Run) -> list[Row]:
-    """Numbers of bodies; JAX must know its devices before it first uses them."""
+    """Return the cases, numbers of bodies; JAX learns its devices before it first uses them."""
     if (devices := run.options["devices"]) > 1:
         jax.config.update("jax_num_cpu_devices", devices)
     return cases(bodies=(256, 1024, 4096))
 
 
 def large_training(run: Run, bodies: int) -> Row:
-    """Train by HIG; the network's steps are few, the bodies many."""
+    """Train by HIG on many bodies in few steps, and return its times, work and errors."""
     scene = Scene(family=family_of(PARAMETERS), fidelity=run.pick(TINY, "draft"))
     count, steps = run.pick((8, 2), (bodies, STEPS))
     plan = make_plan(scene, "hig", "full", count)
@@ -59,7 +59,10 @@ def large_training(run: Run, bodies: int) -> Row:
 
 
 def stream(run: Run, way: str) -> Row:
-    """The same designs by kriging with memory from nothing; flows that are missing in the file."""
+    """Solve the same designs by kriging with memory from nothing, and count flows that were lost.
+
+    A flow is lost if it is missing in the file.
+    """
     scene, (count, shared) = Scene(fidelity=run.pick(TINY, "standard")), WAYS[way]
     queries = query_stream(scene, 0, run.pick(2, QUERIES))
     with tempfile.TemporaryDirectory() as scratch:

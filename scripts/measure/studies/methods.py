@@ -57,7 +57,7 @@ TAU, KAPPA, GOAL = 1e-3, 0.5, 3.0  # of the half-inverse step
 
 
 def setup_of(plan: Plan) -> TrainingSetup:
-    """Samples, held-out flows and first weights, made once for trainings on the same bodies."""
+    """Return samples, held-out flows and first weights, made once for trainings on equal bodies."""
     key = plan.scene, plan.samples, plan.held_out
     if key not in SETUPS:
         SETUPS[key] = make_setup(plan)
@@ -65,7 +65,10 @@ def setup_of(plan: Plan) -> TrainingSetup:
 
 
 def attempt(plan: Plan, method: Method) -> Row:
-    """Errors and work of a training; ``outcome`` is "trained" unless it fails or stops early."""
+    """Return errors and work of a training.
+
+    ``outcome`` is "trained" unless it fails or stops early.
+    """
     try:
         trained = run_training(plan, setup_of(plan), method=method)
     except NotConverged as problem:
@@ -76,7 +79,14 @@ def attempt(plan: Plan, method: Method) -> Row:
 
 
 def one_seed(run: Run, seed: int, bodies: int, method: str) -> Row:
-    """Train on few bodies, and time the steps once all flows are known."""
+    """Train on few bodies, and time the steps once all flows are known.
+
+    Args:
+      run: How the study is run.
+      seed: Of samples and weights.
+      bodies: Number of them.
+      method: Of the training.
+    """
     plan = dataclasses.replace(make_plan(None, method, "full", bodies, seed), report_every=20)
     plan = shrunk(plan) if run.tiny else plan
     setup = make_setup(plan)
@@ -87,13 +97,20 @@ def one_seed(run: Run, seed: int, bodies: int, method: str) -> Row:
 
 
 def changed(run, method, settings, **_) -> Row:
-    """The quick training with one setting changed, from the same weights on the same bodies."""
+    """Run the quick training with one setting changed, from the same weights on the same bodies.
+
+    Args:
+      run: How the study is run.
+      method: Of the training.
+      settings: That are changed.
+      **_: The rest of the case.
+    """
     plan = dataclasses.replace(make_plan(None, method, "quick"), report_every=1)
     return attempt(shrunk(plan) if run.tiny else plan, MAKERS[method](**settings))
 
 
 def short_trainings(run: Run) -> list[Row]:
-    """One setting at a time."""
+    """Return the cases: short trainings with one setting changed at a time."""
     taus, kappas = (1e-12, 1e-8, 1e-5, 1e-3, 1e-2, 1e-1), (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0)
     ranges = [(10.0, 20.0), (1.0, 40.0), (0.1, 45.0)]
     hig, name = {"method": ["hig"]}, "{method}"
@@ -123,7 +140,16 @@ def _short(name: str, samples=64, re=(1.0, 40.0), factor=None, precision="", **c
 
 
 def short_training(run, panel, row, column, method, **changes) -> Row:
-    """The outcome of the training from the same weights."""
+    """Return the outcome of a short training, from the same weights as the others.
+
+    Args:
+      run: How the study is run.
+      panel: Place in the maps.
+      row: Place in the maps.
+      column: Place in the maps.
+      method: Of the training.
+      **changes: Of its settings.
+    """
     plan, method = _short(method, **changes)
     plan = shrunk(plan) if run.tiny else plan
     setup = setup_of(plan)
@@ -137,7 +163,7 @@ def short_training(run, panel, row, column, method, **changes) -> Row:
 
 
 def rounded(method: Method) -> Method:
-    """The method with weights that are rounded to single precision after every step."""
+    """Return the method with weights that are rounded to single precision after every step."""
 
     class Rounded(type(method)):
         def update(self, *arguments):
@@ -149,12 +175,15 @@ def rounded(method: Method) -> Method:
 
 
 def draw(result, path):
-    """Maps of the outcomes."""
+    """Draw maps of the outcomes."""
     draw_maps(result["fields"], lambda row: words("{mean:.1%}", **row), COLOURS, path, abreast=3)
 
 
 def half_inverse(run: Run, size: float) -> list[Row]:
-    """An untrained network's chain dy/da da/dw: dense, then matrix-free by Lanczos vectors."""
+    """Compare half-inverse steps, dense and matrix-free by Lanczos vectors, of a new network.
+
+    The matrix is the chain dy/da da/dw of an untrained network.
+    """
     flow = Flow(Scene(fidelity=run.fidelity("draft")))
     samples = training_samples(flow.scene, 0, run.pick(4, 16))
     physics = prepare_physics(

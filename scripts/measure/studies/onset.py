@@ -33,7 +33,7 @@ TOLERANCE = 1e-6  # of an eigenvalue, U / D
 
 
 def measure(run: Run, body: str, parameters: Mapping[str, float]) -> Row:
-    """The critical Re, or None where the search fails."""
+    """Return the critical Re of a body, or None where the search fails."""
     shape, onset = family_shape(parameters, dimension=3), None
     guesses = (share * onset_of(shape) for share in START)
     with contextlib.suppress(NotConverged):
@@ -63,7 +63,9 @@ def critical(
 
 
 def growth_of(body: Mapping[str, float], elements: Elements) -> Callable[[float], float]:
-    """The growth rate, U / D, of the leading disturbance of wave number one, over Re.
+    """Return a function of Re, the growth rate (U / D) of the leading disturbance.
+
+    The disturbance has the azimuthal wave number one.
 
     Raises:
       Unavailable: NGSolve is not installed.
@@ -119,7 +121,7 @@ def _rate(ng: Any, space: Any, shifted: Any, mass: Any) -> float:
 
 
 def with_rule(rows: list[Row]) -> list[Row]:
-    """The rows with the onset by the flow solver's rule and its error."""
+    """Return the rows with the onset by the flow solver's rule and its error."""
     found = []
     for row in rows:
         pairs = (part.split() for part in row["body"].split(", "))

@@ -75,7 +75,14 @@ TOLERANCE = 1e-5  # of eigenvalues, relative to their distance from the shift
 
 
 def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool) -> Row:
-    """The critical Re and pulsation, or None where the search fails, and the sides of the body."""
+    """Return the critical Re and pulsation, or None where the search fails, and the body's sides.
+
+    Args:
+      run: How the study is run.
+      body: Its name.
+      parameters: As for ``shape_of``.
+      fitted: Whether the rule is fitted to it.
+    """
     shape, onset = shape_of(parameters), None
     length, height = np.ptp(shape.draw(400), axis=0)
     guess = min(onset_of(shape), MOST)
@@ -89,7 +96,7 @@ def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool) ->
 
 
 def shape_of(parameters: Mapping[str, Any]) -> Shape:
-    """The body of the family with these parameters, or the NACA section at incidence."""
+    """Return the body of the family with these parameters, or the NACA section at incidence."""
     if "section" in parameters:
         return contour_shape(naca4(parameters["section"]), parameters["incidence"])
     return family_shape(parameters)
@@ -112,7 +119,7 @@ class Disturbance:
         self.mode = 0j
 
     def growth(self, reynolds: float) -> float:
-        """The growth rate, U / D, at this Re."""
+        """Return the growth rate, U / D, at this Re."""
         if self.loads is None:
             self.loads = raise_reynolds(self.ng, self.flow, continuation(reynolds))
         else:
@@ -128,7 +135,7 @@ class Disturbance:
 
 
 def linearised(ng: Any, flow: Any, reynolds: float) -> tuple[csr_array, csr_array]:
-    """A and M of M du/dt = A u, the disturbances of a flow, at the nodes that are free."""
+    """Return A and M of M du/dt = A u, the disturbances of a flow, at the nodes that are free."""
     space = flow.space
     free = np.flatnonzero(list(space.FreeDofs()))
     matrices = []
@@ -141,7 +148,14 @@ def linearised(ng: Any, flow: Any, reynolds: float) -> tuple[csr_array, csr_arra
 
 
 def disturbances(ng: Any, space: Any, stream: Any, reynolds: float) -> tuple[Any, Any]:
-    """Matrices A and M of M du/dt = A u, the disturbances in a space of a stream's velocity."""
+    """Return A and M of M du/dt = A u, the disturbances of a flow in a space of elements.
+
+    Args:
+      ng: The package NGSolve.
+      space: Of velocity and pressure of the disturbances.
+      stream: Velocity of the flow.
+      reynolds: U D / nu.
+    """
     (u, p), (v, q) = space.TnT()
     viscous = ng.InnerProduct(ng.Grad(u), ng.Grad(v)) / reynolds
     inertia = (ng.Grad(u) * stream + ng.Grad(stream) * u) * v
@@ -153,7 +167,14 @@ def disturbances(ng: Any, space: Any, stream: Any, reynolds: float) -> tuple[Any
 
 
 def modes(change: csr_array, mass: csr_array, shift: complex, count: int) -> np.ndarray:
-    """The eigenvalues nearest to the shift, by Arnoldi's method on the shifted inverse."""
+    """Return the eigenvalues nearest to a shift, by Arnoldi's method on the shifted inverse.
+
+    Args:
+      change: A.
+      mass: M.
+      shift: A complex rate.
+      count: Number of eigenvalues.
+    """
     solve = splu((change - shift * mass).tocsc()).solve
     inverse = LinearOperator(change.shape, matvec=solve, dtype=complex)
     return eigs(
@@ -170,9 +191,15 @@ def modes(change: csr_array, mass: csr_array, shift: complex, count: int) -> np.
 
 
 def marched(run: Run, body: str, parameters: Mapping[str, float], share: float) -> Row:
-    """The growth rate, U / D, of the lift after a kick, at this share of the rule's onset.
+    """Return growth rates, U / D, of the lift after a kick and of the leading disturbance.
 
-    Marched in time, and of the leading disturbance by elements.
+    The first is marched in time, the second by elements.
+
+    Args:
+      run: How the study is run.
+      body: Its name.
+      parameters: Of the family, by name.
+      share: Re over the rule's onset.
     """
     shape = family_shape(parameters)
     reynolds = share * onset_of(shape)
@@ -185,14 +212,14 @@ def marched(run: Run, body: str, parameters: Mapping[str, float], share: float) 
 
 
 def envelope_rate(lift: np.ndarray, step: float) -> float:
-    """The rate at which the extremes of an oscillation grow, in its later half."""
+    """Return the rate at which the extremes of an oscillation grow, in its later half."""
     late = np.abs(lift[len(lift) // 2 :])
     peaks, _ = find_peaks(late)
     return float(np.polyfit(step * peaks, np.log(late[peaks]), 1)[0])
 
 
 def against_rule(rows: Sequence[Row]) -> list[Row]:
-    """The rows with the onset of the flow solver's rule, and its error."""
+    """Return the rows with the onset of the flow solver's rule, and its error."""
     found = []
     for row in rows:
         rule, onset = onset_of(shape_of(row["parameters"])), row["onset"]
@@ -202,7 +229,7 @@ def against_rule(rows: Sequence[Row]) -> list[Row]:
 
 
 def text(result: Result) -> str:
-    """Bodies, the rule's errors, and marches."""
+    """Return the bodies, the rule's errors, and the marches as tables and text."""
     rows = against_rule(result["rows"])
     parts = []
     for use in USES.values():

@@ -82,7 +82,7 @@ class Disturbances:
         self.starts: dict[str, np.ndarray] = {}
 
     def growth(self, reynolds: float) -> float:
-        """The growth rate, U / D, of the leading mode at this Re."""
+        """Return the growth rate, U / D, of the leading mode at this Re."""
         self.force = solve_by_continuation(
             self.ng, self.flow, reynolds, self.part, self.force, FLOW_TOLERANCE
         )
@@ -141,7 +141,7 @@ class Disturbances:
 
 
 def aligned(body: Mapping[str, float]) -> dict[str, float]:
-    """The ellipsoid along the stream that is this one across it, or the body itself."""
+    """Return the ellipsoid along the stream that is this one across it, or the body itself."""
     if body.get("incidence") != 90.0:
         return dict(body)
     aspect, flatness = body["aspect"], body.get("flatness", 1.0)
@@ -149,7 +149,7 @@ def aligned(body: Mapping[str, float]) -> dict[str, float]:
 
 
 def ritz_vectors(apply: Any, start: np.ndarray) -> np.ndarray:
-    """The Ritz vectors of the largest values of a linear map, one of each conjugate pair."""
+    """Return the Ritz vectors of the largest values of a linear map, one of each conjugate pair."""
     basis = [start / np.linalg.norm(start)]
     hessenberg = np.zeros((KRYLOV + 1, KRYLOV))
     for k in range(KRYLOV):
@@ -166,7 +166,14 @@ def ritz_vectors(apply: Any, start: np.ndarray) -> np.ndarray:
 
 
 def measure(run: Run, body: str, parameters: Mapping[str, float], mesh: str) -> Row:
-    """The critical Re with its mode, or None where the search fails, and the sides of the body."""
+    """Return the critical Re with its mode, or None where the search fails, and the body's sides.
+
+    Args:
+      run: How the study is run.
+      body: Its name.
+      parameters: Of the family, by name.
+      mesh: Name of the mesh.
+    """
     flow, onset = Disturbances(parameters, MESHES[run.pick("tiny", mesh)]), None
     guess = onset_of(family_shape(parameters, dimension=3))
     with contextlib.suppress(NotConverged):
@@ -177,7 +184,14 @@ def measure(run: Run, body: str, parameters: Mapping[str, float], mesh: str) -> 
 
 
 def growth(run: Run, body: str, parameters: Mapping[str, float], mesh: str) -> Row:
-    """The growth rate, U / D, of the leading mode at one Re, and the sides of the body."""
+    """Return the growth rate, U / D, of the leading mode at one Re, and the sides of the body.
+
+    Args:
+      run: How the study is run.
+      body: Its name.
+      parameters: Of the family, by name.
+      mesh: Name of the mesh.
+    """
     flow = Disturbances(parameters, MESHES[run.pick("tiny", mesh)])
     rate = None
     with contextlib.suppress(NotConverged):

@@ -80,7 +80,15 @@ def beside_published(run: Run, reynolds: float, stream: str) -> list[Row]:
 
 
 def line(quantity: str, ours: float, published: float, tolerance: float, why: str) -> Row:
-    """One comparison; two numbers agree that differ by the tolerance at most."""
+    """Return the row of one comparison; numbers agree that differ by the tolerance at most.
+
+    Args:
+      quantity: Its name.
+      ours: The number here.
+      published: The number that is published.
+      tolerance: Of their difference.
+      why: The reason for a difference.
+    """
     agrees = "yes" if abs(ours - published) <= tolerance else "no"
     numbers = {"ours": ours, "published": published, "tolerance": tolerance}
     return {"quantity": quantity, **numbers, "agrees": agrees, "why": why}
@@ -114,7 +122,7 @@ def _front(re: float, start: Solution, found: Solution) -> Iterator[Row]:
 
 
 def front_angles(markers: Float[np.ndarray, "nodes 2"]) -> tuple[float, float]:
-    """Tip angles, in degrees, of the front of a symmetric contour that starts at the nose.
+    """Return the tip angles, in degrees, of the front of a symmetric contour from the nose on.
 
     A line through the points at 5 to 15 % of the chord gives the mean tangent. The front bends, so
     a parabola through the same points is followed to the centre line, where a sharp nose would be;
@@ -132,7 +140,7 @@ def front_angles(markers: Float[np.ndarray, "nodes 2"]) -> tuple[float, float]:
 
 
 def tunnel_with_drag(fidelity: Fidelity, reynolds: float, target: float) -> Tunnel:
-    """The tunnel with slip walls in which the cylinder has this drag, to 0.1 %.
+    """Return the tunnel with slip walls in which the cylinder has this drag, to 0.1 %.
 
     Raises:
       NotConverged: There is none.
@@ -149,7 +157,7 @@ def tunnel_with_drag(fidelity: Fidelity, reynolds: float, target: float) -> Tunn
 
 
 def optima(run: Run) -> Iterator[Row]:
-    """Over Re and cells; a tiny run has the optimum at Re 40."""
+    """Yield the cases over Re and cells; a tiny run has the optimum at Re 40."""
     level = run.pick(TINY, SPACE_FIDELITIES["standard"])
     numbers, grids = run.pick(((40.0,), (5,)), (tuple(THEORY), CELLS))
     for n, reynolds in itertools.product(grids, numbers):
@@ -160,7 +168,7 @@ def optima(run: Run) -> Iterator[Row]:
 
 
 def bounded(run: Run) -> Iterator[Row]:
-    """At Re 40 under a bound on the height."""
+    """Yield the cases at Re 40 under a bound on the height."""
     level = run.pick(TINY, SPACE_FIDELITIES["standard"])
     tiny = {"flattened": Family(**TINY_RANGES, flatness=(1, 2.5))}
     for name, family in run.pick(tiny, BOUNDED).items():
@@ -169,7 +177,15 @@ def bounded(run: Run) -> Iterator[Row]:
 
 
 def optimum(run, scene, reynolds, bounds=None, **_) -> Row:
-    """The flow's own optimum, and its drag over the sphere's."""
+    """Return the flow's own optimum, and its drag over the sphere's.
+
+    Args:
+      run: How the study is run.
+      scene: Of the bodies.
+      reynolds: U D / nu.
+      bounds: Of the problem, by name.
+      **_: The rest of the case.
+    """
     flow = Flow(scene)
     design = optimise(Problem(scene, reynolds, **bounds or {}), flow)
     sphere = float(flow.loads_and_gradients(scene.family.ellipse(1.0), reynolds).drag)
@@ -187,7 +203,7 @@ def _extrapolated(rows: list[Row]) -> float | None:
 
 
 def show_optima(rows: list[Row]) -> str:
-    """One line per Reynolds number."""
+    """Return a table with one line per Reynolds number."""
     lines = []
     for re, theory in THEORY.items():
         if mine := [row for row in rows if row["reynolds"] == re]:
@@ -204,7 +220,7 @@ def show_optima(rows: list[Row]) -> str:
 
 
 def bounded_text(result: Result) -> str:
-    """The optima of bounded height."""
+    """Return a sentence on each optimum of bounded height."""
     form = (
         "At Re 40 and at most {height:g} D high the optimum {name} has {ratio:.4f} of the sphere's "
         "drag, aspect {aspect:.2f}"
@@ -219,7 +235,7 @@ def bounded_text(result: Result) -> str:
 
 
 def draw(result: Result, path: Path) -> None:
-    """Sphere, optimum and flattened optimum at Re 40, from two sides; over Re; a turntable."""
+    """Draw sphere, optimum and flattened optimum at Re 40, from two sides; over Re; a turntable."""
     best = {row["reynolds"]: row["parameters"] for row in result["rows"]}
     flat = result["bounded"]["flattened"]["parameters"]
     panels = _panels(40.0, {"least drag": best[40.0], f"least drag, {HEIGHT:g} D high": flat})

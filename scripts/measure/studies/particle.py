@@ -35,7 +35,10 @@ LINES = (
 
 
 def bodies(run: Run) -> Iterator[Row]:
-    """Random bodies of every kind at random incidence and Re, the first prolate ones Zastawny's."""
+    """Yield random bodies of every kind at random incidence and Re.
+
+    The first prolate ones have Zastawny's aspects.
+    """
     scene = load(SURROGATE).scene
     for kind, ranges in KINDS.items():
         family = {"aspect": (1, 1), "flatness": (1, 1), "beta2": (0, 0), "incidence": (0, 90)}
@@ -49,7 +52,14 @@ def bodies(run: Run) -> Iterator[Row]:
 
 
 def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) -> Row:
-    """Loads by the flow, and the errors over Cd of the surrogate and of the correlations."""
+    """Return loads by the flow, and the errors over Cd of the surrogate and of the correlations.
+
+    Args:
+      run: How the study is run.
+      kind: Of the body.
+      parameters: By name.
+      reynolds: U D / nu.
+    """
     net = load(SURROGATE)
     true = np.asarray(_flow(run.tiny).loads(net.scene.family.parameters(parameters), reynolds))
     loads = net.loads(net.scene.family.parameters(parameters), reynolds)
@@ -66,7 +76,7 @@ def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) 
 
 
 def polar(run: Run, aspect: float, incidence: float) -> Row:
-    """Loads of a spheroid at Re 20 by the flow, by the surrogate and by the correlations."""
+    """Return the loads of a spheroid at Re 20 by the flow, the surrogate and the correlations."""
     net = load(SURROGATE)
     body = net.scene.family.parameters({"aspect": aspect, "incidence": incidence})
     answers = {
@@ -79,7 +89,7 @@ def polar(run: Run, aspect: float, incidence: float) -> Row:
 
 
 def show_polars(rows: list[Row]) -> str:
-    """One table for each load, with those who answer it in its columns."""
+    """Return one table for each load, with those who answer it in its columns."""
     parts = []
     for load_name, symbol in zip(LOADS, ("Cd", "Cl", "Cm"), strict=True):
         form = "aspect {aspect:g} | incidence {incidence:g}"
@@ -126,7 +136,7 @@ def _flow(tiny: bool) -> Flow:
 
 
 def text(result: Result) -> str:
-    """Mean and largest errors by kind of body, and of each correlation within its range."""
+    """Return the mean and largest errors by kind of body, each correlation within its range."""
     rows, parts = result["rows"], []
     groups = [("all bodies", rows)]
     groups += [(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
@@ -184,7 +194,7 @@ def _over_themselves(rows):
 
 
 def in_short(result: Result) -> str:
-    """Two sentences: the shipped surrogate and the best correlation, lift and torque themselves."""
+    """Return two sentences on the shipped surrogate, the best correlation, lift and torque."""
 
     def means(name, rows):
         errors = [[row[name][key] for row in rows] for key in LOADS]

@@ -22,7 +22,7 @@ RANGES = np.array([[1.05, 4], [1, 1], [0, 0], [0, 90], [1, 100]])  # of prolate 
 
 
 def measure(run: Run, correlation: str, precision: str) -> Row:
-    """Answers a second at prolate spheroids, and the largest difference of Cd to that in Python."""
+    """Return the answers per second, and the largest difference of Cd from that in Python."""
     dtype, real = KINDS[precision]
     few = RANGES[:, 0] + np.ptp(RANGES, axis=1) * np.random.default_rng(0).random((FEW, 5))
     known = [few]
@@ -55,7 +55,7 @@ def measure(run: Run, correlation: str, precision: str) -> Row:
 
 
 def text(result: Result) -> str:
-    """What was called."""
+    """Return a paragraph on what was called."""
     return (
         f"{MANY:,} prolate spheroids in one call, a thousand different ones. All but Froehlich's "
         "are of the drag alone; Hoelzer and Sommerfeld's and Ganser's are given each body's "

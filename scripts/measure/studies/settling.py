@@ -22,14 +22,22 @@ PARTICLES = {  # parameters of the family, density ratio, size
 
 
 def particles(run: Run) -> Iterator[Row]:
-    """Spheres of many sizes, then other bodies, which fall or rise along their axis."""
+    """Yield spheres of many sizes, then other bodies, which fall or rise along their axis."""
     spheres = [("sphere of quartz", ({"aspect": 1.0}, QUARTZ, size)) for size in SPHERES]
     for name, (body, density, size) in [*spheres, *PARTICLES.items()]:
         yield {"name": name, "size": 1e6 * size, "parameters": body, "density": density}
 
 
 def measure(run, size, parameters, density, **_) -> Row:
-    """Re and velocity (mm/s), and the errors of the two laws for the sphere of its volume."""
+    """Return Re and velocity (mm/s), and the errors of the two laws for the sphere of its volume.
+
+    Args:
+      run: How the study is run.
+      size: Diameter of that sphere in um.
+      parameters: Of the body, by name.
+      density: Over that of water.
+      **_: The rest of the case.
+    """
     scene = Scene(dimension=3, reynolds=RANGE, fidelity=run.pick(TINY, "standard"))
     flow, particle = Flow(scene), Particle(density, WATER, 1e-6 * size)
     settled = settle(flow, family_shape(parameters, dimension=3), particle)
@@ -44,7 +52,7 @@ def measure(run, size, parameters, density, **_) -> Row:
 
 
 def sphere_drag(reynolds: float) -> float:
-    """Cd of a sphere (Clift, Grace and Weber 1978), Re up to 260."""
+    """Return Cd of a sphere (Clift, Grace and Weber 1978), for Re up to 260."""
     if reynolds < 0.01:
         return 24 / reynolds * (1 + 3 / 16 * reynolds)
     if reynolds <= 20:

@@ -49,7 +49,7 @@ def _query(body: float, reynolds: float) -> tuple[jax.Array, jax.Array]:
 
 
 def drag_cost(scene: Scene, repeats: int) -> Row:
-    """Cells of the scene's grid, and seconds and memory of the drag of a circle or sphere."""
+    """Return the cells of a scene's grid, and seconds and memory of the drag of a round body."""
     flow, query = Flow(scene), _query(1.0, RE)
     compiled = jax.jit(flow.drag).lower(*query).compile()
     seconds = medians([lambda: compiled(*query)], repeats)[0]
@@ -58,13 +58,13 @@ def drag_cost(scene: Scene, repeats: int) -> Row:
 
 
 def cells(run: Run, n: int) -> Row:
-    """The cylinder on ever finer grids."""
+    """Return the cost of the drag of the cylinder on a grid of ``n`` cells per D."""
     fidelity = run.pick(TINY, Fidelity("", n, 6, 12, 8))
     return drag_cost(Scene(family=ROUND[2], fidelity=fidelity), run.pick(1, 7))
 
 
 def cells_3d(run: Run, n: int) -> Row:
-    """Errors of two bodies of known drag; work, time and memory of the first."""
+    """Return the errors of two bodies of known drag, and work, time and memory of the first."""
     n = run.pick(TINY.cells, n)
     fidelity = dataclasses.replace(run.fidelity("standard", 3), cells=n)
     found = {name: solved(body, re, fidelity, 3) for name, (body, re, _) in EXACT.items()}
@@ -75,7 +75,7 @@ def cells_3d(run: Run, n: int) -> Row:
 
 
 def gradients(run: Run, reynolds: float) -> Row:
-    """What a gradient of the ellipse of aspect 2 adds to a drag, in drags."""
+    """Return what a gradient of the ellipse of aspect 2 adds to a drag, in drags."""
     flow = Flow(Scene(fidelity=run.fidelity("standard")))
     query = jnp.asarray(flow.scene.family.ellipse(2.0)), jnp.asarray(reynolds)
     calls = (
@@ -89,7 +89,10 @@ def gradients(run: Run, reynolds: float) -> Row:
 
 
 def levels_3d(run: Run, fidelity: str, reynolds: float) -> Row:
-    """The spheroid of aspect 2: a drag, what a gradient adds, and at the first Re compilation."""
+    """Return the time of a drag of the spheroid of aspect 2, and what a gradient adds to it.
+
+    At the first Re the seconds of compilation are measured too.
+    """
     scene = Scene(reynolds=(1.0, 40.0), family=ROUND[3], fidelity=run.fidelity(fidelity, 3))
     flow, query, row = Flow(scene), _query(2.0, reynolds), {"compile_s": None}
     calls = jax.jit(flow.drag), jax.jit(jax.value_and_grad(flow.drag))
@@ -103,7 +106,7 @@ def levels_3d(run: Run, fidelity: str, reynolds: float) -> Row:
 
 
 def batches(run: Run, fidelity: str, batch: int) -> Row:
-    """Flows per second of random bodies, each at its own Re: one after another, and vmapped."""
+    """Return flows per second of random bodies, each at its own Re: one by one, and vmapped."""
     flow = Flow(Scene(fidelity=run.fidelity(fidelity)))
     samples, vmapped = held_out_samples(flow.scene, 0, batch), jax.jit(jax.vmap(flow.drag))
     calls = [lambda f=f: f(*samples) for f in (flow.labels, vmapped)]
@@ -112,7 +115,7 @@ def batches(run: Run, fidelity: str, batch: int) -> Row:
 
 
 def rival(run: Run, reynolds: float) -> Row:
-    """The cylinder by the flow and by finite elements, which take turns."""
+    """Compare the cylinder by the flow with that by finite elements, which take turns."""
     drag = jax.jit(Flow(Scene(family=ROUND[2], fidelity=run.fidelity("standard"))).drag)
     query, seconds, others = _query(1.0, reynolds), [], []
     mesh = run.pick(Elements(order=2, wall=0.2, near=0.5), None)
@@ -127,14 +130,17 @@ def rival(run: Run, reynolds: float) -> Row:
 
 
 def flat_solvers(run: Run) -> list[Row]:
-    """Flows and meshes for the flattened body."""
+    """Return the cases: flows and meshes for the flattened body."""
     flows = [run.fidelity(name, 3) for name in ("draft", "standard", "fine")]
     coarse = BOX._replace(box=6.0, wall=0.4, near=0.8, wake=2.0)
     return cases(solver=run.pick((TINY, coarse), (*flows, *FLAT_MESHES)))
 
 
 def flat_rival(run: Run, solver: Fidelity | Elements) -> Row:
-    """The flattened body by one flow or mesh, with processor seconds without compilation."""
+    """Return Cd of the flattened body by one flow or mesh, and processor seconds.
+
+    Compilation is left out.
+    """
     if isinstance(solver, Elements):
         found = solve_by_elements(FLATTENED, FLAT, RE, solver)
         return {"way": f"elements, {solver.wall:g} D at the body"} | found._asdict()
@@ -146,21 +152,24 @@ def flat_rival(run: Run, solver: Fidelity | Elements) -> Row:
 
 
 def flat_errors(run: Run, result: Result) -> Result:
-    """Differences from the finest of the flows."""
+    """Return the rows with their differences from the finest of the flows."""
     rows = result["rival"]
     finest = [row["cd"] for row in rows if not row["way"].startswith("elements")][-1]
     return {"rival": [row | {"error": row["cd"] / finest - 1} for row in rows]}
 
 
 def round_solvers(run: Run) -> list[Row]:
-    """Flows and meshes for the spheroid, at every Re."""
+    """Return the cases: flows and meshes for the spheroid, at every Re."""
     flows = [run.fidelity(name, 3) for name in ("draft", "standard")]
     tiny = cases(reynolds=[1.0], solver=(TINY, TINY_ELEMENTS._replace(wall=0.4)))
     return run.pick(tiny, cases(reynolds=REYNOLDS, solver=(*flows, *MESHES)))
 
 
 def round_rival(run: Run, reynolds: float, solver: Fidelity | Elements) -> Row:
-    """The spheroid of aspect 2: Cd, error against fine elements, seconds without compilation."""
+    """Return Cd of the spheroid of aspect 2, its error against fine elements, and the seconds.
+
+    Compilation is left out.
+    """
     exact = reference_cd(AXISYMMETRIC, SPHEROID, reynolds, run.pick(TINY_ELEMENTS, None))
     times = range(run.pick(1, 5) + 1)
     if isinstance(solver, Elements):
@@ -180,7 +189,7 @@ def round_rival(run: Run, reynolds: float, solver: Fidelity | Elements) -> Row:
 
 
 def answers(run: Run) -> Iterator[Row]:
-    """Drags and gradients of a surrogate; ``repeats`` calls are timed together."""
+    """Yield the cases: drags and gradients of a surrogate; ``repeats`` calls are timed together."""
     batch, repeats = run.pick((100, 10), (10_000, 2000))
     for name in ("drag", "drag and shape gradient"):
         yield {"what": f"{name}, one at a time", "batch": 1, "repeats": repeats}
@@ -189,7 +198,14 @@ def answers(run: Run) -> Iterator[Row]:
 
 
 def surrogate(run: Run, what: str, batch: int, repeats: int) -> Row:
-    """Time compiled calls on arrays that are in place."""
+    """Time compiled calls of a surrogate on arrays that are in place.
+
+    Args:
+      run: How the study is run.
+      what: Is evaluated, in words.
+      batch: Number of bodies at once.
+      repeats: Calls that are timed together.
+    """
     model = load("pretrained")
     given = model.network, held_out_samples(model.scene, 0, batch)
     if "float32" in what:
@@ -207,6 +223,7 @@ def surrogate(run: Run, what: str, batch: int, repeats: int) -> Row:
 
 
 def text_3d(result: Result) -> str:
+    """Return a sentence on the order of the ellipsoid's error."""
     form = "The ellipsoid's error goes as cells per D to the power {power:.1f}; the rest of the "
     return words(
         f"{form}sphere's is the domain's.", power=power_of(result["cells"], "n", "ellipsoid")

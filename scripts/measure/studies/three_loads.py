@@ -45,7 +45,7 @@ Outputs = Callable[[np.ndarray], np.ndarray]  # of scaled inputs (cases, inputs)
 
 
 class Ground(NamedTuple):
-    """Training bodies and held-out bodies of a scene, with their flows."""
+    """The training bodies and held-out bodies of a scene, with their flows."""
 
     scene: Scene
     inputs: Inputs
@@ -60,7 +60,7 @@ class Ground(NamedTuple):
 
 @functools.lru_cache(maxsize=1)
 def ground_of(name: str, tiny: bool) -> Ground:
-    """Solve the flows; those that are not found are left out."""
+    """Solve the flows of a scene's bodies and return them; those not found are left out."""
     scene = Scene.read(SCRIPTS / f"{name}.toml")
     level = TINY if tiny else scene.fidelity
     if not tiny:
@@ -105,14 +105,21 @@ def ground_of(name: str, tiny: bool) -> Ground:
 
 
 def models(scene: str, run: Run) -> Iterator[Row]:
-    """Every method on growing numbers of bodies."""
+    """Yield the cases: every method on growing numbers of bodies."""
     for bodies in run.pick((16,), COUNTS[scene]):
         methods = [name for name in METHODS if bodies <= MOST.get(name, bodies)]
         yield from ({"scene": scene, "bodies": bodies, "method": name} for name in methods)
 
 
 def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
-    """Errors over Cd on held-out bodies, the work and time of the flows, the time of the fit."""
+    """Return errors over Cd on held-out bodies, work and time of the flows, and time of the fit.
+
+    Args:
+      run: How the study is run.
+      scene: Its name.
+      bodies: Number of training bodies.
+      method: One of ``METHODS``.
+    """
     ground = ground_of(scene, run.tiny)
     begin = time.process_time()
     with PeakMemory() as memory:

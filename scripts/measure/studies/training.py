@@ -35,11 +35,15 @@ GRADIENTS = 64  # held-out bodies whose shape gradients are compared
 
 
 def seeds(run: Run) -> list[Row]:
+    """Return the cases, one for each seed."""
     return cases(seed=range(whole_number("--seeds", run.options["seeds"], 1, 20)))
 
 
 def measure(run: Run, seed: int = 0, bodies: int | None = None) -> list[Row]:
-    """Train what is not trained yet, fit the rivals; with ``bodies`` in 3-D, methods at best."""
+    """Train what is not trained yet and fit the rivals; return a row of each.
+
+    With ``bodies``, in 3-D, the methods are at their best.
+    """
     if bodies:
         plans = {name: make_plan(Scene.read(SCENE), name, "full", bodies) for name in METHODS}
     else:
@@ -52,14 +56,17 @@ def measure(run: Run, seed: int = 0, bodies: int | None = None) -> list[Row]:
 
 
 def shrunk(plan: Plan) -> Plan:
-    """The plan of a tiny training."""
+    """Return the plan of a tiny training."""
     scene = dataclasses.replace(plan.scene, fidelity=TINY)
     small = {"samples": 8, "held_out": 4, "iterations": 2, "report_every": 1}
     return dataclasses.replace(plan, scene=scene, **small)
 
 
 def compared(plans: Mapping[str, Plan], folder: Path) -> list[Row]:
-    """One seed: the methods at their best, as published, on few bodies, and the rivals."""
+    """Return the rows of one seed, of networks and of rivals.
+
+    Networks are by the methods at their best, as published, and on few bodies.
+    """
     surrogates, most = train_all(plans, folder), next(iter(plans.values()))
     flow, unseen = Flow(most.scene), held_out_samples(most.scene, most.seed, most.held_out)
     slopes = adjoint_slopes(flow, unseen.head(GRADIENTS))
@@ -75,7 +82,7 @@ def compared(plans: Mapping[str, Plan], folder: Path) -> list[Row]:
 
 
 def compile_seconds(plan: Plan) -> float:
-    """Seconds of compilation of a training, nothing being compiled before."""
+    """Return the seconds of compilation of a training, nothing being compiled before."""
     short = dataclasses.replace(plan, held_out=4, iterations=1, report_every=1, budget_s=None)
     with cold_cache():
         setup = make_setup(short)
@@ -91,7 +98,7 @@ class Truth(NamedTuple):
 
 
 def learned(truth: Truth, surrogate: Surrogate) -> Row:
-    """The row of a network."""
+    """Return the row of a network: its errors and what its training cost."""
     record, drag = surrogate.record, surrogate.network.drag
     history = record["history"]
     costs = {"green_applications": history[-1][2], "setup_s": record["setup_s"]}
@@ -102,7 +109,7 @@ def learned(truth: Truth, surrogate: Surrogate) -> Row:
 
 
 def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
-    """Drags and slopes that rivals are fitted to, and the work of flows and adjoints."""
+    """Return drags and slopes that rivals are fitted to, and the work of flows and adjoints."""
     inputs, memory = scene_inputs(flow.scene), Memory(flow, None)
     observations = [memory.evaluate(p, float(re)) for p, re in zip(*samples, strict=True)]
     return Solved(
@@ -111,7 +118,7 @@ def solved_samples(flow: Flow, samples: Samples) -> tuple[Solved, int]:
 
 
 def timed_fit(plan: Plan, setup: TrainingSetup) -> tuple[TrainingResult, float]:
-    """A training, and the CPU seconds of all its steps at the pace of the second half.
+    """Run a training; return it, and the CPU seconds of all steps at the pace of the second half.
 
     By then all flows are known.
     """
@@ -156,7 +163,10 @@ def _errors(truth: Truth, drags: np.ndarray, gradients: np.ndarray, history: lis
 
 
 def draw(result: Result, path: Path) -> None:
-    """Mean drag error of every history: over the work of all seeds, over the time of the first."""
+    """Draw the mean drag error of every history, over the work and over the time.
+
+    The work is of all seeds, the time of the first.
+    """
     rows, work, time = result["rows"], [], []
     for row in rows:
         first = row["seed"] == rows[0]["seed"]
@@ -171,7 +181,10 @@ def draw(result: Result, path: Path) -> None:
 
 
 def summary(result: Result) -> list[Row]:
-    """One row per method: means over the seeds with half their spread; times of the first seed."""
+    """Return one row per method: means over the seeds, with half their spread.
+
+    Times are of the first seed.
+    """
     rows = []
     for method in values(result["rows"], "method"):
         mine = [row for row in result["rows"] if row["method"] == method]
@@ -205,6 +218,7 @@ def _cost(mine: Sequence[Row], mark: float) -> str:
 
 
 def show(rows: Sequence[Row]) -> str:
+    """Return the table of the summary, with the cost of each mean error in ``MARKS``."""
     form = "method {method} | drag error: mean {error_mean} | 95 % {error_p95} | max {error_max}"
     form += " | gradient error {gradient} | G {work:.0f} | time {time} | with compilation {first}"
     for k, mark in enumerate(MARKS):

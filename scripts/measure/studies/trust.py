@@ -45,7 +45,7 @@ COUNTS_3D = {"draft": 8, "standard": 3}  # bodies of each kind
 
 
 def bodies(run: Run) -> list[Row]:
-    """Random bodies, sorted so that grids that are compiled for one serve others."""
+    """Return random bodies, sorted so that grids that are compiled for one serve others."""
     found = list(random_bodies(run.pick(4, run.options["count"]), run.options["seed"]))
     found += [case | {"kind": SCENE} for case in found if _in_scene(case)]
     return sorted(found, key=lambda case: (case["stream"], case["shape"].extent.round(1).tolist()))
@@ -58,14 +58,24 @@ def _in_scene(case: Row) -> bool:
 
 
 def sections(run: Run) -> list[Row]:
-    """A known section at incidence."""
+    """Return the cases: a known section at incidence."""
     code, turn, numbers = SECTION
     case = {"kind": f"NACA {code} at {turn:g} degrees", "shape": contour_shape(naca4(code), turn)}
     return [case | {"reynolds": re, "stream": "unbounded"} for re in numbers]
 
 
 def estimate(run: Run, kind: str, shape: Shape, reynolds: float, stream: str) -> Row:
-    """Standard with its estimate against elements or fine; a tiny run has draft for all."""
+    """Return the estimate of the standard fidelity beside its error against elements or fine.
+
+    A tiny run has draft for all.
+
+    Args:
+      run: How the study is run.
+      kind: Of the body.
+      shape: The body.
+      reynolds: U D / nu.
+      stream: As for ``parse_stream``.
+    """
     pair = [FIDELITIES[name] for name in run.pick(("draft", "draft"), ("standard", "fine"))]
     exact = None
     if kind in ("symmetric", SCENE) and not run.tiny:
@@ -79,7 +89,7 @@ def _by_elements(body: tuple, reynolds: float) -> float:
 
 
 def bodies_3d(run: Run) -> Iterator[Row]:
-    """As many of both kinds, Re spread evenly in its logarithm."""
+    """Yield as many bodies of both kinds, Re spread evenly in its logarithm."""
     for name, count in COUNTS_3D.items():
         for part, (kind, family) in enumerate(FAMILIES.items()):
             keys = jax.random.split(jax.random.key(run.options["seed"] + part))
@@ -92,7 +102,18 @@ def bodies_3d(run: Run) -> Iterator[Row]:
 
 
 def estimate_3d(run, fidelity, reynolds, stream, shape, **_) -> Row:
-    """Draft against standard, standard against what fine flows tend to."""
+    """Return the estimate of draft beside its error against standard, or of standard against fine.
+
+    The error of standard is against the extrapolation of the fine flow.
+
+    Args:
+      run: How the study is run.
+      fidelity: Its name.
+      reynolds: U D / nu.
+      stream: As for ``parse_stream``.
+      shape: The body.
+      **_: The rest of the case.
+    """
     draft, standard, fine = SPACE_FIDELITIES.values()
     pair = run.pick((TINY, TINY), (draft, standard) if fidelity == "draft" else (standard, fine))
     return compared(shape, reynolds, stream, *pair, extrapolated=fidelity == "standard")
@@ -108,9 +129,19 @@ def compared(
     exact: float | None = None,
     in_scene: bool = False,
 ) -> Row:
-    """What a flow says of its error, and its error.
+    """Return what a flow says of its error, and its error.
 
     The error is against an exact drag, a finer flow, or the extrapolation of a finer flow.
+
+    Args:
+      shape: The body.
+      reynolds: U D / nu.
+      stream: As for ``parse_stream``.
+      level: Fidelity of the flow.
+      finer: Fidelity of the flow that it is compared with.
+      extrapolated: Whether that flow's extrapolated drag is taken.
+      exact: Cd, if known.
+      in_scene: Whether the body is solved on its scene's grid.
     """
     row = {"parameters": shape.parameters, "reach": shape.extent, "tolerance": level.tolerance}
     try:
@@ -158,9 +189,10 @@ def parts_of_errors(dimension: int) -> Iterator[list[tuple[float, float]]]:
 
 
 def rows_of(result: Result) -> list[Row]:
-    """All rows with their error tolerance; older records have one for all rows, or for parts.
+    """Return all rows with their error tolerance, of older records too.
 
-    Estimates of older records are likely errors, and their bounds 2.5 times these.
+    Older records have one tolerance for all rows, or for parts. Their estimates are likely errors,
+    and their bounds 2.5 times these.
     """
     return [
         {name: part.get(name) for name in ("tolerance", "fidelity")} | _old(row) | row
@@ -177,7 +209,7 @@ def _old(row: Row) -> Row:
 
 
 def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
-    """How often the estimate covers the error and the status misleads, by kind and of all."""
+    """Yield how often the bound covers the error and the status misleads, by kind and of all."""
     for kind in (*kinds, "all"):
         mine = [row for row in rows if kind in (row["kind"], "all")]
         judged = [row for row in mine if row.get("bound") is not None]
@@ -212,14 +244,14 @@ def _share(held: Sequence[bool]) -> float | None:
 
 
 def text(result: Result) -> str:
-    """The summary over kinds of bodies, and the section."""
+    """Return the summary over kinds of bodies, and the section, as tables."""
     form = columns(f"{SUMMARY}{LIFTS}")
     rows, sections = rows_of(result), rows_of({"rows": result["sections"]})
     return f"{form(list(summary(rows, values(rows, 'kind'))))}\n\n{SECTIONS(sections)}"
 
 
 def text_3d(result: Result) -> str:
-    """The summary over fidelities and kinds of bodies."""
+    """Return the summary over fidelities and kinds of bodies as a table."""
     rows, lines = rows_of(result), []
     for name in values(rows, "fidelity"):
         mine = summary([row for row in rows if row["fidelity"] == name], FAMILIES)

@@ -47,7 +47,7 @@ def write_page(surrogate: Surrogate, path: str | Path) -> Path:
 
 
 def page(surrogate: Surrogate) -> str:
-    """The page as HTML text."""
+    """Return the page as HTML text."""
     scene, name = surrogate.scene, reference_name(surrogate.scene.family)
     lifting = not scene.family.body_class.symmetric
     return Template(_text("page.html")).substitute(
@@ -73,7 +73,7 @@ def _text(name: str) -> str:
 
 
 def page_data(surrogate: Surrogate) -> JsonObject:
-    """The weights, scales and bounds that the page's script needs, as a JSON object."""
+    """Return the weights, scales and bounds that the page's script needs, as a JSON object."""
     family, numbers = surrogate.scene.family, plain_network(surrogate).record()
     return {
         **{name: numbers[name] for name in NUMBERS},
@@ -91,12 +91,12 @@ def page_data(surrogate: Surrogate) -> JsonObject:
 
 
 def reference_body(family: Family) -> Float[AnyArray, " parameters"]:
-    """The body that drags are compared with: the family's body nearest to cylinder or sphere."""
+    """Return the body that drags are compared with: the family's nearest to a cylinder (sphere)."""
     return np.clip(family.ellipse(1.0), *family.bounds.T)
 
 
 def reference_name(family: Family) -> str:
-    """The name of the reference body in the page's text."""
+    """Return the name of the reference body for the page's text."""
     body = reference_body(family)
     aspect = float(family.body_class.aspect(body))
     if np.any(body != family.ellipse(aspect)):

@@ -45,7 +45,7 @@ class ErrorEstimate(NamedTuple):
 
 
 class Loads(NamedTuple):
-    """Cd, Cl and Cm of one body at one fidelity."""
+    """The loads on one body at one fidelity: Cd, Cl and Cm."""
 
     drag: float
     lift: float
@@ -54,7 +54,7 @@ class Loads(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class ErrorModel(abc.ABC):
-    """How errors depend on the grid and on the domain, in 2-D or in 3-D.
+    """A model of how errors depend on the grid and on the domain, in 2-D or in 3-D.
 
     The constants are fitted to errors against finite elements and finer grids (studies ``trust``,
     ``trust_space`` and ``lift``).
@@ -83,16 +83,22 @@ class ErrorModel(abc.ABC):
 
     @abc.abstractmethod
     def margin(self, cells: int, reynolds: float) -> float:
-        """Return the expected error over the likely one; ``cells`` are of the coarser grid."""
+        """Return the ratio of the expected error to the likely one.
+
+        Args:
+          cells: of the coarser grid, per D.
+          reynolds: U D / nu.
+        """
 
 
 class ErrorModel2D(ErrorModel):
-    """Second order in the cell size; a larger domain shows the error of the domain with its sign.
+    """The error model in 2-D: a scheme of second order, and a larger domain for the domain's error.
 
-    The two parts partly cancel, so they are added with their signs; to their sum's square are
-    added those of the domain's part, which is uncertain, and of a spread that neither part shows.
-    The spread falls slowly with the cells: bodies with lift have errors on fine grids, too, that
-    neither half of the cells nor a larger domain shows.
+    A larger domain shows the domain's error with its sign. The two parts partly cancel, so they are
+    added with their signs; to their sum's square are added those of the domain's part, which is
+    uncertain, and of a spread that neither part shows. The spread falls slowly with the cells:
+    bodies with lift have errors on fine grids, too, that neither half of the cells nor a larger
+    domain shows.
     """
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, SAFETY, TALLEST = 1 / 2, 1.25, 0.5, 2.0, 1.5
@@ -101,19 +107,22 @@ class ErrorModel2D(ErrorModel):
     EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
 
     def order(self, reynolds: float) -> float:
+        """Return 2, the order of the scheme."""
         return 2.0
 
     def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
+        """Return the likely error by equation (9) of ``surrogate/flow/README.md``."""
         both = self.GRID_SHARE * grid + domain
         spread = self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells) * size
         return math.hypot(both, domain, spread)
 
     def margin(self, cells: int, reynolds: float) -> float:
+        """Return ``EXPECTED``, whatever the grid and Re."""
         return self.EXPECTED
 
 
 class ErrorModel3D(ErrorModel):
-    """Third order where the slip law holds, second where boundary layers thin to few cells.
+    """The error model in 3-D: a scheme of third order, of second where boundary layers are thin.
 
     Bodies leave room for a slightly smaller domain only, whose error's sign says little: the two
     parts are added up, lest they cancel.
@@ -124,12 +133,15 @@ class ErrorModel3D(ErrorModel):
     THIN_LAYERS = 2.5  # margin where boundary layers are thin: errors reach 2.2 times the likely
 
     def order(self, reynolds: float) -> float:
+        """Return the order, which falls from 3 to 2 as boundary layers thin to few cells."""
         return 3.0 - thin_layer(reynolds)
 
     def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
+        """Return the sum of the magnitudes of the two parts."""
         return abs(grid) + abs(domain)
 
     def margin(self, cells: int, reynolds: float) -> float:
+        """Return a margin that is larger on few cells and where boundary layers are thin."""
         margin = 1.0 if cells >= ASYMPTOTIC_CELLS else self.FEW_CELLS
         return margin + (self.THIN_LAYERS - margin) * thin_layer(reynolds)
 
@@ -147,7 +159,9 @@ def estimate_error(
     chord: float,
     fewest: int = 0,
 ) -> ErrorEstimate:
-    """Estimate the errors of the loads on a body, at two thirds of their own cost.
+    """Estimate the errors of the loads on a body, from two more flows on a coarser grid.
+
+    These cost about two thirds of the flow itself.
 
     Args:
       loads: of the body at this fidelity.

@@ -38,7 +38,7 @@ MIDPOINT = time_stepping.midpoint_rk2
 
 @dataclasses.dataclass(frozen=True)
 class Box:
-    """Size and resolution of a march, in D and D / U; the sponge layer is the last ``sponge`` D."""
+    """The size and resolution of a march, in D and D / U; its last ``sponge`` D damp the wake."""
 
     cells: int = 12
     upstream: float = 8.0
@@ -50,6 +50,7 @@ class Box:
 
     @property
     def lattice(self) -> Lattice:
+        """The periodic lattice of the box."""
         columns = round((self.upstream + self.downstream) * self.cells)
         rows = 2 * round(self.height * self.cells / 2)
         step = (1 / self.cells, self.height / rows)
@@ -57,11 +58,19 @@ class Box:
 
     @property
     def modes(self) -> Modes2D:
+        """The traction modes of a body of any contour."""
         return Modes2D(self.harmonics, symmetric=False)
 
 
 class Marcher(NamedTuple):
-    """What stays the same from step to step: the body, and the flow's response to its impulses."""
+    """The arrays that all steps of a march share: the body, and the response to its impulses.
+
+    Attributes:
+      markers: of the body.
+      body: the spread modes.
+      impulse: velocity that a unit impulse of every mode causes.
+      inverse: matrix from a slip to the impulses that remove it, but for their sign.
+    """
 
     markers: Float[Array, "nodes 2"]
     body: Spreading
@@ -70,14 +79,18 @@ class Marcher(NamedTuple):
 
 
 class ForceHistory(NamedTuple):
-    """Cd and Cl of every step."""
+    """The force coefficients Cd and Cl at every step in time."""
 
     drag: Float[Array, " steps"]
     lift: Float[Array, " steps"]
 
 
 def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
-    """Return the free stream, with a vortex of strength ``kick`` that breaks the symmetry."""
+    """Return the free stream as initial velocity, with a vortex that breaks the symmetry.
+
+    ``kick`` is the largest velocity across the stream that is added, over U, before its divergence
+    is removed.
+    """
     velocity = np.zeros((2, *box.lattice.shape))
     velocity[0] = 1.0
     x, y = box.lattice.faces()[1]
@@ -86,7 +99,10 @@ def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
 
 
 def make_marcher(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
-    """Project every mode's impulse once; their slips make the matrix that removes the slip."""
+    """Return the arrays that all steps of a march share, for a body with these markers.
+
+    The impulse of every mode is projected once; their slips make the matrix that removes the slip.
+    """
     extent = 2 * np.abs(np.asarray(markers)).max(axis=0)
     wall = wall_2d(box.lattice, box.modes, jnp.asarray(markers), reynolds=1.0, slip_share=0.0)
     body = spread_modes(box.lattice, box_around(tuple(extent.tolist()), box.cells), wall)
@@ -105,7 +121,15 @@ def march(
     reynolds: Float[AnyArray, ""],
     steps: int,
 ) -> tuple[Float[Array, "2 nx ny"], ForceHistory]:
-    """Advance by ``steps`` of midpoint Runge-Kutta; return the flow and its force history."""
+    """Advance a flow by ``steps`` of midpoint Runge-Kutta, and return it with its force history.
+
+    Args:
+      box: size and resolution.
+      marcher: from ``make_marcher`` for this box.
+      velocity: on the faces, the stream included, over U.
+      reynolds: U D / nu.
+      steps: number of steps, each of ``box.step`` D / U.
+    """
     advance = _navier_stokes(box, reynolds)
 
     def one(velocity, _):
@@ -119,7 +143,10 @@ def march(
 
 
 def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:
-    """Return the Strouhal number f D / U from the lift's interpolated upward zero crossings."""
+    """Return the Strouhal number f D / U from the lift's interpolated upward zero crossings.
+
+    NaN with fewer than three crossings. ``step`` is the time between the values, in D / U.
+    """
     lift = np.asarray(lift) - np.mean(lift)
     index = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
     if len(index) < 3:

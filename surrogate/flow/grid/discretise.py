@@ -41,6 +41,12 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
 
     There are few domains of a fidelity, whatever the bodies, so that few programs are compiled.
 
+    Args:
+      stream: unbounded or a tunnel.
+      fidelity: cells per D and size of the domain, which are adapted to the body.
+      shape: the body.
+      reynolds: U D / nu.
+
     Raises:
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """

@@ -28,7 +28,7 @@ SPLINE_CELLS = 3  # of the box beyond the body: half a spline's support, and ret
 
 @dataclasses.dataclass(frozen=True)
 class Domain(abc.ABC):
-    """A discrete flow without its arrays: hashable, so a static argument of compiled functions.
+    """A discrete flow problem without its arrays: hashable, so a static argument of jit.
 
     Attributes:
       lattice: the computational domain's grid.
@@ -62,7 +62,14 @@ class Domain(abc.ABC):
     def around(
         cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
     ) -> "Domain":
-        """Discretise a stream around one body of ``extent`` D, in one of few boxes that hold it."""
+        """Discretise a stream around one body, in one of few boxes that hold it.
+
+        Args:
+          stream: unbounded or a tunnel.
+          fidelity: cells per D, harmonics and size of the domain.
+          extent: of the body along each axis, in D.
+          shape: the body.
+        """
 
     @classmethod
     @abc.abstractmethod
@@ -85,17 +92,20 @@ class Domain(abc.ABC):
 
     @property
     def half_extent(self) -> Float[np.ndarray, " axes"]:
-        """Largest |x|, |y|, ... in D of a body that the box can hold."""
+        """The largest |x|, |y|, ... in D of a body that the box can hold."""
         return (np.array(self.box) / 2 - (SPLINE_CELLS - 1)) * self.lattice.step
 
     @property
     def operators_are_small(self) -> bool:
-        """Whether those of all samples of a training can be stored; else tens of megabytes each."""
+        """Whether the operators of all samples of a training can be stored.
+
+        Otherwise those of one body take tens of megabytes.
+        """
         return False
 
     @property
     def far_combinations(self) -> int | None:
-        """Combinations of modes that make up the response far from a body; None for all modes."""
+        """The number of combinations of modes in the response far away; None where all are kept."""
         return None
 
     @property
@@ -118,7 +128,7 @@ class Domain(abc.ABC):
 
     @property
     def assembly_cost(self) -> int:
-        """Convolutions with G that assembling a body's operators takes.
+        """The number of convolutions with G that assembling a body's operators takes.
 
         One a mode or combination of modes, those of all modes near the body by their share of the
         lattice, and those of the far field, whose coarse grids are counted as one each: a unit
@@ -131,7 +141,7 @@ class Domain(abc.ABC):
         return self.far_combinations + math.ceil(self.modes.count * share) + far
 
     def forces(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " 2"]:
-        """Total force of the body on the fluid, drag and lift, in units of ``FORCE_UNIT``."""
+        """Return the total force of the body on the fluid, drag and lift, in ``FORCE_UNIT``."""
         lift = 0.0 if self.modes.lift_index is None else amplitude[self.modes.lift_index]
         return jax.numpy.stack([amplitude[0], lift])
 
@@ -145,5 +155,8 @@ def too_thin(cells: float, needed: float, step: float) -> str:
 
 
 def box_around(extent: tuple[float, ...], cells: int) -> tuple[int, ...]:
-    """Return the cells of a box around a body of ``extent`` D, the splines' support included."""
+    """Return the number of cells, along each axis, of a box around a body of ``extent`` D.
+
+    The box holds the splines' support too; ``cells`` are per D.
+    """
     return tuple(2 * math.ceil(side / 2 * cells + SPLINE_CELLS) for side in extent)

@@ -35,7 +35,7 @@ MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no g
 
 @dataclasses.dataclass(frozen=True)
 class Domain2D(Domain):
-    """A 2-D stream; flows past bodies symmetric about y = 0 are solved on the upper half.
+    """A 2-D discrete flow; flows past bodies symmetric about y = 0 are solved on the upper half.
 
     Attributes:
       slip_share: of the slip law on the wall; the rest is retraction.
@@ -50,6 +50,7 @@ class Domain2D(Domain):
 
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain2D":
+        """Discretise a scene on one grid that holds all of its bodies."""
         symmetric = scene.family.body_class.symmetric
         return cls.make(scene.stream, scene.fidelity_for_bodies, scene.extent, symmetric)
 
@@ -57,12 +58,14 @@ class Domain2D(Domain):
     def around(
         cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
     ) -> "Domain2D":
+        """Discretise a stream around one body, in a square box of 4, 8, ... D that holds it."""
         doublings = math.ceil(max(math.log2(extent.max() / LEAST_EXTENT), 0.0))
         room = (LEAST_EXTENT * 2**doublings,) * 2
         return cls.make(stream, fidelity, tuple(extent.tolist()), shape.symmetric, room)
 
     @classmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D:
+        """Return the Fourier modes of the traction on family bodies with these parameters."""
         return _modes(fidelity, symmetric=keep_mirror_plane(names))
 
     @classmethod
@@ -76,7 +79,12 @@ class Domain2D(Domain):
     ) -> "Domain2D":
         """Discretise a stream around bodies of at most ``extent`` (length, height) in D.
 
-        Their box has this extent too, or a larger ``box_extent`` as far as the lattice goes.
+        Args:
+          stream: unbounded or a tunnel.
+          fidelity: cells per D, harmonics and size of the domain.
+          extent: of the bodies in D, and of the box in which their forces are spread.
+          symmetric: whether the bodies are symmetric about y = 0, so that half is solved.
+          box_extent: a larger extent for the box, as far as the lattice goes.
 
         Raises:
           InvalidInput: the box does not fit between the tunnel's walls.
@@ -128,26 +136,31 @@ class Domain2D(Domain):
 
     @property
     def operators_are_small(self) -> bool:
+        """Whether the operators of all samples can be stored: true for symmetric bodies."""
         return self.modes.symmetric
 
     @property
     def far_combinations(self) -> int | None:
+        """The number of combinations of modes far from a body; None, for all, if symmetric."""
         return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(
         self, lattice: Lattice, reynolds: Float[AnyArray, ""]
     ) -> Kernel | SymmetricKernel:
+        """Return the Green's function G of the discrete Oseen operator on a lattice."""
         return oseen_kernel(lattice, reynolds, self.height, self.mirrored)
 
     def spread_body(
         self, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float
     ) -> Spreading:
+        """Spread all traction modes from a body's contour to the grid; see ``wall_2d``."""
         wall = wall_2d(self.lattice, self.modes, markers, reynolds, self.slip_share)
         return spread_modes(self.lattice, self.box, wall)
 
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
     ) -> Float[Array, "rows axes ..."]:
+        """Apply a function to all rows of mode amplitudes at once."""
         return jax.vmap(function)(amplitudes)
 
 

@@ -34,7 +34,7 @@ MARKER_SPACING = 0.8  # cells between markers, as in 2-D
 
 @dataclasses.dataclass(frozen=True)
 class Domain3D(Domain):
-    """A 3-D unbounded stream around bodies with the mirror plane y = 0.
+    """A 3-D discrete flow in an unbounded stream, past bodies with the mirror plane y = 0.
 
     Without incidence they have the mirror plane z = 0 too, and a quarter of the domain is gridded.
     """
@@ -47,6 +47,7 @@ class Domain3D(Domain):
 
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain3D":
+        """Discretise a scene on one grid that holds all of its bodies."""
         modes = cls.modes_of(scene.family.names, scene.fidelity)
         return cls.make(scene.fidelity_for_bodies, scene.extent, modes)
 
@@ -54,6 +55,7 @@ class Domain3D(Domain):
     def around(
         cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
     ) -> "Domain3D":
+        """Discretise the unbounded stream around one body, in a box of multiples of 0.5 D."""
         names = ["flatness"] if shape.parameters.get("flatness", 1.0) != 1 else []
         names += [] if shape.symmetric else ["incidence"]
         modes = cls.modes_of(tuple(names), fidelity)
@@ -62,6 +64,7 @@ class Domain3D(Domain):
 
     @classmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes3D:
+        """Return the spherical harmonics of the traction on family bodies with these parameters."""
         if not keep_mirror_plane(names):
             return Modes3D(fidelity.harmonics, symmetric=False, orders=ORDERS)
         return Modes3D(fidelity.harmonics, FLATTENED if "flatness" in names else ())
@@ -102,16 +105,20 @@ class Domain3D(Domain):
 
     @property
     def far_combinations(self) -> int | None:
+        """The number of combinations of modes far from a body; None, for all, without incidence."""
         return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
+        """Return the Green's function G of the discrete Oseen operator on a lattice."""
         return space_kernel(lattice, reynolds)
 
     def spread_body(self, markers: Skin, reynolds: Float[AnyArray, ""] | float) -> Spreading:
+        """Spread all traction modes from a body's skin to the grid; see ``wall_3d``."""
         wall = wall_3d(self.lattice, self.modes, markers, reynolds)
         return spread_modes(self.lattice, self.box, wall)
 
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
     ) -> Float[Array, "rows axes ..."]:
+        """Apply a function to the rows of mode amplitudes one after another, to save memory."""
         return jax.lax.map(function, amplitudes)  # all at once would take gigabytes

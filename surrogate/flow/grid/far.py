@@ -80,7 +80,7 @@ def _band(coarse):
 
 
 def refinement(lattice: Lattice, coarse: Lattice) -> Callable[[Array], Array]:
-    """Return the interpolation of a field from the faces of ``coarse`` to those of ``lattice``.
+    """Return a function that interpolates a field from the faces of ``coarse`` to ``lattice``.
 
     Cubic splines, as small dense matrices; with the lattices exchanged it samples the finer field.
     """

@@ -22,7 +22,7 @@ Markers = Float[AnyArray, "nodes 2"] | Skin
 
 
 class Wall(NamedTuple):
-    """A body's surface as the grid takes it.
+    """The discretised surface of a body: markers, the traction of every mode there, and slip law.
 
     Attributes:
       points: where forces are spread, in D: the markers, retracted into the body.

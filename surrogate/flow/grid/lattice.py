@@ -13,7 +13,7 @@ from surrogate.arrays import AnyArray
 
 @dataclasses.dataclass(frozen=True)
 class Lattice:
-    """A grid of ``shape`` cells of size ``step`` in D, the body's centre at the origin.
+    """A staggered grid of ``shape`` cells of size ``step`` in D, the body's centre at the origin.
 
     The first axis lies along the stream, one (2-D) or two (3-D) across it.
 
@@ -35,7 +35,7 @@ class Lattice:
 
     @property
     def dimension(self) -> int:
-        """Number of axes."""
+        """The number of axes."""
         return len(self.shape)
 
     @property
@@ -51,7 +51,7 @@ class Lattice:
 
     @property
     def cell_volume(self) -> float:
-        """Volume of a cell, its mirror images included."""
+        """The volume of a cell, its mirror images included."""
         return float(np.prod(self.step)) * 2 ** len(self.folded)
 
     @property
@@ -61,7 +61,7 @@ class Lattice:
         return dataclasses.replace(self, shape=tuple(shape), folded=())
 
     def unfold(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
-        """Return a velocity on the whole grid."""
+        """Return a velocity on the whole grid, mirror images included."""
         return jnp.stack([self._mirrored(part, own) for own, part in enumerate(velocity)])
 
     def _mirrored(self, component, own):
@@ -74,7 +74,7 @@ class Lattice:
         return component
 
     def rows(self, height: float) -> int:
-        """Return the rows of cells in a tunnel of this height."""
+        """Return the number of rows of cells in a tunnel of this height in D."""
         return round(height / self.step[1])
 
     def faces(self) -> tuple[tuple[np.ndarray, ...], ...]:
@@ -95,7 +95,7 @@ class Lattice:
         return self.profile(self.faces(), band)
 
     def profile(self, faces: tuple[tuple[np.ndarray, ...], ...], band: float) -> np.ndarray:
-        """Return the blending function on other faces, a product over the axes."""
+        """Return the blending function of this lattice on other faces, a product over the axes."""
         return np.stack(
             [
                 functools.reduce(

@@ -23,17 +23,17 @@ class Modes2D:
 
     @property
     def count(self) -> int:
-        """Number of modes."""
+        """The number of modes."""
         return (2 if self.symmetric else 4) * self.harmonics + (1 if self.symmetric else 2)
 
     @property
     def lift_index(self) -> int | None:
-        """Index of the mode whose amplitude is the force along y; None for symmetric bodies."""
+        """The index of the mode whose amplitude is the force along y; None for symmetric bodies."""
         return None if self.symmetric else 2 * self.harmonics + 1
 
     @property
     def mirror(self) -> np.ndarray:
-        """Factors, 1 or -1, of the amplitudes in the flow past the body's mirror image in y = 0."""
+        """The factors, 1 or -1, of the amplitudes for the body's mirror image in y = 0."""
         if self.symmetric:
             return np.ones(self.count)
         waves = np.ones(self.harmonics)

@@ -47,17 +47,17 @@ class Modes3D:
 
     @property
     def count(self) -> int:
-        """Number of modes."""
+        """The number of modes."""
         return len(self._terms)
 
     @property
     def lift_index(self) -> int | None:
-        """Index of the mode whose amplitude is the force along z; None for symmetric bodies."""
+        """The index of the mode whose amplitude is the force along z; None for symmetric bodies."""
         return None if self.symmetric else self._terms.index(Term(0, 0, cosines=(0, 0, 1)))
 
     @property
     def mirror(self) -> np.ndarray:
-        """Factors, 1 or -1, of the amplitudes in the flow past the body's mirror image in z = 0."""
+        """The factors, 1 or -1, of the amplitudes for the body's mirror image in z = 0."""
         images = np.array([1, 1, -1])  # of the components; phi turns into -phi
         return np.array([float(images @ (np.array(t.cosines) - t.sines)) for t in self._terms])
 

@@ -20,7 +20,7 @@ from surrogate.flow.grid.lattice import Lattice
 
 
 class Kernel(eqx.Module):
-    """Zero-padded spectrum of the Green's function, ready to convolve with a force density."""
+    """The Green's function G as a zero-padded spectrum, ready to convolve with a force density."""
 
     direct: Complex[Array, "2 2 kx ky"]
     mirror: Complex[Array, "2 2 kx ky"] | None
@@ -36,10 +36,10 @@ class Kernel(eqx.Module):
 
 
 class SymmetricKernel(eqx.Module):
-    """The kernel of an upper half plane: cosines of u and sines of v across, by small matrices.
+    """The Green's function G on an upper half plane, where u is even across the stream and v odd.
 
-    In the wave numbers psi across, an even u and an odd v have real spectra, so half the rows and
-    half the complex numbers suffice.
+    Across, u is transformed to cosines and v to sines, by small matrices. In these wave numbers psi
+    an even u and an odd v have real spectra, so half the rows and half the complex numbers suffice.
     """
 
     spectrum: Complex[Array, "2 2 kx ky"]
@@ -177,11 +177,16 @@ def _columns(lattice, reynolds, theta):
 def sequences(
     lattice: Lattice, reynolds: Float[AnyArray, ""], beta: Float[AnyArray, " waves"]
 ) -> tuple[Float[Array, "displacements waves"], Float[Array, "displacements waves"]]:
-    """Return sigma^-1 and Q = Lap^-1 sigma^-1 on displacements n in [-nx - 1, nx + 1) along x.
+    """Return g = sigma^-1 and Q = Lap^-1 sigma^-1 along x, at displacements n in [-nx - 1, nx + 1).
 
-    beta is the eigenvalue across, times h^2. With P = h U / nu, sigma has the decaying roots r
-    (downstream) and s (upstream), Lap the root rho; Q is the convolution of the two sequences,
-    summed in closed form.
+    sigma is the Oseen operator D0x - nu Lap and Lap the lattice's Laplacian. With P = h U / nu,
+    sigma has the decaying roots r (downstream) and s (upstream), Lap the root rho; Q is the
+    convolution of the two sequences, summed in closed form.
+
+    Args:
+      lattice: its first axis, along the stream.
+      reynolds: U D / nu.
+      beta: eigenvalues of the Laplacian across the stream, times -h^2.
     """
     h = lattice.step[0]
     m = np.arange(lattice.shape[0] + 2)[:, None]  # distance along the stream

@@ -33,7 +33,7 @@ LARGEST_X = 1e8  # argument of a Bessel function, beyond which its expansion is 
 
 
 class SpaceKernel(eqx.Module):
-    """Spectra of g and Q in the wave numbers along x, y and z, padded so that nothing wraps around.
+    """The Green's function G in 3-D: spectra of g and Q, padded so that nothing wraps around.
 
     Across folded axes of the lattice component i is even but odd in its own direction: cosines and
     sines. Along the others waves are complex.
@@ -130,7 +130,7 @@ def _period(cells):
 
 
 def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
-    """Return the Green's function of the Oseen operator in an unbounded stream on a lattice."""
+    """Return the Green's function of the Oseen operator in an unbounded 3-D stream on a lattice."""
     nx, *across = lattice.shape
     heat = [_heat(cells, k + 1 in lattice.folded) for k, cells in enumerate(across)]
     period = _period(nx)

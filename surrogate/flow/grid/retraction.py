@@ -38,11 +38,12 @@ def retraction(unit: Float[AnyArray, "nodes axes"]) -> Float[Array, " nodes"]:
 
 
 def offset_correction(offset: Float[AnyArray, "..."]) -> Float[Array, "..."]:
-    """Return what R along an axis adds to its mean where the sheet lies ``offset`` cells off a row.
+    """Return the deviation of R from its mean for a sheet ``offset`` cells off a row of the grid.
 
-    R = E|J - K| / 2 for rows J, K of the tangential velocity drawn with the spline's weights: from
-    320/1152 on a row to 335/1152 between two, very nearly a cosine. Without it the drag oscillates
-    as a flat side moves through the grid; along oblique walls it averages out.
+    The sheet lies along an axis. There R = E|J - K| / 2 for rows J, K of the tangential velocity
+    drawn with the spline's weights: from 320/1152 on a row to 335/1152 between two, very nearly a
+    cosine. Without it the drag oscillates as a flat side moves through the grid; along oblique
+    walls it averages out.
     """
     return -5 / 768 * jnp.cos(2 * np.pi * offset)
 

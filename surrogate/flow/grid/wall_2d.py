@@ -19,9 +19,14 @@ def wall_2d(
     reynolds: Float[AnyArray, ""] | float,
     slip_share: float,
 ) -> Wall:
-    """Return the wall of a contour given by markers at equidistant t, clockwise from the nose.
+    """Return the discretised wall of a 2-D body, with slip law and retraction by their shares.
 
-    A share of the slip law holds on the wall, and markers are retracted by the rest.
+    Args:
+      lattice: the grid.
+      modes: traction modes.
+      markers: of the contour at equidistant t, clockwise from the nose, in D.
+      reynolds: U D / nu.
+      slip_share: share of the slip law, 0 to 1; markers are retracted by the rest.
     """
     normal = outward(markers)
     speed = jnp.linalg.norm(normal, axis=1, keepdims=True)

@@ -22,9 +22,15 @@ SECOND_ORDER = 12.0  # coefficient c of the retraction per D: cancels the Stokes
 def wall_3d(
     lattice: Lattice, modes: Modes3D, skin: Skin, reynolds: Float[AnyArray, ""] | float
 ) -> Wall:
-    """Return the wall of a body's skin.
+    """Return the discretised wall of a 3-D body, with slip law and retraction by their shares.
 
-    A share of the slip law holds on the wall, and markers are retracted by the rest.
+    The share of retraction rises with Re, see ``thin_layer``.
+
+    Args:
+      lattice: the grid.
+      modes: traction modes.
+      skin: markers and area vectors of the body.
+      reynolds: U D / nu.
     """
     points, normal = skin
     speed = jnp.linalg.norm(normal, axis=1, keepdims=True)

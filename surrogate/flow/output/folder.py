@@ -23,7 +23,7 @@ HEADER = "x,y,Cp,Cf"
 
 
 class StoredFlow(NamedTuple):
-    """What a flow's folder holds: its record, fields, and x, y, Cp, Cf along the contour."""
+    """The contents of a flow's folder: record, fields, and x, y, Cp, Cf along the contour."""
 
     record: JsonObject
     fields: Fields
@@ -31,7 +31,7 @@ class StoredFlow(NamedTuple):
 
     @property
     def picture(self) -> Picture:
-        """The flow as it is drawn."""
+        """The flow as a picture to be drawn, with a title of its coefficients."""
         r = self.record
         turned = f"    incidence {r['incidence']:g}" if r.get("incidence") else ""
         title = f"Re {r['reynolds']:g}{turned}    Cd {r['cd']:.4f}"
@@ -65,7 +65,7 @@ def write_flow(solution: Solution, folder: str | Path) -> Path:
 
 
 def flow_as_stored(solution: Solution) -> StoredFlow:
-    """Return what a folder holds of a solved flow, without writing it."""
+    """Return the contents that ``write_flow`` stores of a solved flow, without writing them."""
     return StoredFlow(_record(solution), solution.fields, _contour(solution))
 
 

@@ -14,7 +14,7 @@ import pyvista as pv
 
 
 def outline(markers: Float[AnyArray, "nodes 2"], height: float = 0.0) -> pv.PolyData:
-    """The contour of a 2-D body as a closed line."""
+    """Return the contour of a 2-D body as a closed line at the height z = ``height``."""
     points = np.column_stack([markers, np.full(len(markers), height)])
     return pv.lines_from_points(points, close=True)
 
@@ -22,7 +22,12 @@ def outline(markers: Float[AnyArray, "nodes 2"], height: float = 0.0) -> pv.Poly
 def skin_mesh(
     shape: FamilyShape, rings: int = 96, azimuths: int = 96
 ) -> tuple[pv.PolyData, np.ndarray]:
-    """The surface of a 3-D body as a closed mesh of triangles with outward normals.
+    """Return the surface of a 3-D body as a closed mesh of triangles with outward normals.
+
+    Args:
+      shape: the body.
+      rings: number of intervals in t from nose to tail.
+      azimuths: number of points around the axis.
 
     Returns:
       The mesh, and area vectors at its points, shape (points, 3), for ``Solution.skin_loads``.

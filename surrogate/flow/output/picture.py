@@ -40,7 +40,7 @@ class _Plane(NamedTuple):
 
 
 def draw_flows(pictures: list[Picture], path: str | Path) -> Path:
-    """Draw flows as a PNG, one row each: vorticity and Cp, with streamlines; returns its path.
+    """Draw flows as a PNG, one row each, vorticity and Cp with streamlines, and return its path.
 
     3-D flows are drawn in their mirror plane y = 0, which streamlines do not leave. Colours are
     linear in the square root of vorticity, so that weak vorticity is visible.

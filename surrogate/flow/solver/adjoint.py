@@ -36,21 +36,21 @@ RENEWAL_MARGIN = 0.7  # of the reduction still needed, so that rounding does not
 
 
 class Effort(NamedTuple):
-    """Relative tolerance and largest number of Krylov vectors of one linear solve."""
+    """The effort of one linear solve: relative tolerance, and largest number of Krylov vectors."""
 
     tolerance: float = 1e-2
     max_vectors: int = 40
 
 
 class Work(NamedTuple):
-    """Convolutions with G that were spent, and whether every solve reached its tolerance."""
+    """The work of linear solves: convolutions with G, and whether all reached their tolerance."""
 
     products: Int[Array, ""]
     converged: Bool[Array, ""]
 
 
 class LoadGradients(NamedTuple):
-    """Derivatives of loads in the body's markers and in Re, loads first, and their whole work."""
+    """The derivatives of loads in the body's markers and in Re, loads first, and their work."""
 
     by_markers: Markers
     by_reynolds: Float[Array, " loads"]
@@ -65,10 +65,24 @@ def load_gradients(
     reynolds: Float[AnyArray, ""],
     effort: Effort,
 ) -> LoadGradients:
-    """Return the gradients of loads by an adjoint each: reverse in the markers, forward in Re.
+    """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
-    All adjoints share the linearised flow and the preconditioner. A load that is zero by symmetry
-    takes no Krylov vector.
+    It is equation (7) of ``surrogate/flow/README.md``, in reverse mode for the markers and for Re
+    in the body's operators, in forward mode for Re in G and in the far field. All adjoints share
+    the linearised flow and the preconditioner. A load that is zero by symmetry takes no Krylov
+    vector.
+
+    Args:
+      loads: functions J(modes, amplitude, markers), as in ``surrogate.flow.loads``.
+      domain: the discrete problem.
+      operators: of the body, from ``assemble``, at this Re.
+      state: the converged body flow.
+      reynolds: U D / nu.
+      effort: of each adjoint's linear solve.
+
+    Returns:
+      dJ/d(markers), with an axis of the loads before those of the markers; dJ/dRe of shape
+      (loads,); and the work, whose ``converged`` is false where an adjoint missed its tolerance.
     """
 
     def values(amplitude, markers):
@@ -105,6 +119,12 @@ def adjoint_solver(
     """Return a function that solves A^T lambda = -dJ/dx, given a load's dJ/da.
 
     A Newton step from x, x - A^-1 F(x), then changes the load by lambda . F(x) to first order.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      state: x, of the flow at which F is linearised.
+      effort: of the linear solve.
     """
     inverse = eliminate(domain, operators)
 
@@ -156,7 +176,15 @@ def slip_weights(
     state: FlowState,
     effort: Effort,
 ) -> tuple[Float[Array, " modes"], Work]:
-    """Return the weights lambda by which removing a slip y changes a load: dJ = lambda . y."""
+    """Return the weights lambda by which removing a slip y changes a load: dJ = lambda . y.
+
+    Args:
+      load: a function J(modes, amplitude, markers).
+      domain: the discrete problem.
+      operators: of the body.
+      state: of the flow at which its equations are linearised.
+      effort: of the adjoint's linear solve.
+    """
 
     def value(amplitude):
         return load(domain.modes, amplitude, operators.markers)

@@ -15,7 +15,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 
 class KrylovResult(NamedTuple):
-    """The solution x of A x = b, its relative residual ``error``, and products with A."""
+    """The solution x of A x = b, and how GMRES ended.
+
+    ``steps`` is the number of products with A, ``error`` the residual relative to |b|.
+    """
 
     x: PyTree
     steps: Int[Array, ""]
@@ -30,6 +33,12 @@ def gmres(
 
     Modified Gram-Schmidt, which touches only the vectors there are; the small least-squares
     problem is kept triangular by Givens rotations, so its residual is known after every vector.
+
+    Args:
+      matvec: returns A x, of the structure of b.
+      b: the right-hand side.
+      tolerance: of the residual, relative to |b|.
+      max_vectors: largest number of Krylov vectors; there is no restart.
     """
     flat_b, unravel = ravel_pytree(b)
     norm_b = jnp.linalg.norm(flat_b)

@@ -18,7 +18,7 @@ LEAST_DAMPING = 0.05  # of a Newton step; one that does not help at 1 / 16 ends 
 
 
 class NewtonSettings(NamedTuple):
-    """Tolerances and limits of the Newton solver.
+    """The tolerances and limits of the Newton solver.
 
     Attributes:
       tolerance: preconditioned residual over the solution at which a flow has converged.
@@ -36,7 +36,10 @@ class NewtonSettings(NamedTuple):
 
 
 class NewtonInfo(NamedTuple):
-    """Outcome of a Newton solve; ``products`` counts convolutions with G."""
+    """The outcome of a Newton solve; ``products`` counts convolutions with G.
+
+    ``residual`` is the preconditioned residual over the solution at the end.
+    """
 
     converged: Bool[Array, ""]
     steps: Int[Array, ""]
@@ -45,9 +48,10 @@ class NewtonInfo(NamedTuple):
 
 
 class System(NamedTuple):
-    """A residual F(data, x) and a linear approximate inverse of its Jacobian, used from the left.
+    """A non-linear system: a residual F(data, x), and an approximate inverse of its Jacobian.
 
-    Data and inverse are pytrees of arrays, so that both can be cast to single precision.
+    The inverse is linear and is used from the left. Data and inverse are pytrees of arrays, so that
+    both can be cast to single precision.
     """
 
     residual: Callable[[PyTree, PyTree], PyTree]
@@ -72,6 +76,15 @@ def root(
 
     Newton steps with Eisenstat and Walker's forcing terms (1996, choice 2) and step halving.
     Directions need a few digits only, so they are computed in single precision.
+
+    Args:
+      system: residual, its data and the preconditioner.
+      guess: x to begin from.
+      norm: of x and of the preconditioned residual.
+      settings: tolerances and limits.
+
+    Returns:
+      x, and whether and how the solve converged; no exception is raised.
     """
     rough, precondition = single((system.data, system.precondition))
 

@@ -20,7 +20,7 @@ from surrogate.flow.solver.newton import single
 
 
 class FullResponse(eqx.Module):
-    """G B of every mode on the whole lattice."""
+    """The response G B of every mode on the whole lattice."""
 
     velocities: Float[AnyArray, "modes axes ..."]
 
@@ -34,7 +34,7 @@ class FullResponse(eqx.Module):
 
 
 class CompressedResponse(eqx.Module):
-    """G B of every mode on a box near the body, and of a few combinations of modes elsewhere.
+    """The response G B of every mode near the body, and of a few combinations of modes elsewhere.
 
     Attributes:
       near: velocity of every mode on the faces of the box.
@@ -49,7 +49,7 @@ class CompressedResponse(eqx.Module):
     corner: tuple[int, ...] = eqx.field(static=True)
 
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
-        """Return the Oseen velocity G B a of a traction, outside the box approximately."""
+        """Return the Oseen velocity G B a of a traction, which is approximate outside the box."""
         velocity = jnp.tensordot(self.combinations @ amplitude, self.far, axes=1)
         sides = zip(self.corner, self.near.shape[2:], strict=True)
         box = (slice(None), *(slice(start, start + side) for start, side in sides))
@@ -66,7 +66,14 @@ Response = FullResponse | CompressedResponse
 def mode_response(
     domain: Domain, green: GreenFunction, body: Spreading, reynolds: Float[AnyArray, ""]
 ) -> Response:
-    """Return G B of a body, compressed where ``domain.far_combinations`` says so."""
+    """Return the response G B of a body, compressed where ``domain.far_combinations`` says so.
+
+    Args:
+      domain: the discrete problem.
+      green: G on the domain's lattice.
+      body: the spread modes B.
+      reynolds: U D / nu.
+    """
     green, body = single(jax.lax.stop_gradient((green, body)))
     eye = jnp.eye(domain.modes.count, dtype=jnp.float32)
     if domain.far_combinations is None:

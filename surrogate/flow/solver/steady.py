@@ -53,14 +53,23 @@ class Operators(eqx.Module):
 
 
 class FlowState(NamedTuple):
-    """Perturbation velocity u' on the domain's faces and traction modes a (force on the fluid)."""
+    """The perturbation velocity u' on the domain's faces, and the traction modes a.
+
+    The traction is the force on the fluid.
+    """
 
     velocity: Float[AnyArray, "axes ..."]
     amplitude: Float[AnyArray, " modes"]
 
 
 def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
-    """Assemble the operators of a body, at ``domain.assembly_cost`` convolutions with G."""
+    """Assemble the operators of a body, at ``domain.assembly_cost`` convolutions with G.
+
+    Args:
+      domain: the discrete problem.
+      markers: of the body, ``domain.nodes`` of them, in D.
+      reynolds: U D / nu.
+    """
     green, far = stream_operators(domain, reynolds)
     body = domain.spread_body(markers, reynolds)
     response = mode_response(domain, green, body, reynolds)
@@ -138,7 +147,17 @@ def body_flow(
     guess: FlowState | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[FlowState, NewtonInfo]:
-    """Solve for flow and traction of a body at rest in the stream, from a guess or Oseen flow."""
+    """Solve for flow and traction of a body at rest in the stream, from a guess or Oseen flow.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      guess: state to begin from; the Oseen flow by default.
+      settings: tolerances of Newton's method.
+
+    Returns:
+      The state that solves equations (2) and (3), and how Newton's method ended.
+    """
     return root(
         System(
             lambda data, state: residual(domain, data, state),
@@ -158,7 +177,18 @@ def forced_flow(
     guess: Float[AnyArray, "axes ..."] | None = None,
     settings: NewtonSettings = DEFAULT,
 ) -> tuple[Float[AnyArray, "axes ..."], NewtonInfo]:
-    """Solve for the flow that a given traction drives, whatever its slip on the wall."""
+    """Solve for the flow that a given traction drives, whatever its slip on the wall.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      amplitude: of the traction modes a, force on the fluid.
+      guess: velocity u' to begin from; that of the Oseen flow by default.
+      settings: tolerances of Newton's method.
+
+    Returns:
+      The velocity u' on the faces that solves equation (2), and how Newton's method ended.
+    """
 
     def forced_residual(data, velocity):
         return flow_residual(domain, data[0], FlowState(velocity, data[1]))
@@ -175,7 +205,7 @@ def _size(domain, velocity):
 
 
 class Elimination(eqx.Module):
-    """Exact inverse of the linear (Oseen) part of equations (2) and (3), by G B."""
+    """The inverse of the linear (Oseen) part of equations (2) and (3), to the digits of G B."""
 
     inverse: Float[AnyArray, "modes modes"]
     response: Response
@@ -187,7 +217,10 @@ class Elimination(eqx.Module):
 
 
 def eliminate(domain: Domain, operators: Operators) -> Elimination:
-    """Return the elimination of a body's operators; derivatives do not pass through it."""
+    """Return the inverse of the linear part of a body's equations.
+
+    Derivatives do not pass through it.
+    """
     operators = jax.lax.stop_gradient(operators)
     inverse = jnp.linalg.inv(influence_matrix(domain, operators))
     return Elimination(inverse, operators.response, operators.body)

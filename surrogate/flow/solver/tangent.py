@@ -24,7 +24,14 @@ from surrogate.flow.solver.steady import (
 def coupled_step(
     domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[FlowState, Work]:
-    """Return x - A^-1 F(x), one Newton step of body flow: the inverse simulator's step."""
+    """Return x - A^-1 F(x), one Newton step of body flow: the inverse simulator's step.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      state: x.
+      effort: of the linear solve, in single precision.
+    """
     value = residual(domain, operators, state)
     inverse = eliminate(domain, operators)
     jacobian, rough = coupled_jacobian(domain, *single((operators, state))), single(inverse)
@@ -39,7 +46,15 @@ def slip_adjoint(
     weights: Float[Array, " modes"],
     effort: Effort,
 ) -> tuple[Float[Array, " modes"], Work]:
-    """Return (dy/da)^T weights for the slip y of a forced flow, by one adjoint solve."""
+    """Return (dy/da)^T weights for the slip y of a forced flow, by one adjoint solve.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      state: the traction a and the flow that it drives.
+      weights: one for each component of y.
+      effort: of the linear solve, in single precision.
+    """
     operators, state, weights = single((operators, state, weights))
 
     def respond(amplitude):
@@ -56,7 +71,14 @@ def slip_adjoint(
 def slip_jacobian(
     domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, "modes modes"], Work]:
-    """Return dy/da of the slip y of a forced flow, by one tangent solve per mode."""
+    """Return dy/da of the slip y of a forced flow, by one tangent solve per mode.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      state: the traction a and the flow that it drives.
+      effort: of each linear solve, in single precision.
+    """
     operators, state = single((operators, state))
 
     def respond(amplitude):

@@ -20,5 +20,12 @@ BY_DOMAIN: dict[type[Domain], Callable[..., Coefficients]] = {
 def force_coefficients(
     domain: Domain, markers: Markers, state: FlowState, reynolds: float
 ) -> Coefficients:
-    """Return the force coefficients of a solved body."""
+    """Return the force coefficients of a solved flow, its drag split by pressure and friction.
+
+    Args:
+      domain: the discrete problem, in 2-D or 3-D.
+      markers: of the body.
+      state: of the flow.
+      reynolds: U D / nu.
+    """
     return BY_DOMAIN[type(domain)](domain, markers, state, reynolds)

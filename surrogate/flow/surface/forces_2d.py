@@ -18,7 +18,10 @@ from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weight
 def coefficients_2d(
     domain: Domain2D, markers: Float[AnyArray, "nodes 2"], state: FlowState, reynolds: float
 ) -> Coefficients:
-    """Return the force coefficients of a solved 2-D body."""
+    """Return the force coefficients of a solved 2-D flow, its drag split by the wall's friction.
+
+    The arguments are those of ``force_coefficients``.
+    """
     return _coefficients(domain, markers, state, jnp.asarray(reynolds, float))
 
 
@@ -41,7 +44,14 @@ def friction_coefficient(
     velocity: Float[AnyArray, "2 nx ny"],
     reynolds: Float[AnyArray, ""],
 ) -> Float[AnyArray, " nodes"]:
-    """Return Cf = -2 nu omega along the clockwise contour, extrapolated to the wall."""
+    """Return Cf = -2 nu omega along a clockwise contour, extrapolated to the wall.
+
+    Args:
+      domain: the discrete problem.
+      markers: of the contour, at equidistant t.
+      velocity: u' or u on the domain's faces.
+      reynolds: U D / nu.
+    """
     normal = outward(markers)
     unit = normal / jnp.linalg.norm(normal, axis=1)[:, None]
     h, lattice = domain.lattice.step[0], domain.lattice.unfolded

@@ -18,9 +18,9 @@ from surrogate.flow.surface.probes import VORTICITY_PROBES, extrapolation_weight
 def coefficients_3d(
     domain: Domain3D, skin: Skin, state: FlowState, reynolds: float
 ) -> Coefficients:
-    """Return the force coefficients of a solved 3-D body.
+    """Return the force coefficients of a solved 3-D flow, its drag split by the skin's pressure.
 
-    The drag is split by the pressure near the skin.
+    The arguments are those of ``force_coefficients``.
     """
     at = domain.modes, state.amplitude, skin
     cp = surface_pressure(domain, *skin, pressure(domain, skin, state, reynolds))
@@ -31,7 +31,7 @@ def coefficients_3d(
 
 
 class SkinLoads(NamedTuple):
-    """Loads over (1/2) rho U^2: Cp, zero far upstream, and the friction vector along the skin."""
+    """The loads on a skin over (1/2) rho U^2: Cp, zero far upstream, and the friction vector."""
 
     cp: Float[np.ndarray, " points"]
     friction: Float[np.ndarray, "points 3"]
@@ -45,7 +45,16 @@ def skin_loads(
     points: Float[AnyArray, "points 3"],
     areas: Float[AnyArray, "points 3"],
 ) -> SkinLoads:
-    """Return the loads at any points of a solved body's skin, given with their area vectors."""
+    """Return the loads at points of a solved body's skin.
+
+    Args:
+      domain: the discrete problem.
+      skin: markers of the body, with which it was solved.
+      state: of the flow.
+      reynolds: U D / nu.
+      points: where the loads are wanted, in D.
+      areas: outward area vectors there, of any length.
+    """
     field = pressure(domain, skin, state, reynolds)
     stress = friction(domain, points, areas, state.velocity, reynolds)
     return SkinLoads(surface_pressure(domain, points, areas, field), np.asarray(stress))
@@ -58,7 +67,15 @@ def friction(
     velocity: Float[AnyArray, "3 nx ny nz"],
     reynolds: float,
 ) -> Float[Array, "points 3"]:
-    """Return the friction over (1/2) rho U^2: 2 nu omega x n, extrapolated to the wall."""
+    """Return the friction over (1/2) rho U^2: 2 nu omega x n, extrapolated to the wall.
+
+    Args:
+      domain: the discrete problem.
+      points: of the skin, in D.
+      areas: outward area vectors there, of any length.
+      velocity: u' or u on the domain's faces.
+      reynolds: U D / nu.
+    """
     unit = areas / jnp.linalg.norm(areas, axis=1, keepdims=True)
     h = domain.lattice.step[0]
     near = _vorticity_near(domain, velocity)
@@ -69,7 +86,10 @@ def friction(
 
 
 def curl(velocity: Float[AnyArray, "3 nx ny nz"], step: float) -> Float[Array, "3 nx ny nz"]:
-    """Return the vorticity on the cells' upper edges: component i at the middle along axis i."""
+    """Return the vorticity on the cells' upper edges: component i at the middle along axis i.
+
+    ``step`` is the cell size, equal along all axes.
+    """
 
     def slope(own, axis):
         return (jnp.roll(velocity[own], -1, axis) - velocity[own]) / step

@@ -28,6 +28,12 @@ def pressure(
     the grid, except for the interpolated far field, so any path of integration will do. The path
     starts in the middle of the inflow side, where the total head is the stream's but for
     ``head_loss``, which matters at low Re. In a tunnel it is neglected.
+
+    Args:
+      domain: the discrete problem.
+      markers: of the body.
+      state: of the flow.
+      reynolds: U D / nu.
     """
     lattice = domain.lattice.unfolded
     body = domain.spread_body(markers, reynolds)
@@ -106,7 +112,14 @@ def surface_pressure(
     normal: Float[AnyArray, "nodes axes"],
     field: Float[np.ndarray, "..."],
 ) -> Float[np.ndarray, " nodes"]:
-    """Return Cp at points of a surface, extrapolated from the pressure some cells off the wall."""
+    """Return Cp at points of a surface, extrapolated from the pressure some cells off the wall.
+
+    Args:
+      domain: the discrete problem.
+      points: of the surface, in D.
+      normal: outward normals there, of any length.
+      field: pressure over rho U^2 in the cells, as ``pressure`` returns it.
+    """
     lattice, h = domain.lattice.unfolded, domain.lattice.step[0]
     points, normal = np.asarray(points), np.asarray(normal)
     unit = normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -19,7 +19,7 @@ def extrapolation_weights(distances: tuple[float, ...]) -> Float[np.ndarray, " p
 
 
 def keys_weights(r: Float[AnyArray, "..."]) -> Float[Array, "..."]:
-    """Return cubic convolution's weights of values at distances r, in cells (Keys 1981)."""
+    """Return the weights of cubic convolution (Keys 1981) for values at distances r, in cells."""
     a = jnp.abs(r)
     near = 1 + a**2 * (1.5 * a - 2.5)
     far = 2 + a * (-4 + a * (2.5 - 0.5 * a))

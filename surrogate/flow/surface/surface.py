@@ -17,7 +17,7 @@ SURFACE_POINTS = 400
 
 
 class Surface(NamedTuple):
-    """Pressure and friction coefficients along a clockwise contour from the nose.
+    """The pressure and friction coefficients along a clockwise contour from the nose.
 
     Cp is zero far upstream; Cf is positive where the friction points along the contour.
     """
@@ -28,13 +28,13 @@ class Surface(NamedTuple):
 
     @property
     def pressure_drag(self) -> float:
-        """Drag coefficient by the pressure alone."""
+        """The drag coefficient by the pressure alone."""
         normal = np.asarray(outward(jnp.asarray(self.markers)))
         return float(-2 * np.pi * np.mean(self.cp * normal[:, 0]))
 
     @property
     def station(self) -> Float[AnyArray, " nodes"]:
-        """x / c of the nodes: 0 at the nose, 1 at the tail."""
+        """The x / c of the nodes: 0 at the nose, 1 at the tail."""
         x = self.markers[:, 0]
         return (x - x.min()) / np.ptp(x)
 
@@ -46,7 +46,15 @@ def surface_of(
     contour: Float[AnyArray, "points 2"],
     reynolds: float,
 ) -> Surface:
-    """Return the loads on a contour of the body that was solved with ``markers``."""
+    """Return the pressure and friction along a contour of a solved 2-D body.
+
+    Args:
+      domain: the discrete problem.
+      markers: of the body, with which it was solved.
+      state: of the flow.
+      contour: points at equidistant t, where the loads are wanted.
+      reynolds: U D / nu.
+    """
     field = pressure(domain, jnp.asarray(markers), state, reynolds)
     normal = outward(jnp.asarray(contour))
     friction = friction_coefficient(domain, contour, state.velocity, jnp.asarray(reynolds, float))
