@@ -56,7 +56,7 @@ def finite_number(name: str, value: object) -> float:
     found = real_numbers(value)
     if found is None or found.ndim:
         several = name == "Reynolds number" and found is not None
-        hint = ", and these are several; a loop, flow.labels and net.drag take many"
+        hint = ", and these are several; a loop, flow.solve_all and net.drag take many"
         raise InvalidInput(f"{name} {shown(value)}: must be one number{hint if several else ''}")
     number = float(found)
     if not math.isfinite(number):
@@ -132,7 +132,7 @@ def one_body(parameters: object, reynolds: object, size: int) -> None:
     if shapes != ((size,), ()):
         raise InvalidInput(
             f"body and Reynolds number: arrays of shapes {shapes[0]} and {shapes[1]}; of shapes "
-            f"({size},) and () are needed; jax.vmap takes batches here, flow.labels outside of jit"
+            f"({size},) and () are needed; jax.vmap takes batches here, flow.solve_all without jit"
         )
 
 

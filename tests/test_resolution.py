@@ -65,12 +65,21 @@ def test_a_tunnel_too_coarse_for_the_estimate_alone_is_answered():
 
 
 @pytest.mark.parametrize(
-    ("reynolds", "chord", "cells", "harmonics"),
-    [(1.0, 2.0, 16, 7), (40.0, 2.2, 16, 7), (150.0, 2.0, 32, 7), (200.0, 2.45, 40, 14)],
+    ("level", "reynolds", "chord", "cells", "harmonics"),
+    [
+        ("standard", 1.0, 2.0, 16, 7),
+        ("standard", 40.0, 2.2, 16, 7),
+        ("standard", 150.0, 2.0, 32, 7),
+        ("standard", 200.0, 2.45, 40, 14),
+        ("fine", 100.0, 1.0, 32, 7),
+        ("fine", 40.0, 2.2, 48, 7),
+        ("fine", 100.0, 1.73, 64, 7),
+        ("fine", 200.0, 2.45, 96, 14),
+    ],
 )
 def test_thin_boundary_layers_get_cells_and_the_thinnest_harmonics(
-    reynolds, chord, cells, harmonics
+    level, reynolds, chord, cells, harmonics
 ):
-    found = FIDELITIES["standard"].for_layers(reynolds, chord)
+    found = FIDELITIES[level].for_layers(reynolds, chord)
     assert (found.cells, found.harmonics) == (cells, harmonics)
     assert found.for_layers(reynolds, chord) == found  # refined once

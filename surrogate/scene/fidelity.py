@@ -17,11 +17,12 @@ MOST_CELLS, MOST_IN_DOMAIN = 128, 16e6  # per D, and in a 2-D domain
 WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
 REFINEMENT = {2: 3.0, 3: 1.0}  # default of ``refinement`` by dimension
 # 1 / thickness of a boundary layer in 1 / D, sqrt(Re / r) with r the radius of an ellipse's nose,
-# up to which the levels' cells suffice (study ``lift``): that of aspect 5 at Re 45.
-THIN_LAYER = 32.0
-# Factor of the cells from which bodies of so thin layers have twice as many harmonics, as NACA 0012
-# at chord Re 1000 needs (study ``lift``).
-SHARP = 2.5
+# up to which the levels' cells suffice (study ``lift``): that of aspect 5 at Re 45; and for
+# tolerances below ``TIGHT`` that of aspect 5 at Re 18.
+THIN_LAYER, THIN_LAYER_IF_TIGHT, TIGHT = 32.0, 20.0, 0.002
+# The same, above which bodies have twice as many harmonics, as NACA 0012 at chord Re 1000 needs
+# (study ``lift``).
+SHARP_ENDS = 65.0
 MOST_HARMONICS = 31
 
 
@@ -40,8 +41,8 @@ class Fidelity:
         than 2 D less than wake * Re * (height of the body / D)^2, up to 40 D. By default 0.2 in 2-D
         and 0 in 3-D.
       refinement: greatest factor by which ``cells`` are multiplied for slender bodies at high Re,
-        whose boundary layers are thin; from 2.5 on ``harmonics`` are doubled. By default 3 in 2-D
-        and 1, for none, in 3-D.
+        whose boundary layers are thin; where they are thinnest ``harmonics`` are doubled. By
+        default 3 in 2-D and 1, for none, in 3-D.
       tolerance: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
         expected error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
         2-D, at Re 0.1 to 100 and aspect 0.5 to 4 in 3-D.
@@ -97,17 +98,19 @@ class Fidelity:
     def for_layers(self, reynolds: float, chord: float) -> "Fidelity":
         """Return the fidelity with cells that are small enough for the boundary layers of bodies.
 
-        The factor is rounded up to a multiple of a half, so that there are few grids. Where it is
-        large, the traction at the sharp ends of the bodies takes more harmonics, too.
+        The factor is rounded up to a multiple of a half, so that there are few grids. Where layers
+        are thinnest, the traction at the sharp ends of the bodies takes more harmonics, too.
 
         Args:
           reynolds: greatest U D / nu.
           chord: of the bodies, in D.
         """
         most = REFINEMENT[2] if self.refinement is None else self.refinement
-        needed = math.ceil(2 * math.sqrt(2 * chord**3 * reynolds) / THIN_LAYER - 0.05) / 2
-        factor = max(min(needed, most), 1.0)
-        harmonics = min((2 if factor >= SHARP else 1) * self.harmonics, MOST_HARMONICS)
+        layer = math.sqrt(2 * chord**3 * reynolds)
+        thin = THIN_LAYER if self.tolerance > TIGHT else THIN_LAYER_IF_TIGHT
+        factor = max(min(math.ceil(2 * layer / thin - 0.05) / 2, most), 1.0)
+        more = 2 if layer > SHARP_ENDS and most > 1 else 1
+        harmonics = min(more * self.harmonics, MOST_HARMONICS)
         cells = round(factor * self.cells)
         return dataclasses.replace(self, cells=cells, harmonics=harmonics, refinement=1.0)
 

@@ -109,7 +109,7 @@ def batches(run: Run, fidelity: str, batch: int) -> Row:
     """Return flows per second of random bodies, each at its own Re: one by one, and vmapped."""
     flow = Flow(Scene(fidelity=run.fidelity(fidelity)))
     samples, vmapped = held_out_samples(flow.scene, 0, batch), jax.jit(jax.vmap(flow.drag))
-    calls = [lambda f=f: f(*samples) for f in (flow.labels, vmapped)]
+    calls = [lambda f=f: f(*samples) for f in (flow.solve_all, vmapped)]
     turns, steps = medians(calls, run.pick(1, 7))
     return {"in_turn": batch / turns, "vmapped": batch / steps}
 
