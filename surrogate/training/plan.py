@@ -175,7 +175,7 @@ def compared_plans(
     Raises:
       InvalidInput: as ``make_plan``.
     """
-    count = PRESETS[preset].samples if samples is None else samples
+    count = make_plan(scene, METHODS[0], preset, samples).samples
 
     def plan(method, published=False, count=count):
         return make_plan(scene, method, preset, count, seed, budget_seconds, published)

@@ -207,8 +207,8 @@ def in_short(result: Result) -> str:
     return (
         f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
         f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
-        f"bodies, and by up to {100 * net.recorded('drag_error_max'):.1f} % in Cd on its "
-        f"{net.unseen} held-out ones; on the {len(theirs)} prolate spheroids within the "
+        f"bodies, and by up to {100 * net.recorded('drag_error_max'):.1f} % in Cd and "
+        f"{100 * net.recorded('lift_error_max'):.1f} % in Cl on its {net.unseen} held-out ones; on the {len(theirs)} prolate spheroids within the "
         f"range of the closest of the published correlations tried, Froehlich's, by "
         f"{means('surrogate', theirs)} %, and the correlation by {means('Froehlich', theirs)} %. "
         f"Over themselves, beyond {ALIGNED:g} degrees off the axes, lift errs by {lift:.1%} in "

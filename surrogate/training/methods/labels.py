@@ -149,8 +149,9 @@ class Inversion(abc.ABC):
             new = jax.tree.map(lambda a, b: jnp.where(result.valid, a, b), result.state, stored)
             flags = label.valid | result.valid, label.converged | result.converged
             outputs = sample.outputs(new.amplitude)
+            valid = result.valid | label.converged  # a failure is counted in its own evaluation
             label = TrainingLabels(new.amplitude, outputs, result.slopes, *flags)
-            return LabelResult(label, result.valid, result.products), new.velocity
+            return LabelResult(label, valid, result.products), new.velocity
 
         predicted = predict(network, physics.samples, batch)
         old = jax.tree.map(lambda leaf: leaf[batch], labels)
