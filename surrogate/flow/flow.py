@@ -186,17 +186,10 @@ class Flow:
             body = contour_shape(naca4(re.sub("^naca *", "", body.lower())))
         if isinstance(body, Shape):
             body = body.differentiable() if gradient else body
-            self._check_dimension(body)
-            reynolds = check_reynolds(
-                reynolds, allow_unsteady, self.scene.dimension, onset_of(body)
-            )
-            shape, domain = body, self._fitted(body, self.scene.fidelity, reynolds)
-            fidelity = self.scene.fidelity.for_body(reynolds, body.height, body.chord)
+            on_grid = self._on_its_own_grid(body, reynolds, allow_unsteady)
         else:
-            parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
-            named = self.scene.family.named(parameters)
-            shape, domain = family_shape(named, dimension=self.scene.dimension), self.domain
-            fidelity = self.scene.fidelity_for_bodies
+            on_grid = self._on_scenes_grid(body, reynolds, allow_unsteady)
+        shape, reynolds, domain, fidelity = on_grid
         start = time.perf_counter()
         found, work = solve_by_continuation(domain, self.settings, shape, reynolds)
         seconds = time.perf_counter() - start
@@ -264,6 +257,20 @@ class Flow:
         if not partial and (missing := int(np.sum(~found.converged))):
             raise NotConverged(f"{missing} of {len(found.converged)} flows did not converge")
         return found
+
+    def _on_its_own_grid(self, shape, reynolds, allow_unsteady):
+        """Return a shape and its Re, checked, with a domain that fits it and its fidelity."""
+        self._check_dimension(shape)
+        reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset_of(shape))
+        fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.chord)
+        return shape, reynolds, self._fitted(shape, self.scene.fidelity, reynolds), fidelity
+
+    def _on_scenes_grid(self, body, reynolds, allow_unsteady):
+        """Return a family body as a shape and its Re, checked, with the scene's domain."""
+        parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
+        named = self.scene.family.named(parameters)
+        shape = family_shape(named, dimension=self.scene.dimension)
+        return shape, reynolds, self.domain, self.scene.fidelity_for_bodies
 
     def _estimated(self, loads, shape, fidelity, reynolds):
         def solve(fidelity: Fidelity) -> Loads:
