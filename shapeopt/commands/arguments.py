@@ -77,9 +77,12 @@ def add_body_arguments(parser: Parser) -> None:
     """Add the options of a body: of the family, a contour or a NACA section, at incidence."""
     add_family_arguments(parser, SECTION)
     add = parser.add_argument
-    add("--contour", help="CSV of x,y, Selig or Lednicer .dat, scaled to area pi/4")
+    add(
+        "--contour",
+        help="CSV of x,y, Selig or Lednicer .dat; the stream is along +x, the area scaled to pi/4",
+    )
     add("--naca", help="NACA 4-digit section, as 0012")
-    incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or as -4:12:9 (0)"
+    incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or FIRST:LAST:COUNT (0)"
     add("--incidence", default="0", help=incidence)
     add("--keep-size", action="store_true", help="do not scale a contour")
 

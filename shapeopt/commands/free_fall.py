@@ -4,7 +4,9 @@ python scripts/free_fall.py --aspect 2 --particle 1.2,1e-6,5e-4 --tilt 60 --seco
 python scripts/free_fall.py --aspect 0.5 --particle 1.2,1e-6,5e-4 --plot out/fall.png
 
 The body starts at rest. Its loads are those of steady motion at the momentary incidence and Re;
-left out are what rotation does to drag and lift, and the memory of the flow.
+left out are what rotation does to drag and lift, and the memory of the flow. The incidence in
+table and plot is the angle from the axis to the velocity, -180 to 180 degrees; beyond +-90 the
+tail is ahead.
 """
 
 from collections.abc import Sequence
@@ -21,6 +23,7 @@ from surrogate.files import JsonObject, check_file
 from surrogate.flow.settling import Particle
 from surrogate.model.store import load
 
+NEGLIGIBLE = 1e-6  # relative size of what is printed as zero
 NAMES = [name for name, p in PARAMETERS.items() if p.keeps_mirror_plane]
 
 
@@ -59,13 +62,19 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.plot:
         shape = surrogate.scene.family.body_class, body
         plot_fall(found, *shape, particle, arguments.plot)
+    sideways, axis = _rounded(horizontal, upward), _rounded(result["tilt"], 90)
     text = (
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
-        f"{'down' if upward < 0 else 'up'} and {horizontal:+.4g} m/s sideways, axis "
-        f"{result['tilt']:.1f} degrees above the horizontal\nincidences that are stable at this "
+        f"{'down' if upward < 0 else 'up'} and {sideways:+.4g} m/s sideways, axis {axis:.1f} "
+        "degrees above the horizontal\nincidences, from 0 to 90 degrees, that are stable at this "
         f"Re: {', '.join(f'{degrees:.3g}' for degrees in stable) or 'none'}"
     )
     return emit(result, arguments.json, text)
+
+
+def _rounded(value: float, scale: float) -> float:
+    """Return a value without what is rounding error beside a scale, and without a minus zero."""
+    return 0.0 if abs(value) < NEGLIGIBLE * abs(scale) else value
 
 
 def _rows(found: Fall) -> list[JsonObject]:

@@ -20,9 +20,10 @@ COLUMNS = {  # of the text: key in a row, head and format
     "cd_pressure": ("pressure", ".4f"),
     "cd_friction": ("friction", ".4f"),
     "cl": ("Cl", ".4f"),
-    "estimated_lift_error": ("+-", ".4f"),
+    "estimated_lift_error": ("Cl +-", ".4f"),
     "cm": ("Cm", ".4f"),
-    "estimated_error": ("error", ".2%"),
+    "expected_error": ("expected error", ".2%"),
+    "estimated_error": ("bound", ".2%"),
     "status": ("status", ""),
     "sufficient": ("would do", ""),
 }

@@ -28,7 +28,7 @@ def plot_fall(
     Args:
       found: the fall.
       body_class: of the body.
-      body: its parameters; it is drawn on the path, larger than it is.
+      body: its parameters; it is drawn on the path, at a size that can be seen.
       particle: for the title.
       path: of the picture.
     """
@@ -60,5 +60,6 @@ def plot_fall(
             axis.set(xlabel="time, s", ylabel=label)
         ratio, millimetres = particle.density_ratio, 1e3 * particle.size
         title = f"Fall of a body of {millimetres:.3g} mm, density ratio {ratio:g}"
+        title += f", drawn {size / particle.size:.2g} times as large"
         figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
         return save_figure(figure, path)

@@ -16,6 +16,7 @@ from surrogate.scene.limits import ONSET_OF_INSTABILITY, REYNOLDS, onset_of
 SMALLEST, LARGEST = 1e-12, 1e12  # of a particle's numbers in SI units
 BALANCED = 1e-4  # relative difference of drag and weight
 MAX_FLOWS = 12
+HOPELESS = 10  # times the onset: where the sphere settles so fast, the flattest disc is too fast
 RANGE = REYNOLDS[3][0], ONSET_OF_INSTABILITY[3]  # of Re, in which bodies are solved
 LOG_RE = -20.0, 20.0  # between which the sphere's correlation is inverted
 
@@ -110,6 +111,12 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     re = sphere_reynolds(particle.archimedes)
     slope = (_log_sphere_thrust(math.log(1.01 * re)) - goal) / math.log(1.01)
     slowest, fastest = RANGE[0], onset_of(shape)
+    too_fast = InvalidInput(
+        f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is stable; a smaller "
+        "size would do"
+    )
+    if re > HOPELESS * fastest:
+        raise too_fast
     before = None
     for flows in range(1, MAX_FLOWS + 1):
         re = min(re, fastest)
@@ -117,10 +124,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
         found = flow.solve(shape, at, estimate=False)
         excess = math.log(math.hypot(found.drag, found.lift) * at * re) - goal
         if re == fastest and excess < 0:
-            raise InvalidInput(
-                f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is stable; "
-                "a smaller size would do"
-            )
+            raise too_fast
         if abs(excess) <= BALANCED:
             if estimate:
                 found = flow.solve(shape, at)

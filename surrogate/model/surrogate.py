@@ -242,8 +242,8 @@ class Surrogate:
         check_batch(parameters, reynolds, len(family.names))
         if not extrapolate and (outside := self.ranges.outside(parameters, reynolds)):
             raise InvalidInput(
-                f"outside the trained ranges: {outside}; extrapolate=True (--extrapolate) answers "
-                "all the same"
+                f"outside the trained ranges: {outside}; extrapolate=True (predict_drag.py "
+                "--extrapolate) answers all the same"
             )
         return parameters, reynolds
 
