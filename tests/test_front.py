@@ -199,7 +199,7 @@ BATCHES = {"bodies": (np.stack([BODY, BODY]), 20.0), "numbers": (BODY, [10.0, 20
 
 @pytest.mark.parametrize("many", BATCHES)
 def test_a_flow_takes_one_body_and_names_what_takes_many(many, unchecked):
-    words = {"bodies": r"batch of 2.* flow\.labels.* jax\.vmap", "numbers": "must be one number"}
+    words = {"bodies": r"batch of 2.* flow\.solve_all.* jax\.vmap", "numbers": "must be one number"}
     for ask in (FLOW.drag, FLOW.solve):
         with pytest.raises(InvalidInput, match=words[many]):
             ask(*BATCHES[many])
@@ -240,7 +240,7 @@ MANY_THAT_ARE_NONE = {
     "outside": (
         ([[2.0, 0, 0, 0], [7.0, 0, 0, 0]], [45.0, 46.0]),
         r"aspect 7 at index 1 \(trained from 1 to 5\), Reynolds number 46 at index 1 \(trained "
-        r"from 1 to 40\); extrapolate=True \(--extrapolate\)",
+        r"from 1 to 40\); extrapolate=True \(predict_drag.py --extrapolate\)",
     ),
 }
 

@@ -64,7 +64,7 @@ def test_invalid_bodies_are_refused(net, designed, bad, unchecked):
         verify(designed.problem, bad)
 
 
-def test_slope_and_labels_check_bodies_and_reynolds_numbers(unchecked):
+def test_calls_for_one_and_many_check_bodies_and_reynolds_numbers(unchecked):
     flow = Flow(Scene(fidelity="draft"))
     for body, reynolds in (
         ([-1.0, 0.1, 0, 0], 20.0),
