@@ -147,8 +147,8 @@ def failing(monkeypatch, count):
     """Let the first ``count`` held-out flows fail."""
     solve_all = Flow.solve_all
 
-    def patched(*arguments):
-        found = solve_all(*arguments)
+    def patched(*arguments, **options):
+        found = solve_all(*arguments, **options)
         fails = np.arange(len(found.converged)) < count
         amplitude = np.where(fails[:, None], np.nan, found.amplitude)
         return found._replace(converged=found.converged & ~fails, amplitude=amplitude)
