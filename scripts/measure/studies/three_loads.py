@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from figures import lines
 from rivals import SolvedLoads, gekpls, polynomial_with_slopes
-from study import TINY, Row, Run, Study, Table, columns
+from study import Row, Run, Study, Table, columns
 from tools import PeakMemory, medians
 
 from surrogate import Flow, Scene
@@ -36,6 +36,7 @@ SCRIPTS = Path(__file__).parents[2]
 COUNTS = {"particle": (16, 32, 64), "lift": (64, 256)}
 HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
+TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies
 # Bodies of a scene up to which a method is fitted, where its fits take much longer than others.
 MOST = {("lift", "hig"): 16, ("lift", "GEKPLS"): 64}
 THREADS = 2  # that solve flows
@@ -62,9 +63,8 @@ class Ground(NamedTuple):
 def ground_of(name: str, tiny: bool) -> Ground:
     """Solve the flows of a scene's bodies and return them; those not found are left out."""
     scene = Scene.read(SCRIPTS / f"{name}.toml")
-    level = TINY if tiny else scene.fidelity
-    if not tiny:
-        level = dataclasses.replace(level, cells=CELLS[name])
+    cells = TINY_CELLS if tiny else CELLS[name]
+    level = dataclasses.replace(scene.fidelity, cells=cells)
     scene = dataclasses.replace(scene, fidelity=level)
     flow, inputs = Flow(scene), scene_inputs(scene)
     unseen = held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
