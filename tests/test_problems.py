@@ -201,7 +201,10 @@ def test_sqp_and_slsqp_end_alike(pretrained, case):
         )
         return float(value), np.asarray(gradient)
 
-    ours = jax.jit(minimise_sqp)(pretrained.network, start, problem.limits, problem.scenarios)
+    scale = model_objective(pretrained.network, jnp.asarray(start), problem.scenarios)
+    ours = jax.jit(minimise_sqp)(
+        pretrained.network, start, scale, problem.limits, problem.scenarios
+    )
     theirs = minimise_slsqp(objective, problem.limits, start, 1e-12)
     assert ours.converged
     assert ours.feasibility >= -1e-8

@@ -177,14 +177,16 @@ def minimise_from_all(
 
     def one(case):
         starts, limits, scenarios = case
-        ends = jax.vmap(lambda start: minimise_sqp(model, start, limits, scenarios))(starts)
+        objectives = jax.vmap(model_objective, (None, 0, None))(model, starts, scenarios)
+        search = jax.vmap(minimise_sqp, (None, 0, 0, None, None))
+        ends = search(model, starts, jnp.abs(objectives), limits, scenarios)
         sound = jnp.isfinite(ends.value) & (ends.feasibility >= FEASIBLE)
         feasible = jnp.where(sound, ends.value, jnp.inf)
         reached = jnp.where(ends.converged, feasible, jnp.inf)
         any_reached = jnp.isfinite(jnp.min(reached))
         best = jnp.where(any_reached, jnp.argmin(reached), jnp.argmin(feasible))
         end = jax.tree.map(lambda leaf: leaf[best], ends)
-        return end, model_objective(model, starts[best], scenarios), jnp.sum(ends.evaluations)
+        return end, objectives[best], len(starts) + jnp.sum(ends.evaluations)
 
     return jax.lax.map(one, (starts, limits, scenarios))
 

@@ -4,7 +4,8 @@ The Hessian of the Lagrangian is a damped BFGS approximation (Powell 1978), the 
 objective plus an exact penalty on the worst violation (Nocedal and Wright 2006, chapter 18). A step
 that does not reduce the merit enough is corrected to second order for the curvature of the
 constraints (section 18.3 there), and where that does not help shortened, so that every iteration
-evaluates the model once. Equations in ``shapeopt/README.md``, section 2.
+evaluates the model once, the first one at the start. Equations in ``shapeopt/README.md``,
+section 2.
 """
 
 from typing import NamedTuple
@@ -18,7 +19,6 @@ from shapeopt.problem.scenarios import (
     LEAST_OBJECTIVE,
     LoadModel,
     Scenarios,
-    model_objective,
     objective_and_constraints,
 )
 from shapeopt.search.qp import solve_relaxed_qp
@@ -81,13 +81,18 @@ class _State(NamedTuple):
 
 
 def minimise_sqp(
-    model: LoadModel, start: Float[AnyArray, " parameters"], limits: Limits, scenarios: Scenarios
+    model: LoadModel,
+    start: Float[AnyArray, " parameters"],
+    scale: Float[AnyArray, ""],
+    limits: Limits,
+    scenarios: Scenarios,
 ) -> SqpResult:
     """Return the local optimum, from ``start``, of the objective that a model predicts.
 
     Args:
       model: a differentiable model of the loads.
       start: parameters of the first body; clipped to the ranges.
+      scale: magnitude of the objective there, which relative changes are taken of.
       limits: ranges of the parameters and constraints on the body.
       scenarios: of the objective, with the bounds on loads.
 
@@ -107,7 +112,7 @@ def minimise_sqp(
     def unfinished(state):
         going = (state.step.predicted_decrease > DECREASE) & (state.length > SHORTEST)
         going |= state.corrected
-        return going & (state.iterations < ITERATIONS)
+        return going & (state.iterations <= ITERATIONS)
 
     def iterate(state):
         old, step, length = state.point, state.step, state.length
@@ -132,14 +137,14 @@ def minimise_sqp(
             steps,
         )
 
-    z = jnp.clip((start - low) / width, 0, 1)
-    scale = jnp.abs(model_objective(model, low + width * z, scenarios))
     scale = jnp.maximum(scale, LEAST_OBJECTIVE)
-    first, hessian = evaluate(z), jnp.eye(z.size)
-    path = jnp.zeros((ITERATIONS + 1, z.size)).at[0].set(z)
-    zero = jnp.zeros((), int)
-    step, no = _next_step(first, hessian, first.constraints), jnp.array(False)
-    state = _State(first, hessian, step, jnp.ones(()), no, zero, path, zero)
+    z = jnp.clip((start - low) / width, 0, 1)
+    blank = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(evaluate, z))
+    unknown = blank._replace(z=z, value=jnp.inf)  # so that the first step, of length 0, is accepted
+    step = _Step(jnp.zeros_like(z), jnp.zeros_like(blank.constraints), jnp.ones(()))
+    path = jnp.zeros((ITERATIONS + 1, z.size))
+    zero, no = jnp.zeros((), int), jnp.array(False)
+    state = _State(unknown, jnp.eye(z.size), step, jnp.ones(()), no, zero, path, zero - 1)
     state = jax.lax.while_loop(unfinished, iterate, state)
     point = state.point
     # where no step length helps, rounding hides what little decrease is predicted
@@ -150,7 +155,7 @@ def minimise_sqp(
         gradient=point.gradient * scale / width,
         feasibility=jnp.min(point.constraints),
         converged=state.step.predicted_decrease <= tolerance,
-        evaluations=state.iterations + 2,
+        evaluations=state.iterations,
         path=low + width * state.path,
         steps=state.steps,
     )

@@ -16,14 +16,26 @@ COARSER = 0.9  # of the cells, at most, that a coarser grid has
 MOST_CELLS, MOST_IN_DOMAIN = 128, 16e6  # per D, and in a 2-D domain
 WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
 REFINEMENT = {2: 3.0, 3: 1.0}  # default of ``refinement`` by dimension
-# 1 / thickness of a boundary layer in 1 / D, sqrt(Re / r) with r the radius of an ellipse's nose,
-# up to which the levels' cells suffice (study ``lift``): that of aspect 5 at Re 45; and for
-# tolerances below ``TIGHT`` that of aspect 5 at Re 18.
+# ``inverse_layer`` in 1 / D up to which the levels' cells suffice (study ``lift``): that of aspect
+# 5 at Re 45; and for tolerances below ``TIGHT`` that of aspect 5 at Re 18.
 THIN_LAYER, THIN_LAYER_IF_TIGHT, TIGHT = 32.0, 20.0, 0.002
 # The same, above which bodies have twice as many harmonics, as NACA 0012 at chord Re 1000 needs
 # (study ``lift``).
 SHARP_ENDS = 65.0
 MOST_HARMONICS = 31
+
+
+def inverse_layer(reynolds: float, chord: float) -> float:
+    """Return 1 / thickness of the thinnest boundary layer on an ellipse, in 1 / D.
+
+    It is sqrt(Re / r) with the radius of curvature of the nose, r = 1 / (2 c^3) where the area is
+    pi / 4.
+
+    Args:
+      reynolds: U D / nu.
+      chord: c, of the body in D.
+    """
+    return math.sqrt(2 * chord**3 * reynolds)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +118,7 @@ class Fidelity:
           chord: of the bodies, in D.
         """
         most = REFINEMENT[2] if self.refinement is None else self.refinement
-        layer = math.sqrt(2 * chord**3 * reynolds)
+        layer = inverse_layer(reynolds, chord)
         thin = THIN_LAYER if self.tolerance > TIGHT else THIN_LAYER_IF_TIGHT
         factor = max(min(math.ceil(2 * layer / thin - 0.05) / 2, most), 1.0)
         more = 2 if layer > SHARP_ENDS and most > 1 else 1

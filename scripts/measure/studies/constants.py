@@ -51,8 +51,8 @@ CHOSEN = CHOSEN_WALL | {
     "FEW_CELLS": ErrorModel3D.FEW_CELLS,
 }
 CHOSEN |= {f"slip_compliance, {d}-D": kind.slip_compliance for d, kind in DOMAINS.items()}
-for name in ("SAFETY", "DOMAIN_ERROR"):
-    CHOSEN |= {f"{name}, {d}-D": getattr(model, name) for d, model in ERROR_MODELS.items()}
+CHOSEN |= {f"DOMAIN_ERROR, {d}-D": model.DOMAIN_ERROR for d, model in ERROR_MODELS.items()}
+CHOSEN |= {f"SAFETY, {d}-D": model.SAFETY.drag for d, model in ERROR_MODELS.items()}
 PROBES = tuple((first, first + 1, first + 2) for first in (0.5, 1.5, 2.5, 3.5))
 PRESSURE, FRICTION = 5.22, 5.11  # parts of the cylinder's Cd at Re 1, body-fitted elements
 COARSE_3D = dataclasses.replace(SPACE_FIDELITIES["standard"], cells=12)
@@ -204,7 +204,7 @@ def domains_uncovered(dimension: int, run: Run, value: float) -> Iterator[bool]:
         for re in run.pick((10.0,), (1.0, 10.0, 40.0)):
             usual = dataclasses.replace(level.for_wake(re, height), wake=0.0)
             exact, whole, other = (cd(body, re, usual.scaled(x), dimension) for x in sizes)
-            yield abs(whole - exact) > model.SAFETY * abs((whole - other) / (1 - value))
+            yield abs(whole - exact) > model.SAFETY.drag * abs((whole - other) / (1 - value))
 
 
 def known_errors(dimension: int) -> list[Row]:
@@ -221,7 +221,7 @@ def known_errors(dimension: int) -> list[Row]:
 
 def _safety(dimension, row):
     """Return the safety factor of a row; older rows have 2.5."""
-    return ERROR_MODELS[dimension].SAFETY if "expected" in row and "likely" not in row else 2.5
+    return ERROR_MODELS[dimension].SAFETY.drag if "expected" in row and "likely" not in row else 2.5
 
 
 def uncovered(dimension: int, run: Run, value: float) -> Iterator[bool]:
@@ -249,8 +249,9 @@ def spread_uncovered(run: Run, value: float) -> Iterator[bool]:
     model, cells = ERROR_MODELS[2], FIDELITIES["standard"].cells
     with mock.patch.object(ErrorModel2D, "SPREAD", value):
         for row in _rows_with_parts():
-            likely = model.likely(row["grid"], row["domain"], cells, 1.0)
-            yield abs(row["error"]) > model.SAFETY * likely
+            spread = model.spreads(cells, row["reynolds"], 1.0).drag
+            likely = model.likely(row["grid"], row["domain"], spread)
+            yield abs(row["error"]) > model.SAFETY.drag * likely
 
 
 def accurate_errors(run: Run, value: float) -> Iterator[float]:

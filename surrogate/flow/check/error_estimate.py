@@ -11,10 +11,9 @@ from typing import ClassVar, Literal, NamedTuple
 
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.grid.wall_3d import thin_layer
-from surrogate.scene.fidelity import NAMED, Fidelity
+from surrogate.scene.fidelity import NAMED, Fidelity, inverse_layer
 
 ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
-SPREADS = 1.0, 0.7, 0.7  # of errors of Cd, Cl and Cm, over that of Cd (studies ``trust``, ``lift``)
 
 
 class ErrorEstimate(NamedTuple):
@@ -27,8 +26,7 @@ class ErrorEstimate(NamedTuple):
       expected_error: relative error of the drag that is expected, in 3-D with a margin; None where
         no coarser flow exists.
       estimated_error: relative bound of the drag's error, made to cover 95 % of the errors.
-      estimated_lift_error: bound of the error of Cl itself; of slender cambered bodies it covers
-        fewer than 95 % (study ``lift``).
+      estimated_lift_error: bound of the error of Cl itself, made to cover 95 % of the errors.
       estimated_moment_error: bound of the error of Cm itself, as that of Cl.
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
       extrapolated_drag: limit of the two grids' drags (Richardson 1911); None where the coarser
@@ -63,7 +61,7 @@ class ErrorModel(abc.ABC):
     COARSER: ClassVar[float]  # cells of the coarser grid, as a share of the whole
     OTHER_DOMAIN: ClassVar[float]  # sides of the other domain, as a multiple of the own
     DOMAIN_ERROR: ClassVar[float]  # the domain's error there over that in the own one
-    SAFETY: ClassVar[float]  # bound over likely error
+    SAFETY: ClassVar[Loads]  # bound over likely error of each load
     TALLEST: ClassVar[float]  # D across the stream, the tallest body of the tests of tolerances
 
     @abc.abstractmethod
@@ -71,14 +69,23 @@ class ErrorModel(abc.ABC):
         """Return the power of the cell size that the grid's error falls with."""
 
     @abc.abstractmethod
-    def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
-        """Return the likely error of a load from its two parts.
+    def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
+        """Return the likely errors of the loads over Cd that neither grid nor domain shows.
+
+        Args:
+          cells: of the flow whose error it is, per D.
+          reynolds: U D / nu.
+          chord: of the body in D.
+        """
+
+    @abc.abstractmethod
+    def likely(self, grid: float, domain: float, spread: float) -> float:
+        """Return the likely error of a load from its parts.
 
         Args:
           grid: error of the grid, with its sign.
           domain: error of the domain, with its sign.
-          cells: of the flow whose error it is, per D.
-          size: to which the spread of the errors is relative: Cd, for lift and moment 0.7 of it.
+          spread: the part that neither of them shows, from ``spreads``.
         """
 
     @abc.abstractmethod
@@ -96,25 +103,31 @@ class ErrorModel2D(ErrorModel):
 
     A larger domain shows the domain's error with its sign. The two parts partly cancel, so they are
     added with their signs; to their sum's square are added those of the domain's part, which is
-    uncertain, and of a spread that neither part shows. The spread falls slowly with the cells:
-    bodies with lift have errors on fine grids, too, that neither half of the cells nor a larger
-    domain shows.
+    uncertain, and of a spread that neither part shows. The spread of the drag falls slowly with the
+    cells. That of lift and moment, whose errors come from the boundary layers on slender bodies, is
+    proportional to the cell size over the thickness of the thinnest of these layers.
     """
 
-    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, SAFETY, TALLEST = 1 / 2, 1.25, 0.5, 2.0, 1.5
+    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.5, 1.5
+    SAFETY = Loads(2.0, 1.0, 1.0)
     GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
-    SPREAD, SPREAD_CELLS = 1e-3, 16  # of the error left, over ``size``, on so many cells per D
+    SPREAD, SPREAD_CELLS = 1e-3, 16  # of the drag, over Cd, on so many cells per D
+    LIFT_SPREAD, MOMENT_SPREAD = 5e-3, 2.5e-3  # over Cd, on cells as large as the layer is thick
     EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
 
     def order(self, reynolds: float) -> float:
         """Return 2, the order of the scheme."""
         return 2.0
 
-    def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
+    def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
+        """Return the spreads of equation (9) of ``surrogate/flow/README.md``."""
+        drag = self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells)
+        coarseness = inverse_layer(reynolds, chord) / cells
+        return Loads(drag, self.LIFT_SPREAD * coarseness, self.MOMENT_SPREAD * coarseness)
+
+    def likely(self, grid: float, domain: float, spread: float) -> float:
         """Return the likely error by equation (9) of ``surrogate/flow/README.md``."""
-        both = self.GRID_SHARE * grid + domain
-        spread = self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells) * size
-        return math.hypot(both, domain, spread)
+        return math.hypot(self.GRID_SHARE * grid + domain, domain, spread)
 
     def margin(self, cells: int, reynolds: float) -> float:
         """Return ``EXPECTED``, whatever the grid and Re."""
@@ -128,7 +141,8 @@ class ErrorModel3D(ErrorModel):
     parts are added up, lest they cancel.
     """
 
-    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, SAFETY, TALLEST = 2 / 3, 5 / 6, 5.0, 2.25, 1.65
+    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 2 / 3, 5 / 6, 5.0, 1.65
+    SAFETY = Loads(2.25, 2.25, 2.25)
     FEW_CELLS = 1.25  # margin on grids of few cells: with 1, errors exceed the tolerance by a sixth
     THIN_LAYERS = 2.5  # margin where boundary layers are thin: errors reach 2.2 times the likely
 
@@ -136,9 +150,13 @@ class ErrorModel3D(ErrorModel):
         """Return the order, which falls from 3 to 2 as boundary layers thin to few cells."""
         return 3.0 - thin_layer(reynolds)
 
-    def likely(self, grid: float, domain: float, cells: int, size: float) -> float:
-        """Return the sum of the magnitudes of the two parts."""
-        return abs(grid) + abs(domain)
+    def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
+        """Return zeros: grid and domain show the whole error."""
+        return Loads(0.0, 0.0, 0.0)
+
+    def likely(self, grid: float, domain: float, spread: float) -> float:
+        """Return the sum of the magnitudes of the parts."""
+        return abs(grid) + abs(domain) + spread
 
     def margin(self, cells: int, reynolds: float) -> float:
         """Return a margin that is larger on few cells and where boundary layers are thin."""
@@ -183,16 +201,17 @@ def estimate_error(
     growth = (whole.cells / coarser.cells) ** order - 1
     of_grid = [(a - b) / growth for a, b in zip(rough, loads, strict=True)]
     of_domain = [(a - b) / (1 - model.DOMAIN_ERROR) for a, b in zip(rough, other, strict=True)]
-    margin, size = model.margin(coarser.cells, reynolds), loads.drag
-    likely, *others = (
-        model.likely(grid, domain, whole.cells, share * size)
-        for grid, domain, share in zip(of_grid, of_domain, SPREADS, strict=True)
-    )
-    likely = likely / size
-    expected, bound = margin * likely, max(margin, model.SAFETY) * likely
+    spreads = model.spreads(whole.cells, reynolds, chord)
+    likely = [
+        model.likely(grid, domain, spread * loads.drag) / loads.drag
+        for grid, domain, spread in zip(of_grid, of_domain, spreads, strict=True)
+    ]
+    margin = model.margin(coarser.cells, reynolds)
+    expected = margin * likely[0]
+    bounds = [safety * each for safety, each in zip(model.SAFETY, likely, strict=True)]
     limit = loads.drag - of_grid[0] if coarser.cells >= ASYMPTOTIC_CELLS else None
-    lifting = loads.lift != 0
-    known = expected, bound, *(model.SAFETY * error * lifting for error in others)
+    size = loads.drag if loads.lift else 0.0  # of symmetric bodies lift and moment are exact
+    known = expected, max(expected, bounds[0]), *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:
         return ErrorEstimate("degraded", *known, None, limit)
     if expected <= fidelity.tolerance:
@@ -202,7 +221,8 @@ def estimate_error(
         level = level.for_body(reynolds, height, chord)
         grid = of_grid[0] * (whole.cells / level.cells) ** order
         domain = of_domain[0] * _domain_error(whole, level, model)
-        return margin * model.likely(grid, domain, level.cells, size) / size
+        spread = model.spreads(level.cells, reynolds, chord).drag * loads.drag
+        return margin * model.likely(grid, domain, spread) / loads.drag
 
     levels = NAMED[dimension].values()
     sufficient = next((f.name for f in levels if expected_at(f) <= fidelity.tolerance), None)
