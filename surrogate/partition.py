@@ -84,7 +84,7 @@ class Partition(eqx.Module):
     def chunks(
         self, batch: Int[np.ndarray, " batch"], done: Bool[AnyArray, " bodies"]
     ) -> Iterator[Int[np.ndarray, " chunk"]]:
-        """Yield those bodies of a batch that are not done yet, in chunks of one length.
+        """Yield those bodies of a batch that are not done yet, in chunks of the same length always.
 
         The last is filled with the index ``places.size``, which is not evaluated. Bodies are
         ordered by their row, so that every device has as many bodies of each chunk, of similar
@@ -94,7 +94,7 @@ class Partition(eqx.Module):
           batch: indices of bodies.
           done: whether a body has been evaluated already, for all bodies.
         """
-        size = min(batch.size, max(CHUNK, 8 * self.devices.device_batch) * self.devices.count)
+        size = max(CHUNK, 8 * self.devices.device_batch) * self.devices.count
         batch = batch[~np.asarray(done)[batch]]
         batch = batch[np.argsort(np.asarray(self.places)[batch] % self.shard_size, kind="stable")]
         padding = np.full(-batch.size % size, self.places.size)

@@ -6,6 +6,7 @@ converged, a step is the update alone.
 """
 
 import dataclasses
+import functools
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -17,10 +18,17 @@ from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, Sharded
 from surrogate.model.network import LoadNetwork
 from surrogate.partition import Partition
-from surrogate.training.methods.method import Batch, EvaluationCost, LabelStore, Method
+from surrogate.training.methods.method import (
+    Batch,
+    EvaluationCost,
+    Evaluator,
+    LabelStore,
+    Method,
+)
 from surrogate.training.physics import Physics
 
 NO_COST = EvaluationCost(0, 0, 0)
+PROGRAMS = 4  # evaluations that are kept compiled: more than methods at their best have
 
 
 class LearnerState(NamedTuple):
@@ -98,7 +106,9 @@ def first_state(method: Method, network: LoadNetwork, physics: Physics) -> Learn
     """Return the state before the first step."""
     devices = physics.partition.devices
     optimiser, labels = jax.jit(method.init)(devices.place(network), physics)
-    velocities = physics.partition.zeros(physics.velocity_shape if method.warm_starts else (1,))
+    velocities = physics.partition.zeros(
+        physics.velocity_shape if method.evaluator.warm_starts else (1,)
+    )
     return LearnerState(network, devices.local(optimiser), labels, velocities)
 
 
@@ -106,7 +116,7 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
     """Compile the programs of a method's steps, for batches of this size.
 
     Args:
-      method: its ``evaluate`` and ``update`` are compiled.
+      method: its evaluator and its ``update`` are compiled.
       start: a state of the training, whose shapes and shardings all others have.
       physics: the flow solver of all samples.
       batch: indices of the samples of one batch.
@@ -129,8 +139,7 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
 
     fetched = dataclasses.replace(physics, operators=operators)
     arguments = network, fetched, start.labels, velocities, chunk
-    results = start.labels, stored, NO_COST
-    evaluate = lowered(method.evaluate, arguments, results, donated=(3,)).compile(devices.options)
+    evaluate = _evaluation(method.evaluator, devices).lower(*arguments).compile()
 
     arguments = partition, chunk, stored, velocities
     put_back = lowered(Partition.put_local, arguments, stored, donated=(2,)).compile()
@@ -139,3 +148,15 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
     arguments = start.network, start.optimiser, labels, samples, batch, np.asarray(0.0)
     update = jax.jit(method.update).lower(*arguments).compile()
     return Step(physics, fetch, evaluate, put_back, update)
+
+
+@functools.lru_cache(maxsize=PROGRAMS)
+def _evaluation(evaluator: Evaluator, devices: Devices):
+    """The program of an evaluator, which methods with equal ones share."""
+
+    def run(network, physics, labels, velocities, batch):
+        arguments = network, physics, labels, velocities, batch
+        mapped = devices.shard_map(evaluator.evaluate, arguments, (labels, velocities, NO_COST))
+        return mapped(*arguments)
+
+    return jax.jit(run, donate_argnums=(3,), compiler_options=devices.options)

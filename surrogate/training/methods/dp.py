@@ -32,6 +32,7 @@ from surrogate.training.methods.labels import (
 )
 from surrogate.training.methods.method import (
     Batch,
+    Evaluator,
     Method,
     adam,
     evaluation_cost,
@@ -67,20 +68,16 @@ class DifferentiablePhysics(Method):
     goal: float = 30.0
     slopes: float = 1.0
     trains_traction = True
-    warm_starts = CoupledStep.warm_starts
+
+    @property
+    def evaluator(self) -> Evaluator:
+        """One coupled Newton step from the network's prediction."""
+        return CoupledStep(slopes=self.slopes > 0)
 
     def init(self, network, physics):
         """Return Adam's state with the compliance of Oseen flows, and labels that are not valid."""
         state = adam(self.learning_rate).init(network.weights)
         return DPState(state, physics.influence), no_labels(physics)
-
-    def evaluate(self, network, physics, labels, velocities, batch):
-        """Make one coupled Newton step for each sample whose label has not converged.
-
-        Arguments and results are those of ``Method.evaluate``.
-        """
-        inversion = CoupledStep(slopes=self.slopes > 0)
-        return inversion.evaluate(network, physics, labels, velocities, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
         """Make one step of Adam on the loss of the batch's samples with a valid label.
@@ -117,7 +114,7 @@ class LossGradient(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class PublishedDifferentiablePhysics(Method):
+class PublishedDifferentiablePhysics(Method, Evaluator):
     """DP as published: each step solves the flows that the predicted tractions drive.
 
     Warm-started from the sample's last flow, with two adjoint solves per sample.
@@ -129,6 +126,11 @@ class PublishedDifferentiablePhysics(Method):
     trains_traction = True
     warm_starts = True
 
+    @property
+    def evaluator(self) -> Evaluator:
+        """The method itself."""
+        return self
+
     def init(self, network, physics):
         """Return Adam's state, and a store of losses and gradients that are zero and not valid."""
         count, modes = physics.tractions.shape
@@ -139,7 +141,7 @@ class PublishedDifferentiablePhysics(Method):
     def evaluate(self, network, physics, labels, velocities, batch):
         """Solve the flows that the predicted tractions drive; store losses and their gradients.
 
-        Arguments and results are those of ``Method.evaluate``.
+        Arguments and results are those of ``Evaluator.evaluate``.
         """
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, self._differentiate, predicted)

@@ -30,6 +30,7 @@ from surrogate.training.methods.inverse import partial_inverse, partial_inverse_
 from surrogate.training.methods.labels import LABEL_FLOW, FullSolve, load_residuals, no_labels
 from surrogate.training.methods.method import (
     Batch,
+    Evaluator,
     Method,
     evaluation_cost,
     moment_residual,
@@ -65,19 +66,15 @@ class HalfInverseGradients(Method):
     limited: bool = True
     newton: NewtonSettings = LABEL_FLOW
     trains_traction = False
-    warm_starts = FullSolve.warm_starts
+
+    @property
+    def evaluator(self) -> Evaluator:
+        """The full solution of the body flow and its adjoint."""
+        return FullSolve(slopes=True, newton=self.newton)
 
     def init(self, network, physics):
         """Return the number of steps so far, 0, and labels that are not valid."""
         return jnp.array(0), no_labels(physics)
-
-    def evaluate(self, network, physics, labels, velocities, batch):
-        """Solve flow and adjoint of each sample that has not been evaluated yet.
-
-        Arguments and results are those of ``Method.evaluate``.
-        """
-        inversion = FullSolve(slopes=True, newton=self.newton)
-        return inversion.evaluate(network, physics, labels, velocities, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
         """Make one half-inverse step on the residuals of the batch's outputs and their gradients.
@@ -122,7 +119,7 @@ class LinearisedSlip(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class PublishedHalfInverseGradients(Method):
+class PublishedHalfInverseGradients(Method, Evaluator):
     """HIG as published: each step solves the flows that the predicted tractions drive.
 
     With one tangent solve per traction mode; the drag error that the slip means is one more
@@ -139,6 +136,11 @@ class PublishedHalfInverseGradients(Method):
     trains_traction = True
     warm_starts = True
 
+    @property
+    def evaluator(self) -> Evaluator:
+        """The method itself."""
+        return self
+
     def init(self, network, physics):
         """Return the number of steps so far, 0, and a store of residuals that are zero."""
         count, modes = physics.tractions.shape
@@ -148,7 +150,7 @@ class PublishedHalfInverseGradients(Method):
     def evaluate(self, network, physics, labels, velocities, batch):
         """Solve the flows that the predicted tractions drive; store slips and their derivatives.
 
-        Arguments and results are those of ``Method.evaluate``.
+        Arguments and results are those of ``Evaluator.evaluate``.
         """
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, _linearise, predicted)

@@ -27,7 +27,13 @@ from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
 from surrogate.partition import compute_where
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.method import Batch, EvaluationCost, evaluation_cost, predict
+from surrogate.training.methods.method import (
+    Batch,
+    EvaluationCost,
+    Evaluator,
+    evaluation_cost,
+    predict,
+)
 from surrogate.training.physics import Physics, Sample
 
 LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
@@ -85,16 +91,14 @@ class LabelResult(NamedTuple):
     products: Int[AnyArray, "*samples"]
 
 
-class Inversion(abc.ABC):
+class Inversion(Evaluator):
     """A way to invert the flow solver: from a body and its no-slip condition to the traction.
 
     Attributes:
       slopes: whether a converged label gets its slopes, by an adjoint solve a load.
-      warm_starts: whether the velocity of the last evaluation is needed, and stored.
     """
 
-    slopes: bool  # whether a converged label gets its slopes, by an adjoint solve a load
-    warm_starts: bool  # whether the velocity of the last evaluation is needed, and stored
+    slopes: bool
 
     @abc.abstractmethod
     def invert(
@@ -123,8 +127,7 @@ class Inversion(abc.ABC):
     ) -> tuple[TrainingLabels, Sharded, EvaluationCost]:
         """Invert the solver for each sample of a chunk whose label has not converged.
 
-        This is ``Method.evaluate`` of methods that train on labels. A label is replaced where the
-        inversion is valid.
+        A label is replaced where the inversion is valid.
 
         Args:
           network: predicts the tractions from which inversions may start.

@@ -42,32 +42,16 @@ class EvaluationCost(NamedTuple):
     idle_work: Int[AnyArray, ""]
 
 
-class Method(abc.ABC):
-    """A training method; implementations are frozen dataclasses of its settings.
+class Evaluator(abc.ABC):
+    """The evaluation of samples by the flow solver; a frozen dataclass of its settings.
 
-    JAX traces ``init``, ``evaluate`` and ``update``.
+    Methods whose evaluators are equal share one compiled program. JAX traces ``evaluate``.
 
     Attributes:
-      batch: number of samples per step.
-      trains_traction: whether all traction modes of the network are trained, or the loads alone.
       warm_starts: whether an evaluation starts from the velocity of the sample's last one.
     """
 
-    batch: int
-    trains_traction: bool
     warm_starts: bool
-
-    @abc.abstractmethod
-    def init(self, network: LoadNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:
-        """Return the optimiser's state and the label store before the first step.
-
-        Args:
-          network: the initial network.
-          physics: the flow solver of all samples and their Oseen flows.
-
-        Returns:
-          The optimiser's state, any pytree of arrays, and the label store, with one row per sample.
-        """
 
     @abc.abstractmethod
     def evaluate(
@@ -94,6 +78,37 @@ class Method(abc.ABC):
         Returns:
           The label store with new rows for the chunk, the new velocities in the same order and
           shape, and the cost.
+        """
+
+
+class Method(abc.ABC):
+    """A training method; implementations are frozen dataclasses of its settings.
+
+    JAX traces ``init`` and ``update``.
+
+    Attributes:
+      batch: number of samples per step.
+      trains_traction: whether all traction modes of the network are trained, or the loads alone.
+    """
+
+    batch: int
+    trains_traction: bool
+
+    @property
+    @abc.abstractmethod
+    def evaluator(self) -> Evaluator:
+        """The evaluation of a batch of samples that precedes the update."""
+
+    @abc.abstractmethod
+    def init(self, network: LoadNetwork, physics: Physics) -> tuple[PyTree, LabelStore]:
+        """Return the optimiser's state and the label store before the first step.
+
+        Args:
+          network: the initial network.
+          physics: the flow solver of all samples and their Oseen flows.
+
+        Returns:
+          The optimiser's state, any pytree of arrays, and the label store, with one row per sample.
         """
 
     @abc.abstractmethod

@@ -5,15 +5,20 @@ loss on the flow would carry the solver's scales into the update, SIP takes the 
 space, here a+ = a - (dy/da)^-1 y by one coupled Newton step, and trains the network on a+ by Adam.
 """
 
-import abc
 import dataclasses
 
 import jax
 import jax.numpy as jnp
 
 from surrogate.flow.solver.adjoint import Effort
-from surrogate.training.methods.labels import CoupledStep, Inversion, load_residuals, no_labels
-from surrogate.training.methods.method import Method, adam, predict, with_cosine_rate
+from surrogate.training.methods.labels import CoupledStep, load_residuals, no_labels
+from surrogate.training.methods.method import (
+    Evaluator,
+    Method,
+    adam,
+    predict,
+    with_cosine_rate,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,30 +41,13 @@ class LabelRegression(Method):
     slopes: float = 1.0
 
     @property
-    @abc.abstractmethod
-    def inversion(self) -> Inversion:
-        """The inversion of the flow solver by which labels are computed."""
-
-    @property
     def trains_traction(self) -> bool:
         """Whether all traction modes are trained: those of a loss with ``modes`` above 0."""
         return self.modes > 0
 
-    @property
-    def warm_starts(self) -> bool:
-        """Whether an inversion starts from the velocity of the sample's last one."""
-        return self.inversion.warm_starts
-
     def init(self, network, physics):
         """Return Adam's state, and labels that are not valid."""
         return adam(self.learning_rate).init(network.weights), no_labels(physics)
-
-    def evaluate(self, network, physics, labels, velocities, batch):
-        """Invert the solver for each sample whose label has not converged.
-
-        Arguments and results are those of ``Method.evaluate``.
-        """
-        return self.inversion.evaluate(network, physics, labels, velocities, batch)
 
     def update(self, network, optimiser, labels, samples, batch, done):
         """Make ``network_steps`` of Adam on the labels of all samples.
@@ -104,6 +92,6 @@ class ScaleInvariantPhysics(LabelRegression):
     effort: Effort = Effort(1e-2, 30)
 
     @property
-    def inversion(self) -> Inversion:
+    def evaluator(self) -> Evaluator:
         """One coupled Newton step from the network's prediction."""
         return CoupledStep(self.slopes > 0, self.tolerance, self.effort)

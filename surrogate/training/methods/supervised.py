@@ -5,7 +5,8 @@ The baseline of the other methods: labels by the full solver, and the same loss 
 
 import dataclasses
 
-from surrogate.training.methods.labels import FullSolve, Inversion
+from surrogate.training.methods.labels import FullSolve
+from surrogate.training.methods.method import Evaluator
 from surrogate.training.methods.sip import LabelRegression
 
 
@@ -14,6 +15,6 @@ class Supervised(LabelRegression):
     """Supervised regression: solve body flows where labels are missing, then Adam on all labels."""
 
     @property
-    def inversion(self) -> Inversion:
+    def evaluator(self) -> Evaluator:
         """The full solution of the body flow."""
         return FullSolve(self.slopes > 0)
