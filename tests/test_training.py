@@ -16,7 +16,7 @@ from surrogate.training.held_out import solve_held_out
 from surrogate.training.loop import load_errors, make_setup, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
 from surrogate.training.methods.sip import ScaleInvariantPhysics
-from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.plan import MAKERS, METHODS, Plan, make_plan
 from surrogate.training.record import surrogate_of
 from surrogate.training.step import compile_step, first_state
 from surrogate.training.train import checkpoint_path, train_all, train_plan
@@ -119,6 +119,14 @@ def test_a_flow_that_is_not_found_is_not_solved_again(plan, setup):
     assert not costs
     assert loss == 0
     assert np.array_equal(again.network.weights, setup.network.weights)
+
+
+def test_methods_that_ask_for_the_same_flows_share_a_program():
+    """Methods at their best; programs are kept by evaluator."""
+    evaluators = {method: MAKERS[method]().evaluator for method in METHODS}
+    assert evaluators["hig"] == evaluators["supervised"]
+    assert evaluators["sip"] == evaluators["dp"]
+    assert len(set(evaluators.values())) == 2
 
 
 def test_same_seed_same_weights_and_another_seed_others(plan, setup, trained):

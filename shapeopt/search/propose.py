@@ -22,7 +22,7 @@ from shapeopt.problem.scenarios import (
     objective_and_constraints,
 )
 from shapeopt.search.optimality import kkt_residual
-from shapeopt.search.sqp import PENALTY, SqpResult, minimise_sqp, model_values
+from shapeopt.search.sqp import PENALTY, SqpResult, minimise_sqp
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices, map_over_devices
 from surrogate.errors import NotConverged
@@ -107,10 +107,8 @@ def propose_all(
         sound = end.feasibility >= FEASIBLE and np.isfinite(end.value)
         if not (sound and (end.converged or not require_converged)):
             raise NotConverged(_failure(problem, model, end))
-        _, constraints = model_values(model, end.parameters, problem.scenarios)
-        residual = kkt_residual(
-            problem.limits, end.parameters, float(end.value), end.gradient, *constraints
-        )
+        at = end.parameters, float(end.value), end.gradient
+        residual = kkt_residual(problem.limits, *at, end.of_loads, end.by_loads)
         found.append(
             Proposal(
                 parameters=end.parameters,
@@ -193,10 +191,10 @@ def minimise_from_all(
 
 def _failure(problem, model, end):
     """Return why no search of a problem succeeded: a load out of reach, or none settled."""
-    _, (values, _) = model_values(model, end.parameters, problem.scenarios)
-    if not len(values) or float(jnp.min(values)) >= FEASIBLE:
+    values = end.of_loads
+    if not len(values) or np.min(values) >= FEASIBLE:
         return "optimise: none of the starts reached an optimum"
-    name = list(LOAD_BOUNDS)[int(jnp.argmin(values)) // len(problem.scenarios.weight)]
+    name = list(LOAD_BOUNDS)[int(np.argmin(values)) * len(LOAD_BOUNDS) // len(values)]
     bound, loads = LOAD_BOUNDS[name], model_loads(model, end.parameters, problem.scenarios)[0]
     nearest = bound.sense * float(jnp.min(bound.sense * loads[:, bound.index]))
     return (

@@ -37,14 +37,16 @@ ARMIJO = 1e-4  # share of the predicted decrease that a step must achieve, as us
 class SqpResult(NamedTuple):
     """The end of a search: the body with its objective and gradient, and how the search went.
 
-    ``feasibility`` is the least constraint value. The first ``steps`` + 1 rows of ``path`` are the
-    bodies on the way.
+    ``feasibility`` is the least constraint value; ``of_loads`` are the constraints on loads and
+    ``by_loads`` their Jacobian. The first ``steps`` + 1 rows of ``path`` are the bodies on the way.
     """
 
     parameters: Float[Array, " parameters"]
     value: Float[Array, ""]
     gradient: Float[Array, " parameters"]
     feasibility: Float[Array, ""]
+    of_loads: Float[Array, " load_constraints"]
+    by_loads: Float[Array, "load_constraints parameters"]
     converged: Bool[Array, ""]
     evaluations: Int[Array, ""]
     path: Float[Array, "iterations parameters"]
@@ -147,6 +149,7 @@ def minimise_sqp(
     state = _State(unknown, jnp.eye(z.size), step, jnp.ones(()), no, zero, path, zero - 1)
     state = jax.lax.while_loop(unfinished, iterate, state)
     point = state.point
+    shapes = blank.constraints.size - scenarios.load_bounds.size * scenarios.weight.size
     # where no step length helps, rounding hides what little decrease is predicted
     tolerance = jnp.where(state.length > SHORTEST, DECREASE, 1e3 * DECREASE)
     return SqpResult(
@@ -154,6 +157,8 @@ def minimise_sqp(
         value=point.value * scale,
         gradient=point.gradient * scale / width,
         feasibility=jnp.min(point.constraints),
+        of_loads=point.constraints[shapes:],
+        by_loads=point.jacobian[shapes:] / width,
         converged=state.step.predicted_decrease <= tolerance,
         evaluations=state.iterations,
         path=low + width * state.path,
