@@ -22,7 +22,7 @@ from studies.trust import rows_of
 from study import TINY, Result, Row, Run, Study, Table, columns
 
 from surrogate import FIDELITIES, Fidelity, Shape, Unbounded, family_shape
-from surrogate.flow.check.error_estimate import ERROR_MODELS, ErrorModel2D, ErrorModel3D
+from surrogate.flow.check.error_estimate import ERROR_MODELS, ErrorModel2D, ErrorModel3D, Loads
 from surrogate.flow.grid import wall_3d
 from surrogate.flow.grid.discretise import DOMAINS, fitted_domain
 from surrogate.flow.grid.domain import Domain
@@ -249,8 +249,8 @@ def spread_uncovered(run: Run, value: float) -> Iterator[bool]:
     model, cells = ERROR_MODELS[2], FIDELITIES["standard"].cells
     with mock.patch.object(ErrorModel2D, "SPREAD", value):
         for row in _rows_with_parts():
-            spread = model.spreads(cells, row["reynolds"], 1.0).drag
-            likely = model.likely(row["grid"], row["domain"], spread)
+            parts = (Loads(row[part], 0.0, 0.0) for part in ("grid", "domain"))
+            likely = model.likely(*parts, model.spreads(cells, row["reynolds"], 1.0)).drag
             yield abs(row["error"]) > model.SAFETY.drag * likely
 
 

@@ -48,7 +48,7 @@ CASES = [
     for reynolds in numbers
 ]
 # random sections of a scene: the bounds were fitted to the bodies above, not to these
-SCENE, SEED, DRAWN = Path(__file__).parents[2] / "lift.toml", 2811, {"standard": 24, "fine": 12}
+SCENE, SEED, DRAWN = Path(__file__).parents[2] / "lift.toml", 2812, {"standard": 20, "fine": 8}
 DRAWS = [{"draw": k, "fidelity": level} for level, count in DRAWN.items() for k in range(count)]
 # Cd and Cl by the chord at chord Re 1000 in a box of 15 chords, by Lethe (its documentation)
 LETHE = {0.0: (0.1196, 0.0), 3.0: (0.1224, 0.159), 7.0: (0.135, 0.303)}

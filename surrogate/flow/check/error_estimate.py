@@ -79,13 +79,13 @@ class ErrorModel(abc.ABC):
         """
 
     @abc.abstractmethod
-    def likely(self, grid: float, domain: float, spread: float) -> float:
-        """Return the likely error of a load from its parts.
+    def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
+        """Return the likely errors of the loads over Cd from their parts, over Cd too.
 
         Args:
-          grid: error of the grid, with its sign.
-          domain: error of the domain, with its sign.
-          spread: the part that neither of them shows, from ``spreads``.
+          grid: errors of the grid, with their signs.
+          domain: errors of the domain, with their signs.
+          spreads: the parts that neither of them shows, from ``spreads``.
         """
 
     @abc.abstractmethod
@@ -103,16 +103,16 @@ class ErrorModel2D(ErrorModel):
 
     A larger domain shows the domain's error with its sign. The two parts partly cancel, so they are
     added with their signs; to their sum's square are added those of the domain's part, which is
-    uncertain, and of a spread that neither part shows. The spread of the drag falls slowly with the
-    cells. That of lift and moment, whose errors come from the boundary layers on slender bodies, is
-    proportional to the cell size over the thickness of the thinnest of these layers.
+    uncertain, and of a spread that neither part shows. The spread grows with the cell size over the
+    thickness of the thinnest boundary layer. Lift that goes wrong at the tail means a moment.
     """
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.5, 1.5
-    SAFETY = Loads(2.0, 1.0, 1.0)
+    SAFETY = Loads(2.0, 1.3, 1.3)
     GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
     SPREAD, SPREAD_CELLS = 1e-3, 16  # of the drag, over Cd, on so many cells per D
-    LIFT_SPREAD, MOMENT_SPREAD = 5e-3, 2.5e-3  # over Cd, on cells as large as the layer is thick
+    LAYERS = Loads(0.8e-3, 3.8e-3, 2e-3)  # spreads over Cd on cells as large as the layer is thick
+    TAIL = 0.7  # D from the centroid, where an error of the lift acts
     EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
 
     def order(self, reynolds: float) -> float:
@@ -121,13 +121,18 @@ class ErrorModel2D(ErrorModel):
 
     def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
         """Return the spreads of equation (9) of ``surrogate/flow/README.md``."""
-        drag = self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells)
-        coarseness = inverse_layer(reynolds, chord) / cells
-        return Loads(drag, self.LIFT_SPREAD * coarseness, self.MOMENT_SPREAD * coarseness)
+        layers = inverse_layer(reynolds, chord) / cells
+        drag, lift, moment = (spread * layers for spread in self.LAYERS)
+        drag = math.hypot(drag, self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells))
+        return Loads(drag, lift, moment)
 
-    def likely(self, grid: float, domain: float, spread: float) -> float:
-        """Return the likely error by equation (9) of ``surrogate/flow/README.md``."""
-        return math.hypot(self.GRID_SHARE * grid + domain, domain, spread)
+    def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
+        """Return the likely errors by equation (9) of ``surrogate/flow/README.md``."""
+        drag, lift, moment = (
+            math.hypot(self.GRID_SHARE * g + d, d) for g, d in zip(grid, domain, strict=True)
+        )
+        seen = drag, lift, math.hypot(moment, self.TAIL * lift)
+        return Loads(*map(math.hypot, seen, spreads))
 
     def margin(self, cells: int, reynolds: float) -> float:
         """Return ``EXPECTED``, whatever the grid and Re."""
@@ -154,9 +159,9 @@ class ErrorModel3D(ErrorModel):
         """Return zeros: grid and domain show the whole error."""
         return Loads(0.0, 0.0, 0.0)
 
-    def likely(self, grid: float, domain: float, spread: float) -> float:
-        """Return the sum of the magnitudes of the parts."""
-        return abs(grid) + abs(domain) + spread
+    def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
+        """Return the sums of the magnitudes of the parts."""
+        return Loads(*(sum(map(abs, parts)) for parts in zip(grid, domain, spreads, strict=True)))
 
     def margin(self, cells: int, reynolds: float) -> float:
         """Return a margin that is larger on few cells and where boundary layers are thin."""
@@ -199,17 +204,15 @@ def estimate_error(
         return ErrorEstimate("degraded")
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1
-    of_grid = [(a - b) / growth for a, b in zip(rough, loads, strict=True)]
-    of_domain = [(a - b) / (1 - model.DOMAIN_ERROR) for a, b in zip(rough, other, strict=True)]
+    of_grid = [(a - b) / growth / loads.drag for a, b in zip(rough, loads, strict=True)]
+    step = (1 - model.DOMAIN_ERROR) * loads.drag
+    of_domain = [(a - b) / step for a, b in zip(rough, other, strict=True)]
     spreads = model.spreads(whole.cells, reynolds, chord)
-    likely = [
-        model.likely(grid, domain, spread * loads.drag) / loads.drag
-        for grid, domain, spread in zip(of_grid, of_domain, spreads, strict=True)
-    ]
+    likely = model.likely(Loads(*of_grid), Loads(*of_domain), spreads)
     margin = model.margin(coarser.cells, reynolds)
-    expected = margin * likely[0]
+    expected = margin * likely.drag
     bounds = [safety * each for safety, each in zip(model.SAFETY, likely, strict=True)]
-    limit = loads.drag - of_grid[0] if coarser.cells >= ASYMPTOTIC_CELLS else None
+    limit = loads.drag * (1 - of_grid[0]) if coarser.cells >= ASYMPTOTIC_CELLS else None
     size = loads.drag if loads.lift else 0.0  # of symmetric bodies lift and moment are exact
     known = expected, max(expected, bounds[0]), *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:
@@ -221,8 +224,9 @@ def estimate_error(
         level = level.for_body(reynolds, height, chord)
         grid = of_grid[0] * (whole.cells / level.cells) ** order
         domain = of_domain[0] * _domain_error(whole, level, model)
-        spread = model.spreads(level.cells, reynolds, chord).drag * loads.drag
-        return margin * model.likely(grid, domain, spread) / loads.drag
+        parts = (Loads(part, 0.0, 0.0) for part in (grid, domain))
+        spreads = model.spreads(level.cells, reynolds, chord)
+        return margin * model.likely(*parts, spreads).drag
 
     levels = NAMED[dimension].values()
     sufficient = next((f.name for f in levels if expected_at(f) <= fidelity.tolerance), None)
