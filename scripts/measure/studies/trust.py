@@ -30,7 +30,7 @@ from surrogate import (
     family_shape,
     naca4,
 )
-from surrogate.flow.check.error_estimate import ERROR_MODELS
+from surrogate.flow.check.error_estimate import ERROR_MODELS, Loads
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
 SCENE = "symmetric, on a scene's grid"  # which is larger than one for the body alone
@@ -162,8 +162,8 @@ def compared(
     return row | {
         "status": found.status,
         "drag": found.drag,
-        "grid": grid and grid / found.drag,
-        "domain": domain and domain / found.drag,
+        "grid": grid and grid.drag,
+        "domain": domain and domain.drag,
         "expected": found.expected_error,
         "bound": found.estimated_error,
         "error": found.drag / truth - 1,
@@ -175,8 +175,8 @@ def compared(
 
 
 @contextlib.contextmanager
-def parts_of_errors(dimension: int) -> Iterator[list[tuple[float, float]]]:
-    """Record the errors of grid and domain that estimates are made of, the drag's first."""
+def parts_of_errors(dimension: int) -> Iterator[list[tuple[Loads, Loads]]]:
+    """Record the errors of grid and domain over Cd that estimates are made of."""
     kind, found = type(ERROR_MODELS[dimension]), []
     likely = kind.likely
 
