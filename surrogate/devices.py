@@ -19,7 +19,6 @@ from jaxtyping import PyTree
 
 from surrogate.arrays import Number
 from surrogate.checks import whole_number
-from surrogate.compilation import quick_options
 from surrogate.errors import InvalidInput
 from surrogate.processes import gather_to_host
 
@@ -52,18 +51,16 @@ class Devices:
         return self.mesh.size
 
     @property
-    def options(self) -> dict[str, str | bool | int]:
+    def options(self) -> dict[str, str]:
         """Compiler options that make the results independent of the number of devices.
 
-        They compile quickly, too, see ``quick_options``. XLA runs its algebraic simplifier once
-        more on partitioned programs, which changes the rounding. With that pass disabled results
-        agree to the last bit, at 5 % more time on a CPU. XLA's library of small products (YNNPACK,
-        jaxlib 0.10) then crashes now and then, so the pass that calls it,
-        ``dot-library-rewriter``, is disabled too.
+        XLA runs its algebraic simplifier once more on partitioned programs, which changes the
+        rounding. With that pass disabled results agree to the last bit, at 5 % more time on a CPU.
+        XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so the
+        pass that calls it, ``dot-library-rewriter``, is disabled too.
         """
         on_cpu = self.mesh.devices.flat[0].platform == "cpu"
-        passes = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"} if on_cpu else {}
-        return passes | quick_options()
+        return {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"} if on_cpu else {}
 
     def place(self, tree: PyTree) -> PyTree:
         """Put a pytree on the mesh: ``Sharded`` arrays split by body, all else replicated."""
