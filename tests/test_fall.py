@@ -104,7 +104,8 @@ def test_heavy_bodies_swing_and_light_ones_do_not():
     swing = late.tilt - found.tilt[-1]
     turns = np.flatnonzero(np.diff(np.sign(swing)) != 0)[-3:]
     at = late.time[turns] - swing[turns] * np.diff(late.time)[0] / np.diff(swing)[turns]
-    assert 0.5 / np.diff(at) == pytest.approx(frequency, rel=0.02)
+    # a whole period: half swings differ by how exactly the end of the fall is known
+    assert 1 / (at[2] - at[0]) == pytest.approx(frequency, rel=0.01)
 
 
 class EggLoads(StokesLoads):

@@ -40,6 +40,7 @@ LONG = {
     "incidence_elements",
     "least",
     "lift",
+    "random_sections",
     "lift_designs",
     "literature",
     "march",
