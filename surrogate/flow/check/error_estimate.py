@@ -110,7 +110,7 @@ class ErrorModel2D(ErrorModel):
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.5, 1.5
     SAFETY = Loads(2.0, 1.3, 1.3)
     GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
-    SPREAD, SPREAD_CELLS = 1e-3, 16  # of the drag, over Cd, on so many cells per D
+    SPREAD, SPREAD_CELLS = 1e-3, 16  # of the drag over Cd, on grids of SPREAD_CELLS cells per D
     LAYERS = Loads(0.8e-3, 3.8e-3, 2e-3)  # spreads over Cd on cells as large as the layer is thick
     TAIL = 0.7  # D from the centroid, where an error of the lift acts
     EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
