@@ -28,7 +28,7 @@ from shapeopt.commands.distributed import (
 )
 from surrogate.devices import Devices, choose_devices
 from surrogate.files import JsonObject
-from surrogate.model.store import warn_of_inaccuracy
+from surrogate.model.store import load, warn_of_inaccuracy
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.scene.scene import Scene
@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     count = initialise(a)
     scene = Scene.read(a.scene) if a.scene else None
     numbers = a.preset, a.samples, a.seed, a.budget_seconds, a.published, a.held_out
-    plan = make_plan(scene, a.method, *numbers)
+    plan = make_plan(scene, a.method, *numbers, load(a.refine) if a.refine else None)
     out, devices = Path(a.out), choose_devices(count, a.device_batch)
     with exit_when_disconnected():
         stored = stored_training(plan, out, a.overwrite)
@@ -105,6 +105,7 @@ def _parser() -> Parser:
     add("--method", required=True, help=f"{', '.join(METHODS)} (explained below)")
     add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
     add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
+    add("--refine", metavar="DIR", help="surrogate of fewer samples: add where it knows least")
     add("--held-out", type=int, help=f"unseen bodies that give the errors ({HELD_OUT_HELP})")
     add("--preset", default="quick", choices=list(PRESETS), help="samples and iterations (quick)")
     add("--budget-seconds", type=float, help="train for this time instead, from 1 s")

@@ -9,8 +9,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.model.network import LoadNetwork
-from surrogate.scene.samples import training_samples
-from surrogate.scene.scene import Scene
+from surrogate.scene.samples import Samples
 
 RIDGE = 1e-4  # over the mean square of the training samples' gradients; 1e-6 to 1e-2 serve as well
 COVERED = 0.95  # share of the bodies whose errors lie within the bounds
@@ -32,16 +31,14 @@ class Novelty:
     factor: Float[Array, "outputs outputs"]  # Cholesky factor of their regularised Gram matrix
 
     @classmethod
-    def of(cls, network: LoadNetwork, scene: Scene, seed: int, count: int) -> "Novelty":
+    def of(cls, network: LoadNetwork, samples: Samples) -> "Novelty":
         """Return the novelty measure of a network with respect to its training samples.
 
         Args:
           network: the trained network.
-          scene: on which it was trained.
-          seed: of the training.
-          count: number of training samples.
+          samples: on which it was trained.
         """
-        return cls(network, *_known(network, *training_samples(scene, seed, count)))
+        return cls(network, *_known(network, *samples))
 
     @jax.jit
     def __call__(
@@ -55,6 +52,18 @@ class Novelty:
         # the ridge keeps the difference positive; rounding may not
         left = jnp.sum(gradients**2, axis=-1) - jnp.sum(explained**2, axis=0)
         return jnp.sqrt(jnp.maximum(left, 0.0))
+
+    @jax.jit
+    def covariance(self, samples: Samples) -> Float[Array, "outputs outputs"]:
+        """Return the covariance of the loads over Cd at some samples, all loads of each in turn.
+
+        The square roots of its diagonal are the novelties.
+        """
+        gradients = _all_gradients(self.network, *samples)
+        explained = jax.scipy.linalg.solve_triangular(
+            self.factor, self.known @ gradients.T, lower=True
+        )
+        return gradients @ gradients.T - explained.T @ explained
 
 
 def error_scales(
@@ -78,11 +87,16 @@ def error_scales(
 @jax.jit
 def _known(network, parameters, reynolds):
     """Gradients at samples, and the Cholesky factor of their regularised Gram matrix."""
-    gradients = jax.vmap(_gradients, (None, 0, 0))(network, parameters, reynolds)
-    known = gradients.reshape(-1, gradients.shape[-1])
+    known = _all_gradients(network, parameters, reynolds)
     gram = known @ known.T
     ridge = RIDGE * jnp.mean(jnp.diag(gram))
     return known, jnp.linalg.cholesky(gram + ridge * jnp.eye(len(gram)))
+
+
+def _all_gradients(network, parameters, reynolds):
+    """Gradients of all loads of some bodies in the weights, over Cd, a row for each."""
+    gradients = jax.vmap(_gradients, (None, 0, 0))(network, parameters, reynolds)
+    return gradients.reshape(-1, gradients.shape[-1])
 
 
 def _gradients(network, *sample):

@@ -18,6 +18,7 @@ from surrogate.model.confidence import Novelty
 from surrogate.model.network import LoadNetwork
 from surrogate.model.ranges import ROUNDING, TrainedRanges
 from surrogate.scene.limits import REYNOLDS, check_reynolds
+from surrogate.scene.samples import Samples, training_samples
 from surrogate.scene.scene import Scene
 from surrogate.summary import aligned
 
@@ -141,7 +142,7 @@ class Surrogate:
         scales = jnp.array([self.recorded(f"{name}_error_scale") for name in known])
 
         def bounds(*body):
-            return scales * self._novelty(*body)
+            return scales * self.novelty(*body)
 
         return np.asarray(_of_each_load(bounds, parameters, reynolds))
 
@@ -222,10 +223,20 @@ class Surrogate:
             raise InvalidInput(f"surrogate: its record lacks {key}, which a training writes")
         return self.record[key]
 
-    @functools.cached_property
-    def _novelty(self) -> Novelty:
+    @property
+    def training_samples(self) -> Samples:
+        """Bodies and Reynolds numbers on which it was trained, by its record.
+
+        Raises:
+          InvalidInput: the record lacks their seed or number.
+        """
         seed, count = self.recorded("seed"), self.recorded("samples")
-        return Novelty.of(self.network, self.scene, seed, count)
+        return training_samples(self.scene, seed, count, self.record.get("infill", ()))
+
+    @functools.cached_property
+    def novelty(self) -> Novelty:
+        """Measure of how little the training samples say about the loads of other bodies."""
+        return Novelty.of(self.network, self.training_samples)
 
     def _checked(self, parameters, reynolds, extrapolate):
         """Return bodies and Reynolds numbers as arrays, refusing what cannot be answered."""

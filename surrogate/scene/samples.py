@@ -1,5 +1,6 @@
 """Random bodies and Reynolds numbers: training samples and held-out samples."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -34,11 +35,24 @@ class Samples(NamedTuple):
         return Samples(*(part[index] for part in self))
 
 
-def training_samples(scene: Scene, seed: int, count: int) -> Samples:
+def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] = ()) -> Samples:
     """Draw training samples by a scrambled Sobol sequence over the ranges and log Re.
 
     Bodies that cross themselves are skipped.
+
+    Args:
+      scene: whose family and Reynolds numbers they are drawn from.
+      seed: of the sequence.
+      count: number of samples.
+      infill: the positions in the sequence of the last samples; the others are the first of it.
     """
+    first = count - len(infill)
+    positions = np.concatenate([np.arange(first), np.asarray(infill, int)])
+    return _sequence(scene, seed, int(max(positions, default=-1)) + 1).at(positions)
+
+
+def _sequence(scene, seed, count):
+    """Return the first samples of the sequence."""
     low, high = np.log(scene.reynolds)
     sequence = qmc.Sobol(len(scene.family.names) + 1, rng=seed)
     bodies, log_re = np.empty((0, len(scene.family.names))), np.empty(0)

@@ -118,4 +118,4 @@ def _map_sharded(state, function):
 
 
 def _describe(plan):
-    return {**dataclasses.asdict(plan), "scene": plan.scene.record}
+    return dataclasses.asdict(plan) | {"scene": plan.scene.record, "infill": list(plan.infill)}

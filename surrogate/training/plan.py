@@ -7,7 +7,9 @@ from typing import Literal, get_args
 
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
+from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
+from surrogate.training.infill import infill_positions
 from surrogate.training.methods.dp import DifferentiablePhysics, PublishedDifferentiablePhysics
 from surrogate.training.methods.hig import HalfInverseGradients, PublishedHalfInverseGradients
 from surrogate.training.methods.method import Method
@@ -79,6 +81,8 @@ class Plan:
       budget_s: seconds of training, in place of ``iterations``.
       report_every: iterations between points of the history.
       published: the method as published instead of at its best.
+      infill: positions of the last samples in the Sobol sequence (``infill_positions``); the others
+        are the first of the sequence.
     """
 
     method: MethodName
@@ -90,6 +94,7 @@ class Plan:
     budget_s: float | None = None
     report_every: int = 10
     published: bool = False
+    infill: tuple[int, ...] = ()
 
     def make_method(self) -> Method:
         """Return the method with its default settings."""
@@ -105,6 +110,7 @@ def make_plan(
     budget_seconds: float | None = None,
     published: bool = False,
     held_out: int | None = None,
+    refine: Surrogate | None = None,
 ) -> Plan:
     """Return the plan of a preset, whose numbers are replaced by those that are given.
 
@@ -119,9 +125,12 @@ def make_plan(
       budget_seconds: seconds of training, from 1 to below 1e6, in place of the preset's iterations.
       published: the method as published instead of at its best.
       held_out: number of held-out samples, at least 4, in place of the preset's.
+      refine: a surrogate of the same scene and seed, trained on fewer samples. These are used
+        again; the others are those about which it knows least.
 
     Raises:
-      InvalidInput: no such method or preset, or a number is out of range.
+      InvalidInput: no such method or preset, a number is out of range, or ``refine`` is of another
+        scene, of another seed or of as many samples.
     """
     if not isinstance(method, str) or method not in METHODS:
         raise InvalidInput(f"method {method!r}: one of {', '.join(METHODS)}")
@@ -138,10 +147,12 @@ def make_plan(
     iterations = ((published and chosen.published) or chosen.iterations)[method]
     if not scene.family.body_class.symmetric:
         iterations *= LIFTING_STEPS
+    samples = whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6)
     return Plan(
         method=method,
         scene=scene,
-        samples=whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6),
+        samples=samples,
+        infill=() if refine is None else infill_positions(refine, scene, seed, samples),
         held_out=whole_number(
             "held-out bodies", chosen.held_out if held_out is None else held_out, 4, 10**6
         ),

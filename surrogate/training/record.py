@@ -12,6 +12,7 @@ from surrogate.flow.flow import Flow
 from surrogate.model.confidence import Novelty, error_scales
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
 from surrogate.repeats import differences
+from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.history import load_errors
@@ -55,6 +56,7 @@ def surrogate_of(
         "published": plan.published,
         "seed": plan.seed,
         "samples": plan.samples,
+        "infill": list(plan.infill),
         "held_out": plan.held_out,
         "held_out_failed": setup.held_out_failed,
         "budget_s": plan.budget_s,
@@ -98,7 +100,8 @@ def measured_anew(
 def _errors(plan, network, held_out, loads):
     """Errors of all loads on held-out bodies, over Cd, and the scales of the bounds for them."""
     errors = np.asarray(load_errors(network, held_out, loads))
-    novelty = Novelty.of(network, plan.scene, plan.seed, plan.samples)
+    samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
+    novelty = Novelty.of(network, samples)
     scales = error_scales(errors, jax.vmap(novelty)(*held_out))
     p95 = np.percentile(errors, 95, axis=0)
     measures = {"mean": errors.mean(0), "p95": p95, "max": errors.max(0), "scale": scales}
@@ -117,6 +120,8 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
     """
     stored = {name: record.get(key) for key, name in SETTINGS.items()}
     asked = {name: getattr(plan, key) for key, name in SETTINGS.items()}
+    stored["infill"] = record.get("infill", [])  # older records have none
+    asked["infill"] = list(plan.infill)
     if not (plan.budget_s or record.get("budget_s") or record.get("stopped")):
         stored["iterations"], asked["iterations"] = record.get("iterations"), plan.iterations
     stored |= Scene.of(record.get("scene")).record

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from surrogate.devices import Devices, choose_devices
 from surrogate.files import JsonObject
-from surrogate.model.store import save, warn_of_inaccuracy
+from surrogate.model.store import load, save, warn_of_inaccuracy
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
 from surrogate.progress import progress_bar
@@ -33,6 +33,7 @@ def train(
     devices: int | None = None,
     device_batch: int | None = None,
     overwrite: bool = False,
+    refine: str | Path | Surrogate | None = None,
 ) -> Surrogate:
     """Train a small network that predicts the drag of a scene's bodies, using the flow solver.
 
@@ -73,6 +74,8 @@ def train(
       device_batch: batch size per device: flows solved simultaneously on one device; by default 1
         on a CPU, 32 elsewhere.
       overwrite: train even if the folder holds a surrogate, and replace it.
+      refine: a surrogate of the same scene and seed, or its folder, trained on fewer samples. These
+        are used again; the others are those about which it knows least.
 
     Returns:
       The surrogate; its ``record`` has the drag's mean and largest error on held-out bodies. A
@@ -82,7 +85,9 @@ def train(
       InvalidInput: an argument is invalid, or the folder holds another training or something else.
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
-    plan = make_plan(scene, method, preset, samples, seed, budget_seconds, published, held_out)
+    refine = refine if refine is None or isinstance(refine, Surrogate) else load(refine)
+    numbers = preset, samples, seed, budget_seconds, published, held_out
+    plan = make_plan(scene, method, *numbers, refine)
     chosen = choose_devices(devices, device_batch)
     surrogate = train_plan(plan, out, progress, chosen, overwrite=overwrite)
     warn_of_inaccuracy(surrogate, f"training by {method}", stacklevel=3)
@@ -186,7 +191,7 @@ def train_all(
         if found is None or not is_measured(found, plan):
             setup = None
             if found is None:
-                key = plan.scene, plan.seed, plan.samples, plan.held_out
+                key = plan.scene, plan.seed, plan.samples, plan.infill, plan.held_out
                 setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
             surrogates[name] = train_plan(
                 plan, out / name, devices=devices, setup=setup, title=name, overwrite=overwrite
