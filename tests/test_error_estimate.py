@@ -75,7 +75,7 @@ def test_exact_extrapolation_of_second_order(cells, extrapolated):
         return Loads(2 - 20 / fidelity.cells**2, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=cells)
-    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2, 1.0)
+    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2, 0.5)
     assert found.extrapolated_drag == (extrapolated and pytest.approx(extrapolated))
 
 
@@ -85,7 +85,7 @@ def test_exact_orders_in_3d_fall_from_three_to_two_with_re(reynolds, order):
         return Loads(2 - 20 / fidelity.cells**order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3, 1.0)
+    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3, 0.5)
     assert found.extrapolated_drag == pytest.approx(2.0, abs=2e-4 if reynolds == 300 else 1e-9)
 
 
@@ -106,9 +106,9 @@ def test_accurate_in_3d_needs_a_margin_of_few_cells_per_boundary_layer(reynolds,
         return Loads(1 + error * DRAFT.tolerance * (24 / fidelity.cells) ** order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3, 1.0).status == status
+    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3, 0.5).status == status
     assert (
-        estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.7, 3, 1.0).status == "degraded"
+        estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.7, 3, 0.5).status == "degraded"
     )
 
 
@@ -156,7 +156,7 @@ def errors_of(grid, domain):
         error = grid * (standard.cells / fidelity.cells) ** 2 + of_domain
         return Loads(2 * (1 + error), 1 + error, -1 - error)
 
-    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 1.0)
+    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5)
 
 
 def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_up_are_not():
@@ -177,7 +177,7 @@ def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_toleranc
     def solve(fidelity):
         return Loads(1 + 0.03 * (10 / fidelity.cells) ** 2, 0.0, 0.0)
 
-    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2, 1.0)
+    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2, 0.5)
     assert (found.status, found.sufficient) == ("degraded", "standard")
 
 

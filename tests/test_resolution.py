@@ -5,7 +5,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import FIDELITIES, Fidelity, Flow, InvalidInput, Scene, family_shape, train
+from surrogate import (
+    FIDELITIES,
+    Fidelity,
+    Flow,
+    InvalidInput,
+    Scene,
+    contour_shape,
+    family_shape,
+    naca4,
+    train,
+)
+from surrogate.body.nose import nose_of_contour, nose_of_ellipse
 
 COARSE = Flow(Scene(fidelity=Fidelity("coarse", 6, 4, 8, 8)))
 THIN, THICK = [5.0, 0.3, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0]
@@ -64,6 +75,40 @@ def test_a_tunnel_too_coarse_for_the_estimate_alone_is_answered():
     assert found.drag > 9.0  # blocked by a third, 5.5 times the unbounded drag
 
 
+@pytest.mark.parametrize("aspect", [1.0, 4.0])
+def test_exact_nose_of_an_ellipse(aspect):
+    shape = family_shape({"aspect": aspect})
+    assert shape.nose == pytest.approx(1 / (2 * shape.chord**3), rel=1e-6)
+
+
+@pytest.mark.parametrize("turns", [1, -1])
+def test_exact_nose_that_is_a_sharp_arc(turns):
+    """A drop: an arc of radius r upstream, whose tangents lead to a wide end."""
+    radius, half, chord = 0.02, 1.3, 2.0  # half the angle by which the arc turns
+    t = np.linspace(-half, half, 400)
+    arc = np.stack([-1.0 + radius * (1 - np.cos(t)), radius * np.sin(t)], axis=1)
+    wide = arc[-1] + (1.0 - arc[-1, 0]) * np.array([[1.0, 1 / np.tan(half)]])
+    wide = np.concatenate([wide, wide * [1, -1]])
+    sides = [arc, np.linspace(arc[-1], wide[0], 400)[1:], np.linspace(*wide, 400)[1:]]
+    drop = np.concatenate([*sides, np.linspace(wide[1], arc[0], 400)[1:-1]])[::turns]
+    assert nose_of_contour(drop, 0.5) == pytest.approx(3 * radius, rel=0.02)
+    assert nose_of_contour(-drop, 0.5) < radius  # its corners lie upstream
+    assert nose_of_contour(drop, chord) == pytest.approx(min(1 / 16, 3 * radius), rel=0.02)
+
+
+def test_a_sharp_nose_gets_cells_and_a_sharp_tail_does_not():
+    """The section is the worst one of study ``random_sections`` with seed 2811."""
+    section = {"aspect": 3.151, "beta2": -0.286, "beta3": -0.1, "beta4": 0.033}
+    section |= {"gamma2": 0.461, "gamma3": 0.007, "incidence": -3.519}
+    body = family_shape(section)
+    standard = FIDELITIES["standard"]
+    assert standard.for_body(42.8, body.height, body.nose).cells == 32
+    reversed_ = contour_shape(-body.draw(400))
+    assert standard.for_body(42.8, reversed_.height, reversed_.nose).cells == 16
+    naca = contour_shape(naca4("2412"))
+    assert naca.nose == pytest.approx(1 / (2 * naca.chord**3))
+
+
 @pytest.mark.parametrize(
     ("level", "reynolds", "chord", "cells", "harmonics"),
     [
@@ -80,6 +125,7 @@ def test_a_tunnel_too_coarse_for_the_estimate_alone_is_answered():
 def test_thin_boundary_layers_get_cells_and_the_thinnest_harmonics(
     level, reynolds, chord, cells, harmonics
 ):
-    found = FIDELITIES[level].for_layers(reynolds, chord)
+    nose = nose_of_ellipse(chord)
+    found = FIDELITIES[level].for_layers(reynolds, nose)
     assert (found.cells, found.harmonics) == (cells, harmonics)
-    assert found.for_layers(reynolds, chord) == found  # refined once
+    assert found.for_layers(reynolds, nose) == found  # refined once

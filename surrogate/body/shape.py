@@ -13,12 +13,14 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.contour import contour_length, smooth_contour
 from surrogate.body.incidence import check_incidence, rotate
+from surrogate.body.nose import nose_of_contour
 from surrogate.body.registry import body_class
 from surrogate.body.skin import Skin, SkinNodes
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 
 NODES = 400  # of the contour that an extent is measured on
+NOSE_NODES = 2000  # of the one that a nose is measured on, which may be a thousandth of a D
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +58,11 @@ class Shape:
         U c / nu = R is that at Re = U D / nu = R / chord.
         """
         return float(np.ptp(self.draw(NODES)[:, 0])) if self.length is None else self.length
+
+    @functools.cached_property
+    def nose(self) -> float:
+        """Radius of curvature in D that the thinnest boundary layer follows."""
+        return nose_of_contour(self.draw(NOSE_NODES), self.chord)
 
     @property
     def height(self) -> float:

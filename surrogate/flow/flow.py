@@ -262,7 +262,7 @@ class Flow:
         """Return a shape and its Re, checked, with a domain that fits it and its fidelity."""
         self._check_dimension(shape)
         reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset_of(shape))
-        fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.chord)
+        fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.nose)
         return shape, reynolds, self._fitted(shape, self.scene.fidelity, reynolds), fidelity
 
     def _on_scenes_grid(self, body, reynolds, allow_unsteady):
@@ -279,7 +279,7 @@ class Flow:
             at = domain.modes, found.state.amplitude, shape.markers(domain.nodes)
             return Loads(*(float(load(*at)) for load in LOADS.values()))
 
-        at = reynolds, shape.height, shape.dimension, shape.chord, fewest_cells(shape)
+        at = reynolds, shape.height, shape.dimension, shape.nose, fewest_cells(shape)
         return estimate_error(loads, solve, fidelity, *at)
 
     def _fitted(self, shape, fidelity, reynolds):

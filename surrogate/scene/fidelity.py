@@ -25,17 +25,14 @@ SHARP_ENDS = 65.0
 MOST_HARMONICS = 31
 
 
-def inverse_layer(reynolds: float, chord: float) -> float:
-    """Return 1 / thickness of the thinnest boundary layer on an ellipse, in 1 / D.
-
-    It is sqrt(Re / r) with the radius of curvature of the nose, r = 1 / (2 c^3) where the area is
-    pi / 4.
+def inverse_layer(reynolds: float, nose: float) -> float:
+    """Return 1 / thickness of the thinnest boundary layer on a body, in 1 / D: sqrt(Re / r).
 
     Args:
       reynolds: U D / nu.
-      chord: c, of the body in D.
+      nose: r, radius of curvature in D that this layer follows (``Shape.nose``).
     """
-    return math.sqrt(2 * chord**3 * reynolds)
+    return math.sqrt(reynolds / nose)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,7 +104,7 @@ class Fidelity:
         longer = min(longer, LONGEST_DOWNSTREAM)
         return dataclasses.replace(self, downstream=longer, height=self.height + 4)
 
-    def for_layers(self, reynolds: float, chord: float) -> "Fidelity":
+    def for_layers(self, reynolds: float, nose: float) -> "Fidelity":
         """Return the fidelity with cells that are small enough for the boundary layers of bodies.
 
         The factor is rounded up to a multiple of a half, so that there are few grids. Where layers
@@ -115,10 +112,10 @@ class Fidelity:
 
         Args:
           reynolds: greatest U D / nu.
-          chord: of the bodies, in D.
+          nose: smallest radius of curvature in D that the layers follow (``Shape.nose``).
         """
         most = REFINEMENT[2] if self.refinement is None else self.refinement
-        layer = inverse_layer(reynolds, chord)
+        layer = inverse_layer(reynolds, nose)
         thin = THIN_LAYER if self.tolerance > TIGHT else THIN_LAYER_IF_TIGHT
         factor = max(min(math.ceil(2 * layer / thin - 0.05) / 2, most), 1.0)
         more = 2 if layer > SHARP_ENDS and most > 1 else 1
@@ -126,15 +123,15 @@ class Fidelity:
         cells = round(factor * self.cells)
         return dataclasses.replace(self, cells=cells, harmonics=harmonics, refinement=1.0)
 
-    def for_body(self, reynolds: float, height: float, chord: float) -> "Fidelity":
+    def for_body(self, reynolds: float, height: float, nose: float) -> "Fidelity":
         """Return the fidelity for both the wakes and the boundary layers of bodies up to this Re.
 
         Args:
           reynolds: greatest U D / nu.
           height: of the bodies across the stream, in D.
-          chord: of the bodies, in D.
+          nose: as for ``for_layers``.
         """
-        return self.for_layers(reynolds, chord).for_wake(reynolds, height)
+        return self.for_layers(reynolds, nose).for_wake(reynolds, height)
 
     def coarser(self, share: float, fewest: int = 0) -> "Fidelity":
         """Return the fidelity with this share of the cells, but no fewer than bodies need.

@@ -20,6 +20,7 @@ from typing import Any
 import tomli_w
 
 from surrogate.body.family import Family
+from surrogate.body.nose import nose_of_ellipse
 from surrogate.body.registry import check_dimension
 from surrogate.checks import did_you_mean, interval, whole_number
 from surrogate.errors import InvalidInput
@@ -152,7 +153,9 @@ class Scene:
     @property
     def fidelity_for_bodies(self) -> Fidelity:
         """The fidelity with a domain for the longest wake and cells for the thinnest layer."""
-        return self.fidelity.for_body(self.reynolds[1], self.extent[1], self.family.chord)
+        return self.fidelity.for_body(
+            self.reynolds[1], self.extent[1], nose_of_ellipse(self.family.chord)
+        )
 
     def check_reynolds(self, reynolds: Any) -> float:
         """Check that the scene covers a Reynolds number, and return it as a float.

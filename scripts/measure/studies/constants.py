@@ -250,7 +250,7 @@ def spread_uncovered(run: Run, value: float) -> Iterator[bool]:
     with mock.patch.object(ErrorModel2D, "SPREAD", value):
         for row in _rows_with_parts():
             parts = (Loads(row[part], 0.0, 0.0) for part in ("grid", "domain"))
-            likely = model.likely(*parts, model.spreads(cells, row["reynolds"], 1.0)).drag
+            likely = model.likely(*parts, model.spreads(cells, row["reynolds"], 0.5)).drag
             yield abs(row["error"]) > model.SAFETY.drag * likely
 
 

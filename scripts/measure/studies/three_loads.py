@@ -33,7 +33,7 @@ from surrogate.training.methods.method import adam
 from surrogate.training.plan import make_plan
 
 SCRIPTS = Path(__file__).parents[2]
-COUNTS = {"particle": (16, 32, 64), "lift": (64, 256)}
+COUNTS = {"particle": (16, 32, 64), "lift": (64, 256, 1024)}
 HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
 TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies

@@ -69,13 +69,13 @@ class ErrorModel(abc.ABC):
         """Return the power of the cell size that the grid's error falls with."""
 
     @abc.abstractmethod
-    def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
+    def spreads(self, cells: int, reynolds: float, nose: float) -> Loads:
         """Return the likely errors of the loads over Cd that neither grid nor domain shows.
 
         Args:
           cells: of the flow whose error it is, per D.
           reynolds: U D / nu.
-          chord: of the body in D.
+          nose: radius of curvature in D that its boundary layers follow (``Shape.nose``).
         """
 
     @abc.abstractmethod
@@ -119,9 +119,9 @@ class ErrorModel2D(ErrorModel):
         """Return 2, the order of the scheme."""
         return 2.0
 
-    def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
+    def spreads(self, cells: int, reynolds: float, nose: float) -> Loads:
         """Return the spreads of equation (9) of ``surrogate/flow/README.md``."""
-        layers = inverse_layer(reynolds, chord) / cells
+        layers = inverse_layer(reynolds, nose) / cells
         drag, lift, moment = (spread * layers for spread in self.LAYERS)
         drag = math.hypot(drag, self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells))
         return Loads(drag, lift, moment)
@@ -155,7 +155,7 @@ class ErrorModel3D(ErrorModel):
         """Return the order, which falls from 3 to 2 as boundary layers thin to few cells."""
         return 3.0 - thin_layer(reynolds)
 
-    def spreads(self, cells: int, reynolds: float, chord: float) -> Loads:
+    def spreads(self, cells: int, reynolds: float, nose: float) -> Loads:
         """Return zeros: grid and domain show the whole error."""
         return Loads(0.0, 0.0, 0.0)
 
@@ -179,7 +179,7 @@ def estimate_error(
     reynolds: float,
     height: float,
     dimension: int,
-    chord: float,
+    nose: float,
     fewest: int = 0,
 ) -> ErrorEstimate:
     """Estimate the errors of the loads on a body, from two more flows on a coarser grid.
@@ -193,7 +193,7 @@ def estimate_error(
       reynolds: U D / nu.
       height: of the body across the stream, in D.
       dimension: 2 or 3.
-      chord: of the body in D.
+      nose: radius of curvature in D that its boundary layers follow (``Shape.nose``).
       fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
     """
     model, whole = ERROR_MODELS[dimension], dataclasses.replace(fidelity, wake=0.0, refinement=1.0)
@@ -207,7 +207,7 @@ def estimate_error(
     of_grid = [(a - b) / growth / loads.drag for a, b in zip(rough, loads, strict=True)]
     step = (1 - model.DOMAIN_ERROR) * loads.drag
     of_domain = [(a - b) / step for a, b in zip(rough, other, strict=True)]
-    spreads = model.spreads(whole.cells, reynolds, chord)
+    spreads = model.spreads(whole.cells, reynolds, nose)
     likely = model.likely(Loads(*of_grid), Loads(*of_domain), spreads)
     margin = model.margin(coarser.cells, reynolds)
     expected = margin * likely.drag
@@ -221,11 +221,11 @@ def estimate_error(
         return ErrorEstimate("accurate", *known, None, limit)
 
     def expected_at(level):
-        level = level.for_body(reynolds, height, chord)
+        level = level.for_body(reynolds, height, nose)
         grid = of_grid[0] * (whole.cells / level.cells) ** order
         domain = of_domain[0] * _domain_error(whole, level, model)
         parts = (Loads(part, 0.0, 0.0) for part in (grid, domain))
-        spreads = model.spreads(level.cells, reynolds, chord)
+        spreads = model.spreads(level.cells, reynolds, nose)
         return margin * model.likely(*parts, spreads).drag
 
     levels = NAMED[dimension].values()

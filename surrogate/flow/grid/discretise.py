@@ -51,7 +51,7 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
       InvalidInput: the body is thinner than the grid resolves, or does not fit the stream.
     """
     kind, extent = DOMAINS[shape.dimension], shape.extent
-    fidelity = fidelity.for_body(reynolds, shape.height, shape.chord)
+    fidelity = fidelity.for_body(reynolds, shape.height, shape.nose)
     check_resolution(kind, fidelity, shape)
     extent = np.ceil(extent * ROUNDING) / ROUNDING
     check_stream(stream, fidelity, extent, kind.CLEARANCE)

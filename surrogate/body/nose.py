@@ -1,0 +1,43 @@
+"""The nose of a body: the radius of curvature that its thinnest boundary layer follows."""
+
+import numpy as np
+from jaxtyping import Float
+
+SHARPEST_ARC = 1.0  # radian, by which the arc turns whose radius of curvature is that of a nose
+# A sharp nose counts as one of three times its radius, since less of the layer is thin (fitted to
+# errors of Cl on random sections like those of study ``random_sections``, by other seeds).
+SHARP_NOSE = 3.0
+
+
+def nose_of_ellipse(chord: float) -> float:
+    """Return the radius of curvature in D at the nose of an ellipse of area pi/4.
+
+    Args:
+      chord: its longer axis, in D.
+    """
+    return 1 / (2 * chord**3)
+
+
+def nose_of_contour(contour: Float[np.ndarray, "nodes 2"], chord: float) -> float:
+    """Return the radius of curvature in D that the thinnest boundary layer of a body follows.
+
+    It is that of the nose of an ellipse of this chord, or three times the least one upstream of the
+    centroid if that is smaller, measured on the shortest arc that turns by a radian.
+
+    Args:
+      contour: x and y in D once around, centroid at 0, by many nodes.
+      chord: of the body in D.
+    """
+    steps = np.diff(contour, axis=0, append=contour[:1])
+    lengths = np.hypot(*steps.T)
+    turned = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    turned *= np.sign(turned[-1] - turned[0])
+    along = np.cumsum(lengths) - lengths / 2
+    turned = np.concatenate([turned, turned + 2 * np.pi])
+    along = np.concatenate([along, along + lengths.sum()])
+    furthest = np.maximum.accumulate(turned)  # where the contour is concave it turns back
+    arcs = np.interp(furthest + SHARPEST_ARC, furthest, along) - along
+    convex = (turned >= furthest)[: len(contour)]
+    upstream = contour[:, 0] + steps[:, 0] / 2 < 0
+    sharpest = arcs[: len(contour)][convex & upstream].min() / SHARPEST_ARC
+    return min(nose_of_ellipse(chord), SHARP_NOSE * float(sharpest))
