@@ -32,6 +32,7 @@ LONG = {
     "extrapolated",
     "extremes",
     "extremes_lift",
+    "infill",
     "flow_3d",
     "foreseen",
     "gradients",

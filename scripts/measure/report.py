@@ -15,7 +15,7 @@ from typing import Any
 
 from run import PICTURES, RESULTS, keep, load_study
 from studies import lift_designs, particle, training
-from study import Result, columns, words
+from study import Result, words
 from tools import mean_and_most
 
 from shapeopt.commands.cli import Parser, emit, run
@@ -23,6 +23,7 @@ from shapeopt.commands.ranges import numbers
 from shapeopt.payoff.tables import payoff_tables, short_table
 from surrogate import InvalidInput, load
 from surrogate.files import whole_file
+from surrogate.training.plan import PRESETS
 
 BOOK = Path(__file__).parent / "RESULTS.md"
 README = Path(__file__).parents[2] / "README.md"
@@ -109,9 +110,14 @@ def short_block(name: str, record: Result) -> str:
 
 
 def _training(result: Result) -> str:
-    form = "method {method} | error of Cd: mean {error_mean} | max {error_max}"
-    form += " | of its shape gradient {gradient} | work, G {work:.0f} | time {time}"
-    return columns(f"{form} | with compilation {{first}}")(training.summary(result))
+    errors = {row["method"]: row["error_mean"] for row in training.summary(result)}
+    form = (
+        "Rivals fitted to the same {bodies} flows err on average by {gradient-enhanced kriging} "
+        "(gradient-enhanced kriging), {kriging} (kriging) and {polynomial} (a polynomial of degree "
+        "4); the methods as published by {sip, as published} (SIP), {hig, as published} (HIG) and "
+        "{dp, as published} (DP)."
+    )
+    return words(form, bodies=PRESETS["full"].samples, **errors)
 
 
 def _accuracy(result: Result) -> str:
@@ -133,11 +139,11 @@ def _space(result: Result) -> str:
         return [row["error"] for row in rows if "standard" in (row["row"], row["column"])]
 
     form = (
-        "In 3-D, standard: the error of the sphere's Cd at Re 0.1 to 100 is {sphere[1]:.2%} at "
-        "most, that of ellipsoids of two and three axes {exact[1]:.2%} (against Oberbeck), that of "
-        "{count} other bodies of revolution {revolved[0]:.2%} on average and {revolved[1]:.2%} at "
-        "most (against axisymmetric elements). The network that ships for it, `pretrained:space`, "
-        "differs by {drag_error_mean:.2%} from its flow on average, {drag_error_max:.2%} at most."
+        "In 3-D that of the sphere (Re 0.1 to 100) errs by {sphere[1]:.2%} at most, of ellipsoids "
+        "by {exact[1]:.2%} (against Oberbeck), of {count} other bodies of revolution by "
+        "{revolved[0]:.2%} on average and {revolved[1]:.2%} at most (against axisymmetric "
+        "elements). Its network, `pretrained:space`, differs by {drag_error_mean:.2%} from its "
+        "flow on average, {drag_error_max:.2%} at most."
     )
     names = {"sphere": "sphere", "exact": "ellipsoids", "revolved": "aspect"}
     off = {name: mean_and_most(errors(panel)) for name, panel in names.items()}

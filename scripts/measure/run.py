@@ -46,6 +46,7 @@ MODULES = {  # the studies of every module
     "extremes": "extremes extremes_lift",
     "falls": "falls",
     "incidence": "incidence incidence_elements elements_in_space",
+    "infill": "infill",
     "lift": "lift random_sections",
     "lift_designs": "lift_designs",
     "machines": "shards streams",

@@ -86,10 +86,10 @@ def break_even_table(rows: Sequence[Row]) -> str:
 
 
 def short_table(rows: Sequence[Row]) -> str:
-    """Return costs and break-even alone as Markdown, without the methods as published."""
+    """Return errors, costs and break-even by work, without the methods as published."""
     chosen = [row for row in rows if "published" not in row["method"]]
-    lines = [[row["method"], *_costs(row), *_break_evens(row)] for row in chosen]
-    return markdown(["strategy", *COSTS, *PAYS], lines)
+    lines = [[row["method"], _error(row), *_costs(row), _break_evens(row)[0]] for row in chosen]
+    return markdown(["strategy", "error of Cd: mean / max", *COSTS, PAYS[0]], lines)
 
 
 def _cumulative_table(rows):

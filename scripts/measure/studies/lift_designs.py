@@ -80,8 +80,7 @@ def when_to_train(result: Result) -> str:
     return (
         f"With lift ({NAME}: eight inputs, three loads) {led['asked']} unseen queries, least drag "
         f"at a lift or best glide ratio, take {led['flows']:.1f} flows each led by the network, "
-        f"{flows}. The training pays {_pays(result)}: train where many designs or answers are "
-        "wanted, let kriging grow where few are."
+        f"{flows}. The training pays {_pays(result)}."
     )
 
 

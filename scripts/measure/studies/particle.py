@@ -205,16 +205,14 @@ def in_short(result: Result) -> str:
     own = _over_themselves(_inclined(rows))
     (lift, most_lift), (torque, most_torque) = ((np.median(e), max(e)) for e in own.values())
     return (
-        f"`pretrained:particle`, for any angle of incidence, differs from its flow by "
-        f"{means('surrogate', rows)} % of Cd in Cd, Cl and Cm on average over {len(rows)} unseen "
-        f"bodies, and by up to {100 * net.recorded('drag_error_max'):.1f} % in Cd and "
-        f"{100 * net.recorded('lift_error_max'):.1f} % in Cl on its {net.unseen} held-out "
-        f"ones; on the {len(theirs)} prolate spheroids within the range of "
-        f"the closest of the published correlations tried, Froehlich's, by "
-        f"{means('surrogate', theirs)} %, and the correlation by {means('Froehlich', theirs)} %. "
-        f"Over themselves, beyond {ALIGNED:g} degrees off the axes, lift errs by {lift:.1%} in "
-        f"the median and {most_lift:.0%} at most, torque by {torque:.1%} and {most_torque:.0%} (of "
-        "a body whose torque nearly vanishes)."
+        f"`{SURROGATE}`, for any angle, differs from its flow by {means('surrogate', rows)} % of "
+        f"Cd in Cd, Cl and Cm on average over {len(rows)} unseen bodies, by up to "
+        f"{100 * net.recorded('drag_error_max'):.1f} and "
+        f"{100 * net.recorded('lift_error_max'):.1f} % in Cd and Cl of its {net.unseen} held-out "
+        f"ones, and by {means('surrogate', theirs)} % on {len(theirs)} prolate spheroids where the "
+        f"best published correlation, Froehlich's, errs by {means('Froehlich', theirs)} %. Over "
+        f"itself torque errs by {torque:.1%} in the median and {most_torque:.0%} at most (of a "
+        f"body whose torque nearly vanishes), lift by {lift:.1%} and {most_lift:.0%}."
     )
 
 
