@@ -157,8 +157,6 @@ def run_body(record: dict[str, Any]) -> np.ndarray:
 def _search_record(design: Design) -> dict[str, Any]:
     """Return the objective and the result of the search."""
     problem = design.problem
-    low, high = problem.scene.family.bounds.T
-    edges = np.minimum(design.parameters - low, high - design.parameters) / (high - low)
     return {
         "parameters": problem.scene.family.named(design.parameters),
         "chord": design.chord,
@@ -174,7 +172,7 @@ def _search_record(design: Design) -> dict[str, Any]:
         "calls": design.calls,
         "loop_s": design.seconds,
         "converged": design.converged,
-        "edge_distance": float(edges.min()),
+        "at_range_ends": problem.at_range_ends(design.parameters),
     }
 
 

@@ -253,6 +253,22 @@ def test_constraints_hold_and_the_optimum_is_stationary(pretrained, objective):
     assert optimum.kkt_residual < 1e-3
 
 
+def test_parameters_at_the_ends_of_their_ranges_are_named(pretrained):
+    """Of the narrowed range too; a range without width has no end."""
+    scene = pretrained.scene
+    low, high = scene.family.bounds.T
+    problem = Problem(scene, 40.0, within={"beta2": (-0.1, 0.1), "beta3": (0.02, 0.02)})
+    names = scene.family.names
+    body = dict(zip(names, (low + high) / 2, strict=True)) | {"beta3": 0.02, "beta2": 0.05}
+    assert problem.at_range_ends(np.array(list(body.values()))) == []
+    ends = body | {"aspect": high[names.index("aspect")], "beta2": -0.1}
+    assert problem.at_range_ends(np.array(list(ends.values()))) == ["aspect", "beta2"]
+    design = optimise(problem, pretrained)
+    named = ", ".join(problem.at_range_ends(design.parameters))
+    assert named
+    assert named in design.summary().split("end of its range")[1]
+
+
 def test_kkt_residual_of_a_known_problem(pretrained):
     """(p - centre)^2 with the centre inside: 0 at the end, and the optimum is the centre."""
     limits = Problem(pretrained.scene, 20.0).limits

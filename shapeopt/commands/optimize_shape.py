@@ -130,6 +130,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
+    if ends := r.get("at_range_ends"):
+        lines.append(f"  at the end of its range: {', '.join(ends)}; a wider one may have better")
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "

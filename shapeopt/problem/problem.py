@@ -15,6 +15,8 @@ from surrogate.checks import did_you_mean, expect, finite_number, interval, show
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
+RANGE_END = 1e-6  # of a range's width, within which a parameter is at its end
+
 
 @dataclasses.dataclass(frozen=True)
 class Problem:
@@ -109,6 +111,19 @@ class Problem:
         stations = np.array(self.stations, float).reshape(-1, 2)
         body_class = self.scene.family.body_class
         return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, body_class)
+
+    def at_range_ends(self, parameters: Float[AnyArray, " parameters"]) -> list[str]:
+        """Return the names of the parameters that lie at an end of their range, if it has a width.
+
+        A wider range may have a better body.
+
+        Args:
+          parameters: of a body, in the order of the family's names.
+        """
+        low, high = self._ranges()
+        nearest = np.minimum(np.asarray(parameters) - low, high - np.asarray(parameters))
+        ends = (high > low) & (nearest <= RANGE_END * (high - low))
+        return [name for name, end in zip(self.scene.family.names, ends, strict=True) if end]
 
     def _ranges(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
         """Return the parameters' ranges after ``within``, ``trust`` and the shape changes."""

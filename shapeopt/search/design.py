@@ -62,6 +62,7 @@ class Design:
                 "objective": f"{self.objective:.5g}, from {self.start:.5g} where the search began",
                 "Cd": f"{self.drag:.5g}",
                 **lift,
+                **self._ends,
                 "KKT residual": f"{self.kkt_residual:.1e}, 0 at a local optimum",
                 "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
             }
@@ -90,6 +91,11 @@ class Design:
     @property
     def _named(self):
         return self.problem.scene.family.named(self.parameters)
+
+    @property
+    def _ends(self):
+        names = self.problem.at_range_ends(self.parameters)
+        return {"at the end of its range": ", ".join(names)} if names else {}
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}
