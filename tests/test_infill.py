@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import numpy as np
 import pytest
 
@@ -23,13 +24,17 @@ def trained(tiny_scene):
     return surrogate_of(plan, run_training(plan, setup), setup)
 
 
-def test_the_first_choice_has_the_largest_bound():
+def test_every_choice_has_the_largest_bound_given_those_before_it():
     net = load("pretrained:lift")
-    own = net.record["samples"]
-    [first] = infill_positions(net, net.scene, net.record["seed"], own + 1)
-    drawn = training_samples(net.scene, net.record["seed"], own + 2048)
-    bounds = net.error_bounds(*drawn.at(np.arange(own, own + 2048))).max(axis=1)
-    assert first == own + np.argmax(bounds)
+    own, seed = net.record["samples"], net.record["seed"]
+    positions = infill_positions(net, net.scene, seed, own + 3)
+    candidates = training_samples(net.scene, seed, own + 2048).at(np.arange(own, own + 2048))
+    scales = [net.record[f"{name}_error_scale"] for name in ("drag", "lift", "moment")]
+    for k, position in enumerate(positions):
+        known = training_samples(net.scene, seed, own + k, positions[:k])
+        novelty = Novelty.of(net.network, known)
+        bounds = (np.asarray(jax.vmap(novelty)(*candidates)) * scales).max(axis=1)
+        assert bounds[position - own] == pytest.approx(bounds.max(), rel=1e-3)
 
 
 def test_what_is_added_is_known_then(tiny_scene, trained):
@@ -50,8 +55,8 @@ def test_samples_are_those_before_and_the_infill(tiny_scene):
     np.testing.assert_array_equal(samples.reynolds[:4], sequence.reynolds[:4])
 
 
-def test_a_refined_training_is_kept_and_refined_again(tiny_scene, trained, tmp_path):
-    plan = make_plan(tiny_scene, "sip", samples=16, held_out=8, refine=trained)
+def test_a_training_with_infill_is_kept_and_goes_on(tiny_scene, trained, tmp_path):
+    plan = make_plan(tiny_scene, "sip", samples=16, held_out=8, infill_from=trained)
     plan = dataclasses.replace(plan, iterations=4, report_every=2)
     refined = train_plan(plan, tmp_path / "refined", progress=False)
     assert refined.record["infill"] == list(plan.infill)
@@ -72,13 +77,17 @@ def test_a_refined_training_is_kept_and_refined_again(tiny_scene, trained, tmp_p
 
 @pytest.mark.parametrize(
     ("seed", "count", "wanted"),
-    [(1, 20, "another scene or seed"), (0, 12, "a surrogate of 12 samples; ask for more")],
+    [
+        (1, 20, "of another scene or seed .seed 0, not 1"),
+        (0, 12, "from 13 to 2060 samples in all .* has 12; not 12"),
+        (0, 2061, "from 13 to 2060 .* not 2061"),
+    ],
 )
-def test_what_cannot_be_refined_is_refused(tiny_scene, trained, seed, count, wanted):
-    with pytest.raises(InvalidInput, match=f"refine: .*{wanted}"):
-        make_plan(tiny_scene, "sip", samples=count, seed=seed, refine=trained)
+def test_what_infill_cannot_start_from_is_refused(tiny_scene, trained, seed, count, wanted):
+    with pytest.raises(InvalidInput, match=f"infill: .*{wanted}"):
+        make_plan(tiny_scene, "sip", samples=count, seed=seed, infill_from=trained)
 
 
 def test_a_surrogate_of_another_scene_is_refused(tiny_scene):
-    with pytest.raises(InvalidInput, match="another scene"):
-        make_plan(tiny_scene, "sip", samples=512, refine=load("pretrained:lift"))
+    with pytest.raises(InvalidInput, match=r"another scene or seed \(reynolds"):
+        make_plan(tiny_scene, "sip", samples=512, infill_from=load("pretrained:lift"))

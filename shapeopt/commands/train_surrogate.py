@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     count = initialise(a)
     scene = Scene.read(a.scene) if a.scene else None
     numbers = a.preset, a.samples, a.seed, a.budget_seconds, a.published, a.held_out
-    plan = make_plan(scene, a.method, *numbers, load(a.refine) if a.refine else None)
+    plan = make_plan(scene, a.method, *numbers, load(a.infill_from) if a.infill_from else None)
     out, devices = Path(a.out), choose_devices(count, a.device_batch)
     with exit_when_disconnected():
         stored = stored_training(plan, out, a.overwrite)
@@ -105,7 +105,8 @@ def _parser() -> Parser:
     add("--method", required=True, help=f"{', '.join(METHODS)} (explained below)")
     add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
     add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
-    add("--refine", metavar="DIR", help="surrogate of fewer samples: add where it knows least")
+    help = "surrogate of fewer --samples (same scene, seed): add those where its bounds are largest"
+    add("--infill-from", metavar="DIR", help=help)
     add("--held-out", type=int, help=f"unseen bodies that give the errors ({HELD_OUT_HELP})")
     add("--preset", default="quick", choices=list(PRESETS), help="samples and iterations (quick)")
     add("--budget-seconds", type=float, help="train for this time instead, from 1 s")

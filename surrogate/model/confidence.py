@@ -46,24 +46,30 @@ class Novelty:
     ) -> Float[Array, " loads"]:
         """Return the novelty of each load of a body at a Reynolds number."""
         gradients = _gradients(self.network, parameters, reynolds)
-        explained = jax.scipy.linalg.solve_triangular(
-            self.factor, self.known @ gradients.T, lower=True
-        )
+        explained = self._explained(gradients)
         # the ridge keeps the difference positive; rounding may not
         left = jnp.sum(gradients**2, axis=-1) - jnp.sum(explained**2, axis=0)
         return jnp.sqrt(jnp.maximum(left, 0.0))
 
     @jax.jit
-    def covariance(self, samples: Samples) -> Float[Array, "outputs outputs"]:
-        """Return the covariance of the loads over Cd at some samples, all loads of each in turn.
+    def gradients(
+        self, samples: Samples
+    ) -> tuple[Float[Array, "outputs weights"], Float[Array, "known outputs"]]:
+        """Return the gradients of the loads over Cd at some samples, and what is known of them.
 
-        The square roots of its diagonal are the novelties.
+        All loads of a sample stand together. With these g and e the covariance of the loads, once
+        the training samples are known, is g g^T - e^T e, up to the same factor as the novelty.
         """
         gradients = _all_gradients(self.network, *samples)
-        explained = jax.scipy.linalg.solve_triangular(
-            self.factor, self.known @ gradients.T, lower=True
-        )
-        return gradients @ gradients.T - explained.T @ explained
+        return gradients, self._explained(gradients)
+
+    @property
+    def ridge(self) -> Float[Array, ""]:
+        """The variance by which each output counts as uncertain even where it is known."""
+        return _ridge(self.known)
+
+    def _explained(self, gradients):
+        return jax.scipy.linalg.solve_triangular(self.factor, self.known @ gradients.T, lower=True)
 
 
 def error_scales(
@@ -88,9 +94,11 @@ def error_scales(
 def _known(network, parameters, reynolds):
     """Gradients at samples, and the Cholesky factor of their regularised Gram matrix."""
     known = _all_gradients(network, parameters, reynolds)
-    gram = known @ known.T
-    ridge = RIDGE * jnp.mean(jnp.diag(gram))
-    return known, jnp.linalg.cholesky(gram + ridge * jnp.eye(len(gram)))
+    return known, jnp.linalg.cholesky(known @ known.T + _ridge(known) * jnp.eye(len(known)))
+
+
+def _ridge(known):
+    return RIDGE * jnp.mean(jnp.sum(known**2, axis=1))
 
 
 def _all_gradients(network, parameters, reynolds):

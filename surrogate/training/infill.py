@@ -1,11 +1,13 @@
 """Infill: further training samples where a surrogate is least certain (active learning)."""
 
 import numpy as np
+from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
-from surrogate.model.confidence import RIDGE
 from surrogate.model.surrogate import LOAD_NAMES, Surrogate
-from surrogate.scene.samples import training_samples
+from surrogate.processes import broadcast_json, first
+from surrogate.repeats import differences
+from surrogate.scene.samples import Samples, training_samples
 from surrogate.scene.scene import Scene
 
 CANDIDATES = 2048  # further points of the Sobol sequence, of which the samples are chosen
@@ -16,7 +18,8 @@ def infill_positions(surrogate: Surrogate, scene: Scene, seed: int, count: int) 
 
     One after the other, the candidate whose error bound is largest is taken, the bounds being those
     of the surrogate linearised in its weights, once the samples taken so far are known too. This
-    takes no flow: the bounds do not depend on the answers.
+    takes no flow: the bounds do not depend on the answers. In a multi-process run the first process
+    chooses.
 
     Args:
       surrogate: trained on this scene with this seed.
@@ -28,33 +31,49 @@ def infill_positions(surrogate: Surrogate, scene: Scene, seed: int, count: int) 
       The positions of the surrogate's own infill, then the new ones.
 
     Raises:
-      InvalidInput: the surrogate is of another scene or seed, or of ``count`` samples or more.
+      InvalidInput: the surrogate is of another scene or seed, of ``count`` samples or more, or
+        more are to be added than there are candidates.
     """
     trained = surrogate.recorded("samples")
-    if surrogate.scene.record != scene.record or surrogate.recorded("seed") != seed:
-        raise InvalidInput("refine: a surrogate of another scene or seed; take that of this one")
-    if count <= trained:
-        raise InvalidInput(f"refine: a surrogate of {trained} samples; ask for more, not {count}")
+    theirs = surrogate.scene.record | {"seed": surrogate.recorded("seed")}
+    if found := differences(theirs, scene.record | {"seed": seed}):
+        raise InvalidInput(f"infill: the surrogate is of another scene or seed ({found})")
     own = tuple(surrogate.record.get("infill", ()))
     start = trained - len(own)
     positions = np.setdiff1d(np.arange(start, start + CANDIDATES), own)
-    candidates = training_samples(scene, seed, start + CANDIDATES).at(positions)
-    names = LOAD_NAMES[: 1 if scene.family.body_class.symmetric else len(LOAD_NAMES)]
+    if not trained < count <= trained + len(positions):
+        raise InvalidInput(
+            f"infill: from {trained + 1} to {trained + len(positions)} samples in all can be asked "
+            f"for, as the surrogate has {trained}; not {count}"
+        )
+    chosen = None
+    if first():
+        candidates = training_samples(scene, seed, start + CANDIDATES).at(positions)
+        chosen = positions[_largest_bounds(surrogate, candidates, count - trained)].tolist()
+    return (*own, *broadcast_json(chosen))
+
+
+def _largest_bounds(surrogate: Surrogate, candidates: Samples, count: int) -> list[int]:
+    """Return the indices of the candidates whose bounds are largest, each given those before it.
+
+    The covariance of all loads at all candidates is factored by Cholesky's method, whose pivots are
+    the loads of the next sample; only the rows of these are computed.
+    """
+    novelty = surrogate.novelty
+    gradients, explained = map(np.asarray, novelty.gradients(candidates))
+    names = LOAD_NAMES[: len(gradients) // candidates.count]
     scales = np.array([surrogate.recorded(f"{name}_error_scale") for name in names])
-    covariance = np.asarray(surrogate.novelty.covariance(candidates))
-    chosen = _largest_bounds(covariance, scales, count - trained)
-    return (*own, *positions[chosen].tolist())
-
-
-def _largest_bounds(covariance, scales, count):
-    """Return the indices of the samples whose bounds are largest, each given those before it."""
-    covariance, loads, chosen = np.array(covariance), len(scales), []
-    ridge = RIDGE * np.mean(np.diag(covariance)) * np.eye(loads)
+    factor: Float[np.ndarray, "rows outputs"] = np.empty((0, len(gradients)))
+    variances = np.sum(gradients**2, axis=1) - np.sum(explained**2, axis=0)
+    noise, chosen = float(novelty.ridge) * np.eye(len(names)), []
     for _ in range(count):
-        variances = np.maximum(np.diag(covariance), 0.0).reshape(-1, loads)
-        chosen.append(int(np.argmax(np.max(scales**2 * variances, axis=1))))
-        rows = loads * chosen[-1] + np.arange(loads)
-        known = np.linalg.cholesky(covariance[np.ix_(rows, rows)] + ridge)
-        explained = np.linalg.solve(known, covariance[rows])
-        covariance -= explained.T @ explained
+        bounds = np.max(scales**2 * variances.reshape(-1, len(names)), axis=1)
+        bounds[chosen] = -np.inf
+        chosen.append(int(np.argmax(bounds)))
+        rows = len(names) * chosen[-1] + np.arange(len(names))
+        covariance = gradients[rows] @ gradients.T - explained[:, rows].T @ explained
+        covariance -= factor[:, rows].T @ factor
+        pivot = np.linalg.cholesky(covariance[:, rows] + noise)
+        factor = np.concatenate([factor, np.linalg.solve(pivot, covariance)])
+        variances -= np.sum(factor[-len(names) :] ** 2, axis=0)
     return chosen

@@ -90,7 +90,7 @@ def make_setup(
 ) -> TrainingSetup:
     """Draw samples, solve the held-out flows, assemble operators, build the initial network.
 
-    Depends on the plan's scene, seed and counts, not on its method.
+    Depends on the plan's scene, seed, counts and infill, not on its method.
 
     Args:
       plan: of the training.
@@ -139,7 +139,7 @@ def run_training(
 
     Args:
       plan: method, iterations or time, seed.
-      setup: from ``make_setup`` for this plan, or one of equal scene, seed and counts.
+      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts and infill.
       checkpoint: file to resume from and to save to; whoever saves the result removes it.
       report: called with every point of the history and the fraction of the training done.
       checkpoint_every_s: least seconds between checkpoints.

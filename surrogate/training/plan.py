@@ -110,7 +110,7 @@ def make_plan(
     budget_seconds: float | None = None,
     published: bool = False,
     held_out: int | None = None,
-    refine: Surrogate | None = None,
+    infill_from: Surrogate | None = None,
 ) -> Plan:
     """Return the plan of a preset, whose numbers are replaced by those that are given.
 
@@ -125,12 +125,12 @@ def make_plan(
       budget_seconds: seconds of training, from 1 to below 1e6, in place of the preset's iterations.
       published: the method as published instead of at its best.
       held_out: number of held-out samples, at least 4, in place of the preset's.
-      refine: a surrogate of the same scene and seed, trained on fewer samples. These are used
-        again; the others are those about which it knows least.
+      infill_from: a surrogate of the same scene and seed, trained on fewer samples. Its samples
+        are taken again, and those where its error bounds are largest.
 
     Raises:
-      InvalidInput: no such method or preset, a number is out of range, or ``refine`` is of another
-        scene, of another seed or of as many samples.
+      InvalidInput: no such method or preset, a number is out of range, or ``infill_from`` is of
+        another scene or seed or of as many samples.
     """
     if not isinstance(method, str) or method not in METHODS:
         raise InvalidInput(f"method {method!r}: one of {', '.join(METHODS)}")
@@ -148,16 +148,18 @@ def make_plan(
     if not scene.family.body_class.symmetric:
         iterations *= LIFTING_STEPS
     samples = whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6)
+    held_out = chosen.held_out if held_out is None else held_out
+    held_out = whole_number("held-out bodies", held_out, 4, 10**6)
+    seed = whole_number("seed", seed, 0, 2**31 - 1)
+    infill = () if infill_from is None else infill_positions(infill_from, scene, seed, samples)
     return Plan(
         method=method,
         scene=scene,
         samples=samples,
-        infill=() if refine is None else infill_positions(refine, scene, seed, samples),
-        held_out=whole_number(
-            "held-out bodies", chosen.held_out if held_out is None else held_out, 4, 10**6
-        ),
+        infill=infill,
+        held_out=held_out,
         iterations=10**6 if budget_seconds else iterations,
-        seed=whole_number("seed", seed, 0, 2**31 - 1),
+        seed=seed,
         budget_s=budget_seconds,
         report_every=max(1, iterations // REPORTS),
         published=published,

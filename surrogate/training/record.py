@@ -1,6 +1,8 @@
 """The record of a training, stored in the surrogate's folder."""
 
+import json
 import sys
+import zlib
 from pathlib import Path
 
 import jax
@@ -120,12 +122,17 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
     """
     stored = {name: record.get(key) for key, name in SETTINGS.items()}
     asked = {name: getattr(plan, key) for key, name in SETTINGS.items()}
-    stored["infill"] = record.get("infill", [])  # older records have none
-    asked["infill"] = list(plan.infill)
+    stored["infill"], asked["infill"] = map(_infill, (record.get("infill", ()), plan.infill))
     if not (plan.budget_s or record.get("budget_s") or record.get("stopped")):
         stored["iterations"], asked["iterations"] = record.get("iterations"), plan.iterations
     stored |= Scene.of(record.get("scene")).record
     return differences(stored, asked | plan.scene.record)
+
+
+def _infill(positions):
+    """The samples added by infill, in words; older records have none."""
+    digest = zlib.crc32(json.dumps(list(positions)).encode())
+    return f"{len(positions)} samples ({digest:08x})" if positions else "none"
 
 
 def command_line() -> str:

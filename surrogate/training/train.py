@@ -33,7 +33,7 @@ def train(
     devices: int | None = None,
     device_batch: int | None = None,
     overwrite: bool = False,
-    refine: str | Path | Surrogate | None = None,
+    infill_from: str | Path | Surrogate | None = None,
 ) -> Surrogate:
     """Train a small network that predicts the drag of a scene's bodies, using the flow solver.
 
@@ -74,8 +74,9 @@ def train(
       device_batch: batch size per device: flows solved simultaneously on one device; by default 1
         on a CPU, 32 elsewhere.
       overwrite: train even if the folder holds a surrogate, and replace it.
-      refine: a surrogate of the same scene and seed, or its folder, trained on fewer samples. These
-        are used again; the others are those about which it knows least.
+      infill_from: a surrogate of the same scene and seed, or its folder, trained on fewer samples.
+        Its samples are taken again, and those where its error bounds are largest; the network
+        starts from its initial weights, and all flows are solved.
 
     Returns:
       The surrogate; its ``record`` has the drag's mean and largest error on held-out bodies. A
@@ -85,9 +86,10 @@ def train(
       InvalidInput: an argument is invalid, or the folder holds another training or something else.
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
-    refine = refine if refine is None or isinstance(refine, Surrogate) else load(refine)
+    known = infill_from is None or isinstance(infill_from, Surrogate)
+    infill_from = infill_from if known else load(infill_from)
     numbers = preset, samples, seed, budget_seconds, published, held_out
-    plan = make_plan(scene, method, *numbers, refine)
+    plan = make_plan(scene, method, *numbers, infill_from)
     chosen = choose_devices(devices, device_batch)
     surrogate = train_plan(plan, out, progress, chosen, overwrite=overwrite)
     warn_of_inaccuracy(surrogate, f"training by {method}", stacklevel=3)
@@ -115,8 +117,8 @@ def train_plan(
       out: folder to save to, with a checkpoint beside it; None to save nothing.
       progress: whether to show progress on stderr.
       devices: over which the flows are distributed; by default those of ``choose_devices``.
-      setup: from ``make_setup`` for this plan, or one of equal scene, seed and counts that several
-        trainings share; by default it is made here, on these devices.
+      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts and infill that
+        several trainings share; by default it is made here, on these devices.
       title: of the progress bar; by default the method's name.
       overwrite: train even if the folder holds a surrogate, and replace it.
       notes: added to the record of a new training.
@@ -164,8 +166,8 @@ def train_all(
 ) -> dict[str, Surrogate]:
     """Train a surrogate per plan, in folders of the plans' names; load those already trained.
 
-    Plans of equal scene, seed and counts share samples, held-out bodies and initial weights. A
-    warning says where the errors of a surrogate are large.
+    Plans of equal scene, seed, counts and infill share samples, held-out bodies and initial
+    weights. A warning says where the errors of a surrogate are large.
 
     Args:
       plans: by the names of their folders.

@@ -36,8 +36,8 @@ def trained(name: str, added: str, seed: int, tiny: bool) -> Surrogate:
     """
     first, more, held_out = (8, 4, 4) if tiny else (FIRST, MORE, HELD_OUT)
     samples = first if added == KINDS[0] else first + more
-    refine = trained(name, KINDS[0], seed, tiny) if added == "infill" else None
-    options = {"samples": samples, "held_out": held_out, "seed": seed, "refine": refine}
+    start = trained(name, KINDS[0], seed, tiny) if added == "infill" else None
+    options = {"samples": samples, "held_out": held_out, "seed": seed, "infill_from": start}
     return train(scene_of(name, tiny), "supervised", progress=False, **options)
 
 
