@@ -210,8 +210,9 @@ def in_short(result: Result) -> str:
         f"{100 * net.recorded('drag_error_max'):.1f} and "
         f"{100 * net.recorded('lift_error_max'):.1f} % in Cd and Cl of its {net.unseen} held-out "
         f"ones, and by {means('surrogate', theirs)} % on {len(theirs)} prolate spheroids where the "
-        f"best published correlation, Froehlich's, errs by {means('Froehlich', theirs)} %. Over "
-        f"itself torque errs by {torque:.1%} in the median and {most_torque:.0%} at most (of a "
+        f"closest of the published correlations tried, Froehlich's, errs by "
+        f"{means('Froehlich', theirs)} %. As a share of itself, beyond {ALIGNED:g} degrees off the "
+        f"axes, torque errs by {torque:.1%} in the median and {most_torque:.0%} at most (of a "
         f"body whose torque nearly vanishes), lift by {lift:.1%} and {most_lift:.0%}."
     )
 
