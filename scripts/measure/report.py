@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> dict[str, Any]:
     parser = Parser(__doc__)
     parser.add_argument("--payoff", type=Path, help="result of scripts/payoff.py, to be kept")
     parser.add_argument(
-        "--took", help="seconds of the README's first command, on an idle and on a busy machine"
+        "--took", help="seconds of the README's first command, least and most of all machines"
     )
     parser.add_argument("--check", action="store_true", help="only compare")
     arguments = parser.parse_args(argv)

@@ -4,7 +4,8 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from study import TINY, Row, Run, Study, Table, cases, columns
+import numpy as np
+from study import TINY, Result, Row, Run, Study, Table, cases, columns, values, words
 
 from surrogate import Scene, Surrogate, train
 
@@ -56,6 +57,29 @@ def measure(run: Run, scene: str, seed: int, added: str) -> Row:
     return {"samples": record["samples"]} | {key: record.get(key) for key in keys}
 
 
+def text(result: Result) -> str:
+    """Return a sentence for each scene on the errors of Cd with either kind of added samples."""
+    form = (
+        "Of {scene}, {samples} samples err in Cd by {sobol[0]:.3%} on average and {sobol[1]:.2%} "
+        "at most where the last ones go on with the sequence, by {infill[0]:.3%} and "
+        "{infill[1]:.2%} where they are infill (means over the seeds)."
+    )
+    texts = []
+    for scene in values(result["rows"], "scene"):
+        mine = [row for row in result["rows"] if row["scene"] == scene]
+        sobol, infill = (_means(mine, kind) for kind in KINDS[1:])
+        samples = max(row["samples"] for row in mine)
+        texts.append(words(form, scene=scene, samples=samples, sobol=sobol, infill=infill))
+    return "\n\n".join(texts)
+
+
+def _means(rows, added):
+    """Mean and largest error of Cd, averaged over the seeds; dashes where none was measured."""
+    rows = [row for row in rows if row["added"] == added]
+    keys = ("drag_error_mean", "drag_error_max")
+    return [np.mean([row[key] for row in rows]) if rows else None for key in keys]
+
+
 COLUMNS = columns(
     "scene {scene} | seed {seed} | added {added} | samples {samples}"
     " | error of Cd: mean {drag_error_mean:.3%} | 95 % below {drag_error_p95:.3%}"
@@ -67,4 +91,4 @@ COLUMNS = columns(
 )
 CASES = cases(scene=(SYMMETRIC,), seed=(0, 1, 2), added=KINDS)
 CASES += cases(scene=(LIFTING,), seed=(0,), added=KINDS)
-STUDIES = {"infill": Study([Table(CASES, measure, COLUMNS, tiny="last")])}
+STUDIES = {"infill": Study([Table(CASES, measure, COLUMNS, tiny="last")], text)}
