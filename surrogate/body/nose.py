@@ -1,11 +1,7 @@
 """The nose of a body: the radius of curvature that its thinnest boundary layer follows."""
 
-import math
-
 import numpy as np
 from jaxtyping import Float
-
-from surrogate.body.measures import AREA
 
 SHARPEST_ARC = 1.0  # radian, by which the arc turns whose radius of curvature is that of a nose
 # A sharp nose counts as one of three times its radius, since less of the layer is thin (fitted to
@@ -14,22 +10,21 @@ SHARP_NOSE = 3.0
 CORNER = 0.004  # D: the markers of a flow round what is sharper
 
 
-def nose_of_ellipse(chord: float, area: float = AREA) -> float:
-    """Return the radius of curvature in D at the nose of an ellipse.
+def nose_of_ellipse(chord: float) -> float:
+    """Return the radius of curvature in D at the nose of an ellipse of area pi/4.
 
     Args:
       chord: its axis along the stream at zero incidence, in D.
-      area: in D^2.
     """
-    return 8 * area**2 / (math.pi**2 * chord**3)
+    return 1 / (2 * chord**3)
 
 
 def nose_of_contour(contour: Float[np.ndarray, "nodes 2"], chord: float) -> float:
     """Return the radius of curvature in D that the thinnest boundary layer of a body follows.
 
-    It is that of the nose of an ellipse of this chord and area, or three times that of the body's
-    own nose if that is smaller: the length of the shortest arc upstream of the centroid that turns
-    by a radian. Corners count as noses of 0.004 D.
+    It is that of the nose of an ellipse of this chord and of area pi/4, or three times that of the
+    body's own nose if that is smaller: the length of the shortest arc upstream of the centroid that
+    turns by a radian. Corners count as noses of 0.004 D.
 
     Args:
       contour: x and y in D once around, centroid at 0, by many nodes.
@@ -47,5 +42,4 @@ def nose_of_contour(contour: Float[np.ndarray, "nodes 2"], chord: float) -> floa
     convex = (turned >= furthest)[: len(contour)]
     upstream = contour[:, 0] + steps[:, 0] / 2 < 0
     sharpest = float(arcs[: len(contour)][convex & upstream].min()) / SHARPEST_ARC
-    area = abs(contour[:, 0] @ steps[:, 1] - contour[:, 1] @ steps[:, 0]) / 2
-    return min(nose_of_ellipse(chord, float(area)), SHARP_NOSE * max(sharpest, CORNER))
+    return min(nose_of_ellipse(chord), SHARP_NOSE * max(sharpest, CORNER))

@@ -120,7 +120,7 @@ class Fidelity:
         factor = max(min(math.ceil(2 * layer / thin - 0.05) / 2, most), 1.0)
         more = 2 if layer > SHARP_ENDS and most > 1 else 1
         harmonics = min(more * self.harmonics, MOST_HARMONICS)
-        cells = round(factor * self.cells)
+        cells = min(round(factor * self.cells), MOST_CELLS)
         return dataclasses.replace(self, cells=cells, harmonics=harmonics, refinement=1.0)
 
     def for_body(self, reynolds: float, height: float, nose: float) -> "Fidelity":
