@@ -138,8 +138,7 @@ class Surrogate:
         """
         parameters = self.scene.family.array(parameters)
         parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
-        known = LOAD_NAMES[:1] if self.scene.family.body_class.symmetric else LOAD_NAMES
-        scales = jnp.array([self.recorded(f"{name}_error_scale") for name in known])
+        scales = jnp.asarray(self.error_scales)
 
         def bounds(*body):
             return scales * self.novelty(*body)
@@ -232,6 +231,16 @@ class Surrogate:
         """
         seed, count = self.recorded("seed"), self.recorded("samples")
         return training_samples(self.scene, seed, count, self.record.get("infill", ()))
+
+    @property
+    def error_scales(self) -> Float[np.ndarray, " loads"]:
+        """Factors by which the novelty of each load is multiplied to bound its error.
+
+        Raises:
+          InvalidInput: the record lacks them, which older trainings did not write.
+        """
+        known = LOAD_NAMES[:1] if self.scene.family.body_class.symmetric else LOAD_NAMES
+        return np.array([self.recorded(f"{name}_error_scale") for name in known])
 
     @functools.cached_property
     def novelty(self) -> Novelty:

@@ -46,23 +46,18 @@ def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] 
       count: number of samples.
       infill: the positions in the sequence of the last samples; the others are the first of it.
     """
-    first = count - len(infill)
-    positions = np.concatenate([np.arange(first), np.asarray(infill, int)])
-    return _sequence(scene, seed, int(max(positions, default=-1)) + 1).at(positions)
-
-
-def _sequence(scene, seed, count):
-    """Return the first samples of the sequence."""
+    positions = np.concatenate([np.arange(count - len(infill)), np.asarray(infill, int)])
+    needed = int(positions.max(initial=-1)) + 1
     low, high = np.log(scene.reynolds)
     sequence = qmc.Sobol(len(scene.family.names) + 1, rng=seed)
     bodies, log_re = np.empty((0, len(scene.family.names))), np.empty(0)
-    while len(bodies) < count:
-        shares = sequence.random(max(2 ** count.bit_length(), MIN_DRAW))
+    while len(bodies) < needed:
+        shares = sequence.random(max(2 ** needed.bit_length(), MIN_DRAW))
         drawn = np.asarray(scene.family.within(shares[:, :-1]))
         clear = scene.family.clear(drawn)
         bodies = np.concatenate([bodies, drawn[clear]])
         log_re = np.concatenate([log_re, low + (high - low) * shares[clear, -1]])
-    return Samples(jnp.asarray(bodies[:count]), jnp.exp(jnp.asarray(log_re[:count])))
+    return Samples(jnp.asarray(bodies[positions]), jnp.exp(jnp.asarray(log_re[positions])))
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
-from surrogate.model.surrogate import LOAD_NAMES, Surrogate
+from surrogate.model.surrogate import Surrogate
 from surrogate.processes import broadcast_json, first
 from surrogate.repeats import differences
 from surrogate.scene.samples import Samples, training_samples
@@ -59,21 +59,19 @@ def _largest_bounds(surrogate: Surrogate, candidates: Samples, count: int) -> li
     The covariance of all loads at all candidates is factored by Cholesky's method, whose pivots are
     the loads of the next sample; only the rows of these are computed.
     """
-    novelty = surrogate.novelty
+    novelty, scales = surrogate.novelty, surrogate.error_scales
     gradients, explained = map(np.asarray, novelty.gradients(candidates))
-    names = LOAD_NAMES[: len(gradients) // candidates.count]
-    scales = np.array([surrogate.recorded(f"{name}_error_scale") for name in names])
     factor: Float[np.ndarray, "rows outputs"] = np.empty((0, len(gradients)))
     variances = np.sum(gradients**2, axis=1) - np.sum(explained**2, axis=0)
-    noise, chosen = float(novelty.ridge) * np.eye(len(names)), []
+    noise, chosen = float(novelty.ridge) * np.eye(len(scales)), []
     for _ in range(count):
-        bounds = np.max(scales**2 * variances.reshape(-1, len(names)), axis=1)
+        bounds = np.max(scales**2 * variances.reshape(-1, len(scales)), axis=1)
         bounds[chosen] = -np.inf
         chosen.append(int(np.argmax(bounds)))
-        rows = len(names) * chosen[-1] + np.arange(len(names))
+        rows = len(scales) * chosen[-1] + np.arange(len(scales))
         covariance = gradients[rows] @ gradients.T - explained[:, rows].T @ explained
         covariance -= factor[:, rows].T @ factor
         pivot = np.linalg.cholesky(covariance[:, rows] + noise)
         factor = np.concatenate([factor, np.linalg.solve(pivot, covariance)])
-        variances -= np.sum(factor[-len(names) :] ** 2, axis=0)
+        variances -= np.sum(factor[-len(scales) :] ** 2, axis=0)
     return chosen

@@ -22,6 +22,7 @@ from studies.trust import rows_of
 from study import TINY, Result, Row, Run, Study, Table, columns
 
 from surrogate import FIDELITIES, Fidelity, Shape, Unbounded, family_shape
+from surrogate.body.nose import nose_of_ellipse
 from surrogate.flow.check.error_estimate import ERROR_MODELS, ErrorModel2D, ErrorModel3D, Loads
 from surrogate.flow.grid import wall_3d
 from surrogate.flow.grid.discretise import DOMAINS, fitted_domain
@@ -247,10 +248,11 @@ def parts_left(name: str, run: Run, value: float) -> Iterator[float]:
 def spread_uncovered(run: Run, value: float) -> Iterator[bool]:
     """Yield whether a 2-D body's error is beyond its bound with this spread."""
     model, cells = ERROR_MODELS[2], FIDELITIES["standard"].cells
+    nose = nose_of_ellipse(1.0)
     with mock.patch.object(ErrorModel2D, "SPREAD", value):
         for row in _rows_with_parts():
             parts = (Loads(row[part], 0.0, 0.0) for part in ("grid", "domain"))
-            likely = model.likely(*parts, model.spreads(cells, row["reynolds"], 0.5)).drag
+            likely = model.likely(*parts, model.spreads(cells, row["reynolds"], nose)).drag
             yield abs(row["error"]) > model.SAFETY.drag * likely
 
 

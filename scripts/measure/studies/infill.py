@@ -8,6 +8,7 @@ import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, cases, columns, values, words
 
 from surrogate import Scene, Surrogate, train
+from surrogate.model.surrogate import LOAD_NAMES
 
 SCRIPTS = Path(__file__).parents[2]
 SYMMETRIC, LIFTING = "symmetric bodies, Re 1 to 40", "sections of lift.toml, 8 cells per D"
@@ -52,8 +53,7 @@ def measure(run: Run, scene: str, seed: int, added: str) -> Row:
       added: Which samples were added to the first.
     """
     record = trained(scene, added, seed, run.tiny).record
-    loads = ("drag", "lift", "moment")
-    keys = [f"{load}_error_{kind}" for load in loads for kind in ("mean", "p95", "max")]
+    keys = [f"{load}_error_{kind}" for load in LOAD_NAMES for kind in ("mean", "p95", "max")]
     return {"samples": record["samples"]} | {key: record.get(key) for key in keys}
 
 
