@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import ArrayLike
 
 AnyArray = jax.Array | np.ndarray
 Number = float | np.number | AnyArray  # one number; an array of shape () as well
@@ -11,3 +13,8 @@ Number = float | np.number | AnyArray  # one number; an array of shape () as wel
 Body = Sequence[float] | AnyArray | Mapping[str, Number]
 Numbers = Number | Sequence[float]  # one number, or an array of them
 Bodies = Body | Sequence[Body]  # one body, or many in the leading axes, shape (..., parameters)
+
+
+def as_array(values: ArrayLike) -> AnyArray:
+    """Return an array of NumPy as it is, for which nothing is compiled, and all else as JAX's."""
+    return values if isinstance(values, np.ndarray) else jnp.asarray(values)

@@ -19,6 +19,7 @@ from jaxtyping import PyTree
 
 from surrogate.arrays import Number
 from surrogate.checks import whole_number
+from surrogate.compilation import quick_options
 from surrogate.errors import InvalidInput
 from surrogate.processes import gather_to_host
 
@@ -150,11 +151,10 @@ def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: 
 
 @functools.cache
 def _mapped(devices, function):
-    @jax.jit
     def mapped(model, rows):
         def local(model, shard):
             return Sharded(function(model, *shard.rows))
 
         return devices.shard_map(local, (model, rows), Sharded(()))(model, rows)
 
-    return mapped
+    return jax.jit(mapped, compiler_options=quick_options())

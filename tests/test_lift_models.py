@@ -73,7 +73,7 @@ def test_outputs_and_their_gradients_are_inverted_exactly():
     np.testing.assert_allclose(loads_of(outputs_of(LOADS)), LOADS, rtol=1e-14)
     gradients = jnp.arange(6.0).reshape(3, 2) + 1
     there = output_gradients(LOADS, gradients)
-    np.testing.assert_allclose(load_gradients(outputs_of(LOADS), there), gradients, rtol=1e-13)
+    np.testing.assert_allclose(load_gradients(LOADS, there), gradients, rtol=1e-13)
     np.testing.assert_allclose(there[1], gradients[1] / 2 + 0.3 / 4 * gradients[0], rtol=1e-13)
 
 

@@ -82,8 +82,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     ]
     flow, surrogates = Flow(scene), {name: [g[name] for g in groups] for name in groups[0]}
     best = min(groups[0], key=lambda name: groups[0][name].record["drag_error_mean"])
-    with progress_bar("compiling"):
-        compile_s = compile_all(queries, flow, groups[0][best])
+    compile_all(queries, flow, groups[0][best])
     others = rivals(queries, flow)
     own = [trained(name, queries, found) for name, found in surrogates.items()]
     own.append(trained_with_memory(f"{best}, and kriging", queries, surrogates[best]))
@@ -92,7 +91,6 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     result = {
         "command": command_line(),
         "seconds": time.perf_counter() - start,
-        "compile_s": compile_s,
         "scene": scene.record,
         "settings": settings,
         "payoff": rows,

@@ -1,6 +1,5 @@
 """The strategies that answer a stream of queries, each up to an optimum of the flow."""
 
-import time
 from collections.abc import Callable, Sequence
 
 from shapeopt.payoff.break_even import Cost, Strategy
@@ -77,18 +76,15 @@ def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
     return designs
 
 
-def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> float:
-    """Compile what designs need, and return the seconds, which no design's cost includes.
+def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> None:
+    """Compile what designs need, so that no design's cost includes it.
 
-    Kriging with memory answers all queries twice, because it compiles anew as it grows; the first
-    time takes longer by the compilation. The first design by the surrogate is counted whole.
+    Kriging with memory answers all queries, because it compiles anew as it grows, and the surrogate
+    the first.
     """
-    first, second = (_seconds(Designer(flow), queries) for _ in range(2))
-    return first - second + _seconds(Designer(surrogate), queries[:1])
-
-
-def _seconds(designer: Designer, queries: Queries) -> float:
-    start = time.perf_counter()
-    for problem in queries:
-        designer.design(problem)
-    return time.perf_counter() - start
+    kriging, led = Designer(flow), Designer(surrogate)
+    designs = [(kriging, problem) for problem in queries] + [(led, queries[0])]
+    with progress_bar("compiling") as progress:
+        for k, (designer, problem) in enumerate(designs):
+            designer.design(problem)
+            progress((k + 1) / len(designs), f"{k + 1} of {len(designs)} designs")

@@ -78,6 +78,7 @@ class Scenarios(NamedTuple):
         )
 
 
+@jax.jit
 def combine(
     loads: Float[AnyArray, "cases loads"],
     round_drags: Float[AnyArray, " cases"],
@@ -139,6 +140,7 @@ def objective_and_constraints(
     return combine(loads, round_drags, scenarios), load_constraints(loads, scenarios)
 
 
+@jax.jit
 def model_loads(
     model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
 ) -> tuple[Float[Array, "cases loads"], Float[Array, " cases"]]:

@@ -76,8 +76,9 @@ class Memory:
                 raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
             self.flows += 1
             self.green_applications += int(found.green_applications)
+            found = jax.tree.map(np.asarray, found)
             gradients = np.column_stack([found.gradients, reynolds * found.by_reynolds])
-            loads, slopes = np.asarray(found.loads), output_gradients(found.loads, gradients)
+            loads, slopes = found.loads, output_gradients(found.loads, gradients)
             body = np.asarray(parameters, float)
             seen = Observation(body, float(reynolds), loads, np.asarray(slopes))
             self.observations.append(seen)

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -107,9 +106,9 @@ def verify(
         flow.solve(parameters + shift, reynolds, estimate=estimate, allow_unsteady=True)
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
-    loads = jnp.array([[one.drag, one.lift, one.moment] for one in solutions])
-    of_cylinder = jnp.zeros_like(loads).at[:, 0].set(cylinder)
-    own, others = (combine(of, jnp.asarray(cylinder), scenarios) for of in (loads, of_cylinder))
+    loads = np.array([[one.drag, one.lift, one.moment] for one in solutions], float)
+    of_cylinder = np.pad(cylinder[:, None], ((0, 0), (0, 2)))  # neither lift nor moment
+    own, others = (combine(of, cylinder, scenarios) for of in (loads, of_cylinder))
     return Verified(float(own), float(others), solutions, cylinder)
 
 

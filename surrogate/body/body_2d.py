@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import NODES, BodyClass, Range
+from surrogate.body.body_class import NODES, BodyClass, Range, drawn_outline
 from surrogate.body.extent import cambered_extent
 from surrogate.body.measures import moments
 from surrogate.body.parameters import PARAMETERS
@@ -69,8 +69,8 @@ class Body2D(BodyClass):
             return cambered_extent(ends)
         simple, (shortest, longest) = Body2D(("aspect", "beta2")), ends["aspect"]
         outlines = [
-            simple.outline(jnp.array([longest, beta]), NODES)
+            np.asarray(drawn_outline(simple, np.array([longest, beta]), NODES))
             for beta in ends.get("beta2", (0.0, 0.0))
         ]
-        half_length = max(float(jnp.abs(outline[:, 0]).max()) for outline in outlines)
+        half_length = max(float(np.abs(outline[:, 0]).max()) for outline in outlines)
         return 2 * half_length, self._highest(bounds) / np.sqrt(shortest)

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import eval_chebyu
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, as_array
 from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
@@ -133,24 +133,27 @@ class BodyClass(abc.ABC):
         given = zip(self.parameters, np.asarray(parameters).tolist(), strict=True)
         return all(p.keeps_mirror_plane or value == 0 for p, value in given)
 
-    def aspect(self, parameters: Float[AnyArray, "*bodies parameters"]) -> Float[Array, "*bodies"]:
+    def aspect(
+        self, parameters: Float[AnyArray, "*bodies parameters"]
+    ) -> Float[AnyArray, "*bodies"]:
         """Return the aspect: length over thickness of the ellipse before the modes are added."""
-        return jnp.asarray(parameters)[..., self.names.index("aspect")]
+        return as_array(parameters)[..., self.names.index("aspect")]
 
-    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
+    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
         """Return the flatness: width over height; 1 for classes without this parameter."""
         if "flatness" not in self.names:
             return jnp.ones(())
-        return jnp.asarray(parameters)[self.names.index("flatness")]
+        return as_array(parameters)[..., self.names.index("flatness")]
 
-    def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " betas"]:
+    def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " betas"]:
         """Return the coefficients beta_k of the sine modes."""
-        return jnp.asarray(parameters)[self.indices(Kind.SINE)]
+        return as_array(parameters)[self.indices(Kind.SINE)]
 
-    def gammas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " gammas"]:
+    def gammas(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " gammas"]:
         """Return the coefficients gamma_k of the camber's cosine modes."""
-        return jnp.asarray(parameters)[self.indices(Kind.CAMBER)]
+        return as_array(parameters)[self.indices(Kind.CAMBER)]
 
+    @functools.partial(jax.jit, static_argnums=0, inline=True)
     def smooth(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " parameters"]:
         """Return the parameters with the logarithms of all ratios: drag varies smoothly in them."""
         values, ratios = jnp.asarray(parameters), self.indices(Kind.RATIO)
@@ -160,6 +163,7 @@ class BodyClass(abc.ABC):
         """Return the parameters of an ellipse without modes, in 3-D of one of revolution."""
         return np.array([aspect if p.name == "aspect" else p.neutral for p in self.parameters])
 
+    @functools.partial(jax.jit, static_argnums=0, inline=True)
     def length(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
         """Return the chord in D: the length along the stream at zero incidence."""
         return 2 * self.half_axes(parameters)[0]

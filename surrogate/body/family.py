@@ -1,6 +1,7 @@
 """A family of bodies: ranges of their parameters, samples, the box that holds all of them."""
 
 import dataclasses
+import functools
 import itertools
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray, Bodies, Body, Number
-from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range
+from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range, drawn_outline
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin, SkinNodes
@@ -98,7 +99,7 @@ class Family:
         self, parameters: Float[AnyArray, " parameters"], nodes: int
     ) -> Float[AnyArray, "nodes 2"]:
         """Return the contour of a body as it is drawn, at zero incidence: in 3-D its side view."""
-        return self.body_class.outline(parameters, nodes)
+        return drawn_outline(self.body_class, parameters, nodes)
 
     def ellipse(self, aspect: float) -> Float[np.ndarray, " parameters"]:
         """Return the parameters of an ellipse without modes.
@@ -154,12 +155,13 @@ class Family:
         size, found, total = 4 * count + 64, [], 0
         for attempt in itertools.count():
             draw = key if attempt == 0 else jax.random.fold_in(key, attempt)
-            draws = self.within(jax.random.uniform(draw, (size, len(self.names))))
+            draws = np.asarray(self.within(jax.random.uniform(draw, (size, len(self.names)))))
             found.append(draws[self.clear(draws)])
             total += len(found[-1])
             if total >= count:
-                return jnp.concatenate(found)[:count]
+                return np.concatenate(found)[:count]
 
+    @functools.partial(jax.jit, static_argnums=0, inline=True)
     def within(
         self, shares: Float[AnyArray, "bodies parameters"]
     ) -> Float[Array, "bodies parameters"]:

@@ -79,6 +79,7 @@ def _loads_tangent(bodies, loads, primals, tangents):
     return (values, info), (change, jax.tree.map(_no_tangent, info))
 
 
+@functools.partial(jax.jit, static_argnums=(0, 1), inline=True)
 def load_values(
     bodies: DiscreteBodies, loads: tuple[Load, ...], operators: Operators, state: FlowState
 ) -> Float[Array, " loads"]:

@@ -77,7 +77,8 @@ def scene_inputs(scene: Scene) -> Inputs:
     ends = zip(
         (np.where(kept, low, -largest), np.where(kept, high, largest)), scene.reynolds, strict=True
     )
-    return Inputs(*(jnp.append(body_class.smooth(p), np.log(re)) for p, re in ends), body_class)
+    scaled = (jnp.asarray(np.append(body_class.smooth(p), np.log(re))) for p, re in ends)
+    return Inputs(*scaled, body_class)
 
 
 def _keep_mirror_plane(body_class):

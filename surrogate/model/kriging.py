@@ -60,7 +60,7 @@ class Observation(NamedTuple):
     @property
     def load_slopes(self) -> Float[np.ndarray, "loads inputs"]:
         """Derivatives of the loads Cd (, Cl, Cm) in (parameters, log Re)."""
-        return np.asarray(load_gradients(outputs_of(jnp.asarray(self.loads)), self.slopes))
+        return np.asarray(load_gradients(self.loads, self.slopes))
 
 
 class Data(eqx.Module):
@@ -77,7 +77,7 @@ class Data(eqx.Module):
 
     def of_load(self, index: int) -> "Data":
         """Return the observations of one output."""
-        return dataclasses.replace(self, rows=self.rows[index], parity=self.parity[index])
+        return dataclasses.replace(self, rows=self.rows[index], parity=self.parity[index, ...])
 
 
 class Hyper(NamedTuple):
@@ -134,13 +134,13 @@ def kriging(
     """
     data, mean = _data(observations, inputs, base), _mean(observations, base)
     hyper = likeliest(observations, inputs, base) if hyper is None else hyper
-    coefficients = jnp.stack(
-        [
-            _solve(data.of_load(k), mean[k], jax.tree.map(lambda leaf, k=k: leaf[k], hyper))
-            for k in range(len(mean))
-        ]
-    )
-    return Kriging(base, inputs, data, hyper, jnp.asarray(mean), coefficients)
+    coefficients = [
+        np.asarray(
+            _solve(data.of_load(k), mean[k], jax.tree.map(lambda leaf, k=k: leaf[k, ...], hyper))
+        )
+        for k in range(len(mean))
+    ]
+    return Kriging(base, inputs, data, hyper, mean, np.array(coefficients))
 
 
 def likeliest(
@@ -172,7 +172,7 @@ def likeliest(
         settings = {"jac": True, "method": "L-BFGS-B", "bounds": bounds, "options": options}
         return minimize(objective, start, **settings).x
 
-    return _hyper(jnp.asarray(np.array([fitted(load) for load in range(len(mean))]).T))
+    return _hyper(np.array([fitted(load) for load in range(len(mean))]).T)
 
 
 def _hyper(theta):
@@ -256,9 +256,9 @@ def _data(observations, inputs, base):
         capacity *= GROWTH
     padded = [observations[min(k, count - 1)] for k in range(capacity)]
     arrays = [np.array(part, float) for part in zip(*padded, strict=True)]
-    z, rows = _residuals(inputs, base, *arrays)
+    z, rows = map(np.asarray, _residuals(inputs, base, *arrays))
     parity = np.append(1.0, -np.ones(len(rows) - 1))
-    return Data(z, rows, jnp.arange(capacity) < count, jnp.asarray(parity), inputs.mirror)
+    return Data(z, rows, np.arange(capacity) < count, parity, inputs.mirror)
 
 
 @jax.jit

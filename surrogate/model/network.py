@@ -195,7 +195,7 @@ def make_network(
     """
     width = width or (WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
-    z = jax.vmap(lambda *case: inputs.features(inputs(*case)))(parameters, reynolds)
+    z = np.asarray(_features(inputs, parameters, reynolds))
     trends = _fitted_trends(inputs, z, np.asarray(outputs))
     relative = -oseen / oseen[:, :1]
     last = jax.tree.map(lambda leaf: LAST_LAYER_SCALE * leaf, blank.layers[-1])
@@ -212,10 +212,20 @@ def make_network(
     )
 
 
+@jax.jit
+def _features(inputs, parameters, reynolds):
+    return jax.vmap(lambda *case: inputs.features(inputs(*case)))(parameters, reynolds)
+
+
+@jax.jit
+def _monomials(features):
+    return jax.vmap(quadratic)(features)
+
+
 def _fitted_trends(inputs, z, outputs):
     """Trends by least squares: of each output, and of the moment in space all heads together."""
     images, turns = inputs.feature_mirror * z, incidence_index(inputs.body_class) is not None
-    features, mirrored = (np.asarray(jax.vmap(quadratic)(x)) for x in (z, images))
+    features, mirrored = (np.asarray(_monomials(x)) for x in (z, images))
     trends = []
     for k, values in enumerate(outputs.T):
         columns = [(features, mirrored)]

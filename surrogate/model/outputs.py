@@ -57,7 +57,7 @@ def output_gradients(
 
 @jax.jit
 def load_gradients(
-    outputs: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
+    loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:
     """Return the gradients of the loads from those of the outputs."""
-    return jax.jacfwd(loads_of)(outputs) @ gradients
+    return jax.jacfwd(loads_of)(outputs_of(loads)) @ gradients

@@ -8,7 +8,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from surrogate.checks import expect, whole_number
@@ -116,7 +115,9 @@ def read_surrogate(name: str | Path) -> Surrogate:
         raise InvalidInput(
             f"{what}: its layers {sizes} do not end in the {heads} outputs of its scene"
         )
-    blank = eqx.filter_eval_shape(blank_network, scene, tuple(sizes[:-1]), jax.random.key(0))
+    blank = eqx.filter_eval_shape(
+        lambda: blank_network(scene, tuple(sizes[:-1]), jax.random.key(0))
+    )
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
     if file_digest(folder / WEIGHTS) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
@@ -155,8 +156,8 @@ def _check_numbers(network: LoadNetwork, scene: Scene, what: str) -> None:
     """Refuse weights that are not finite, and scaled inputs that are not those of the scene."""
     if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(network)):
         raise InvalidInput(f"{what}: damaged, its weights are not all finite")
-    middle = jnp.asarray(scene.family.bounds.mean(axis=1)), jnp.asarray(scene.reynolds[0], float)
-    if not 0 < float(network_loads(network, *middle)[0]) < np.inf:
+    middle = scene.family.bounds.mean(axis=1), np.asarray(scene.reynolds[0], float)
+    if not 0 < float(np.asarray(network_loads(network, *middle))[0]) < np.inf:
         raise InvalidInput(f"{what}: damaged, its weights give no drag")
     known, own = (np.array([i.low, i.high]) for i in (scene_inputs(scene), network.inputs))
     if not np.allclose(known, own, atol=1e-9):

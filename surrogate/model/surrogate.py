@@ -5,7 +5,6 @@ import functools
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -113,11 +112,11 @@ class Surrogate:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        loads = network_loads(self.network, *at)
         if given:
-            valid = _answered(self.ranges, *at, bool(extrapolate))
-            return loads * jnp.where(valid, 1.0, jnp.nan)[..., None]  # so is the gradient NaN
-        if not np.all((loads[..., 0] > 0) & np.isfinite(loads).all(axis=-1)):
+            return _loads_or_nan(self.network, self.ranges, *at, bool(extrapolate))
+        loads = network_loads(self.network, *at)
+        known = np.asarray(loads)
+        if not np.all((known[..., 0] > 0) & np.isfinite(known).all(axis=-1)):
             raise InvalidInput("surrogate: its weights give drags that are no numbers above 0")
         return loads
 
@@ -276,9 +275,9 @@ def network_loads(
     return _of_each_load(network.loads, parameters, reynolds)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 3))
-def _answered(ranges, parameters, reynolds, extrapolate):
-    """Return whether ``Surrogate._checked`` would accept bodies and Re, for traced values."""
+@eqx.filter_jit
+def _loads_or_nan(network, ranges, parameters, reynolds, extrapolate):
+    """Return ``network_loads`` of traced bodies and Re; NaN where ``_checked`` would refuse."""
     lowest, highest = REYNOLDS[ranges.scene.dimension]
 
     def answered(body, re) -> Bool[Array, ""]:
@@ -286,7 +285,9 @@ def _answered(ranges, parameters, reynolds, extrapolate):
         valid &= (re >= lowest * (1 - ROUNDING)) & (re <= highest * (1 + ROUNDING))
         return valid & (extrapolate | jnp.all(ranges.excess(body, re) == 0))
 
-    return jnp.vectorize(answered, signature=ONE_BODY + "()")(parameters, reynolds)
+    valid = jnp.vectorize(answered, signature=ONE_BODY + "()")(parameters, reynolds)
+    loads = network_loads(network, parameters, reynolds)
+    return loads * jnp.where(valid, 1.0, jnp.nan)[..., None]  # so is the gradient NaN
 
 
 def _of_each_load(function, parameters, reynolds):

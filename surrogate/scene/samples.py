@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import qmc
@@ -57,7 +56,7 @@ def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] 
         clear = scene.family.clear(drawn)
         bodies = np.concatenate([bodies, drawn[clear]])
         log_re = np.concatenate([log_re, low + (high - low) * shares[clear, -1]])
-    return Samples(jnp.asarray(bodies[positions]), jnp.exp(jnp.asarray(log_re[positions])))
+    return Samples(bodies[positions], np.exp(log_re[positions]))
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
@@ -67,10 +66,8 @@ def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:
     """
     shape_key, re_key = jax.random.split(_keys(seed)[0])
     low, high = np.log(scene.reynolds)
-    return Samples(
-        scene.family.sample(shape_key, count),
-        jnp.exp(jax.random.uniform(re_key, (count,), minval=low, maxval=high)),
-    )
+    log_re = np.asarray(jax.random.uniform(re_key, (count,), minval=low, maxval=high))
+    return Samples(scene.family.sample(shape_key, count), np.exp(log_re))
 
 
 def network_key(seed: int) -> jax.Array:

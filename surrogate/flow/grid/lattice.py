@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax_cfd.base import advection, boundaries, grids
@@ -60,6 +61,7 @@ class Lattice:
         shape = (n * (2 if axis in self.folded else 1) for axis, n in enumerate(self.shape))
         return dataclasses.replace(self, shape=tuple(shape), folded=())
 
+    @functools.partial(jax.jit, static_argnums=0, inline=True)
     def unfold(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """Return a velocity on the whole grid, mirror images included."""
         return jnp.stack([self._mirrored(part, own) for own, part in enumerate(velocity)])
@@ -116,6 +118,7 @@ class Lattice:
         s = np.clip(distance / band, 0, 1)
         return s**3 * (10 - 15 * s + 6 * s**2)
 
+    @functools.partial(jax.jit, static_argnums=0, inline=True)
     def convect(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """Return -div(u u) of a face velocity that vanishes at the edges, by jax-cfd.
 

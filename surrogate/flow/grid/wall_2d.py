@@ -1,5 +1,8 @@
 """Wall treatment in 2-D: retraction to second order in the cell size, or a slip law on the wall."""
 
+import functools
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +43,7 @@ def wall_2d(
     return Wall(points, values, weights, normal, law)
 
 
+@functools.partial(jax.jit, inline=True)
 def outward(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, "nodes 2"]:
     """Return the outward normal times ds/dt of a clockwise contour given at equidistant t."""
     nodes = markers.shape[0]

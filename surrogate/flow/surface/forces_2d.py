@@ -38,6 +38,7 @@ def _coefficients(domain, markers, state, reynolds):
     return Coefficients(drag(*at), drag(*at) - friction, friction, lift(*at), moment(*at))
 
 
+@functools.partial(jax.jit, static_argnames="domain", inline=True)
 def friction_coefficient(
     domain: Domain2D,
     markers: Float[AnyArray, "nodes 2"],

@@ -4,8 +4,10 @@ The traction modes carry the drag but split it badly on slender bodies, so the s
 extrapolated from the flow outside of the smeared layer.
 """
 
+import functools
 from collections.abc import Sequence
 
+import jax
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import map_coordinates
@@ -36,8 +38,7 @@ def pressure(
       reynolds: U D / nu.
     """
     lattice = domain.lattice.unfolded
-    body = domain.spread_body(markers, reynolds)
-    force = np.asarray(domain.lattice.unfold(body.spread(state.amplitude)))
+    force = np.asarray(_body_force(domain, markers, state.amplitude, reynolds))
     velocity = np.asarray(domain.lattice.unfold(state.velocity))
     gradient = force - momentum_defect(lattice, velocity, reynolds)
     margin = round(1.5 / lattice.step[0])  # cells at the edge, where convection is blended out
@@ -56,6 +57,12 @@ def pressure(
         forces = force + _lamb_vector(lattice, velocity)
         start -= head_loss(lattice, forces, point, reynolds)
     return field - field[entry].mean() + start
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _body_force(domain, markers, amplitude, reynolds):
+    """Return the force density of the body on the faces of the whole domain."""
+    return domain.lattice.unfold(domain.spread_body(markers, reynolds).spread(amplitude))
 
 
 def _lamb_vector(lattice, velocity):
