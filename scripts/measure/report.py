@@ -127,8 +127,8 @@ def _accuracy(result: Result) -> str:
         if row["panel"] == "accuracy" and row["row"].startswith("standard")
     )
     form = (
-        "The flow's Cd of the cylinder (unbounded and in two tunnels, Re 1 to 40, standard grid) "
-        "differs by {off[0]:.2%} from body-fitted finite elements on average, {off[1]:.2%} at most."
+        "Cd of the cylinder by the flow (standard; unbounded and in two tunnels, Re 1 to 40) "
+        "differs from body-fitted finite elements by {off[0]:.2%} on average, {off[1]:.2%} at most."
     )
     return words(form, off=off)
 
@@ -139,11 +139,10 @@ def _space(result: Result) -> str:
         return [row["error"] for row in rows if "standard" in (row["row"], row["column"])]
 
     form = (
-        "In 3-D that of the sphere (Re 0.1 to 100) errs by {sphere[1]:.2%} at most, of ellipsoids "
-        "by {exact[1]:.2%} (against Oberbeck), of {count} other bodies of revolution by "
-        "{revolved[0]:.2%} on average and {revolved[1]:.2%} at most (against axisymmetric "
-        "elements). Its network, `pretrained:space`, differs by {drag_error_mean:.2%} from its "
-        "flow on average, {drag_error_max:.2%} at most."
+        "In 3-D it differs by {sphere[1]:.2%} at most for the sphere (Re 0.1 to 100), "
+        "{exact[1]:.2%} for ellipsoids in Stokes flow (Oberbeck) and {revolved[1]:.2%} for {count} "
+        "other bodies of revolution (elements). `pretrained:space` differs from this flow by "
+        "{drag_error_mean:.2%} on average, {drag_error_max:.2%} at most."
     )
     names = {"sphere": "sphere", "exact": "ellipsoids", "revolved": "aspect"}
     off = {name: mean_and_most(errors(panel)) for name, panel in names.items()}
@@ -155,10 +154,11 @@ def _space(result: Result) -> str:
 def _payoff(result: Result) -> str:
     times = {row["method"]: row["break_even_s"] for row in result["payoff"]}
     form = (
-        "Means over {count} designs, trainings on {bodies} bodies unless said; in brackets 95 % "
-        "intervals. By wall clock `hig` pays against `direct` after {hig:.0f} designs, `dp` after "
-        "{dp:.0f}. One robust design asks for {calls:,} drags: {seconds:.1f} s by the network, "
-        "compilation included, {hours:.1f} hours by flows and adjoints (extrapolated)."
+        "Means over {count} designs, each a local optimum of the flow itself; trainings on "
+        "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
+        "`direct` after {hig:.0f} designs, `dp` after {dp:.0f}. One robust design asks for "
+        "{calls:,} drags: {seconds:.1f} s by the network, {hours:.1f} hours by flows and adjoints "
+        "(extrapolated)."
     )
     counts = {"count": len(result["queries"]), "bodies": PRESETS["full"].samples}
     counts["hours"] = result["robust"]["direct_seconds_extrapolated"] / 3600

@@ -78,9 +78,9 @@ def when_to_train(result: Result) -> str:
     led = lines.pop(LED)
     flows = ", ".join(f"{line['flows']:.1f} {ORIGINS[way]}" for way, line in lines.items())
     return (
-        f"With lift ({NAME}: eight inputs, three loads) {led['asked']} unseen queries, least drag "
-        f"at a lift or best glide ratio, take {led['flows']:.1f} flows each led by the network, "
-        f"{flows}. The training pays {_pays(result)}."
+        f"With lift ({NAME}) {led['asked']} unseen queries, least drag at a lift or best glide "
+        f"ratio, take {led['flows']:.1f} flows each led by the network, {flows}; the training pays "
+        f"{_pays(result)}."
     )
 
 

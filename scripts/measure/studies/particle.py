@@ -194,7 +194,7 @@ def _over_themselves(rows):
 
 
 def in_short(result: Result) -> str:
-    """Return two sentences on the shipped surrogate, the best correlation, lift and torque."""
+    """Return a sentence on the errors of the shipped surrogate and of the best correlation."""
 
     def means(name, rows):
         errors = [[row[name][key] for row in rows] for key in LOADS]
@@ -202,18 +202,11 @@ def in_short(result: Result) -> str:
 
     rows, net = result["rows"], load(SURROGATE)
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
-    own = _over_themselves(_inclined(rows))
-    (lift, most_lift), (torque, most_torque) = ((np.median(e), max(e)) for e in own.values())
     return (
         f"`{SURROGATE}`, for any angle, differs from its flow by {means('surrogate', rows)} % of "
-        f"Cd in Cd, Cl and Cm on average over {len(rows)} unseen bodies, by up to "
-        f"{100 * net.recorded('drag_error_max'):.1f} and "
-        f"{100 * net.recorded('lift_error_max'):.1f} % in Cd and Cl of its {net.unseen} held-out "
-        f"ones, and by {means('surrogate', theirs)} % on {len(theirs)} prolate spheroids where the "
-        f"closest of the published correlations tried, Froehlich's, errs by "
-        f"{means('Froehlich', theirs)} %. As a share of itself, beyond {ALIGNED:g} degrees off the "
-        f"axes, torque errs by {torque:.1%} in the median and {most_torque:.0%} at most (of a "
-        f"body whose torque nearly vanishes), lift by {lift:.1%} and {most_lift:.0%}."
+        f"Cd in Cd, Cl and Cm on average, by {100 * net.recorded('lift_error_max'):.1f} % at most "
+        f"(Cl); on {len(theirs)} prolate spheroids by {means('surrogate', theirs)} %, where the "
+        f"closest published correlation tried, Froehlich's, errs by {means('Froehlich', theirs)} %."
     )
 
 
