@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, Int
 
 AnyArray = jax.Array | np.ndarray
 Number = float | np.number | AnyArray  # one number; an array of shape () as well
@@ -15,6 +15,7 @@ Numbers = Number | Sequence[float]  # one number, or an array of them
 Bodies = Body | Sequence[Body]  # one body, or many in the leading axes, shape (..., parameters)
 
 
-def as_array(values: ArrayLike) -> AnyArray:
-    """Return an array of NumPy as it is, for which nothing is compiled, and all else as JAX's."""
-    return values if isinstance(values, np.ndarray) else jnp.asarray(values)
+def picked(values: ArrayLike, index: int | Int[np.ndarray, " picked"]) -> jax.Array:
+    """Return the values at an index of the last axis; for those of NumPy nothing is compiled."""
+    values = values if isinstance(values, np.ndarray) else jnp.asarray(values)
+    return jnp.asarray(values[..., index])

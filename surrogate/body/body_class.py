@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import eval_chebyu
 
-from surrogate.arrays import AnyArray, as_array
+from surrogate.arrays import AnyArray, picked
 from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
@@ -133,25 +133,23 @@ class BodyClass(abc.ABC):
         given = zip(self.parameters, np.asarray(parameters).tolist(), strict=True)
         return all(p.keeps_mirror_plane or value == 0 for p, value in given)
 
-    def aspect(
-        self, parameters: Float[AnyArray, "*bodies parameters"]
-    ) -> Float[AnyArray, "*bodies"]:
+    def aspect(self, parameters: Float[AnyArray, "*bodies parameters"]) -> Float[Array, "*bodies"]:
         """Return the aspect: length over thickness of the ellipse before the modes are added."""
-        return as_array(parameters)[..., self.names.index("aspect")]
+        return picked(parameters, self.names.index("aspect"))
 
-    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
+    def flatness(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
         """Return the flatness: width over height; 1 for classes without this parameter."""
         if "flatness" not in self.names:
             return jnp.ones(())
-        return as_array(parameters)[..., self.names.index("flatness")]
+        return picked(parameters, self.names.index("flatness"))
 
-    def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " betas"]:
+    def betas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " betas"]:
         """Return the coefficients beta_k of the sine modes."""
-        return as_array(parameters)[self.indices(Kind.SINE)]
+        return picked(parameters, self.indices(Kind.SINE))
 
-    def gammas(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " gammas"]:
+    def gammas(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " gammas"]:
         """Return the coefficients gamma_k of the camber's cosine modes."""
-        return as_array(parameters)[self.indices(Kind.CAMBER)]
+        return picked(parameters, self.indices(Kind.CAMBER))
 
     @functools.partial(jax.jit, static_argnums=0, inline=True)
     def smooth(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, " parameters"]:
