@@ -34,6 +34,14 @@ def test_drag_gradient_and_solution_share_their_programs(compiled):
     assert list(solution.gradient.values())[:4] == pytest.approx(gradient.tolist(), rel=1e-6)
 
 
+def test_a_surface_is_drawn_by_few_programs(compiled):
+    flow = Flow(Scene(fidelity=Fidelity("drawn", 8, 2.5, 4, 4, 5, wake=0.0)))
+    solution = flow.solve(LENS, 10.0, estimate=False)
+    before = len(compiled)
+    assert np.isfinite(solution.surface().cp).all()
+    assert len(compiled) - before <= 12
+
+
 def random_contour(generator: np.random.Generator) -> np.ndarray:
     t = np.linspace(0, 2 * np.pi, generator.integers(60, 300), endpoint=False)
     waves = generator.uniform(-0.3, 0.3, 2) @ np.stack([np.cos(t), np.cos(2 * t)])

@@ -11,12 +11,13 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
 
 
-def test_python_example_runs(capsys):
+def test_python_example_runs(capsys, compiled):
     """At most 15 lines: a drag, its gradient, an optimum, its verified drag; then SciPy."""
     example, scipy = re.findall(r"```python\n(.*?)```", README, re.S)
     assert len(example.splitlines()) <= 15
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
+    assert len(compiled) <= 90  # programs; 133 where the operations on one body ran one by one
     printed = capsys.readouterr().out.splitlines()
     predicted, (verified, *accuracy) = printed[-2].split()[-3], printed[-1].split()
     assert abs(float(predicted) / float(verified) - 1) < 1e-4  # the flow's own optimum
