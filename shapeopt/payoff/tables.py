@@ -16,6 +16,7 @@ from shapeopt.render.tables import markdown
 SUFFIXES = {"seconds": "s", "green_applications": "g"}  # of the keys in JSON
 COSTS = ("training", "flows a design", "a design")
 PAYS = ("pays after designs, by G", "by time")
+SHOWN_DESIGNS = (1, 5, 10, 50, 1000)  # numbers of designs whose cumulative cost is shown
 Row = Mapping[str, Any]
 
 
@@ -38,7 +39,8 @@ def payoff_rows(
             finite = [None if value == float("inf") else value for value in found]
             row[f"break_even_{suffix}"], *row[f"break_even_{suffix}_interval"] = finite
             row[f"beats_kriging_{suffix}"] = overtakes(one, kriging, unit)
-            row[f"cumulative_{suffix}"] = one.cumulative(unit, 1000)[[0, 4, 9, 49, 999]].tolist()
+            costs = one.cumulative(unit, SHOWN_DESIGNS[-1])
+            row[f"cumulative_{suffix}"] = [float(costs[count - 1]) for count in SHOWN_DESIGNS]
         row |= per_design(one) | quality(one, best)
         row |= {"drag_error_mean": one.drag_error_mean, "drag_error_max": one.drag_error_max}
         rows.append(row)
@@ -93,7 +95,7 @@ def short_table(rows: Sequence[Row]) -> str:
 
 
 def _cumulative_table(rows):
-    heads = ["convolutions (G) after designs", "1", "5", "10", "50", "1000"]
+    heads = ["convolutions (G) after designs", *map(str, SHOWN_DESIGNS)]
     return markdown(heads, [[r["method"], *(f"{g:,.0f}" for g in r["cumulative_g"])] for r in rows])
 
 

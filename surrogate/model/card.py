@@ -52,7 +52,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"drags within {100 * fidelity.tolerance:g} % of the exact flow.",
         *_limits(scene, record),
         "Not for: turbulent, unsteady or compressible flow, rough or flexible bodies, bodies near",
-        "walls or each other, contours that cross themselves. Outside the ranges it extrapolates.",
+        "walls or each other, contours that cross themselves; outside the ranges only where asked.",
         f"Made by drag-surrogates {version}, MIT licence; {_weights(record)}.",
     ]
     return "\n".join(lines) + "\n"

@@ -12,8 +12,7 @@ from surrogate import Family, Flow, NotConverged, Scene, load
 
 NAME = "pretrained:lift"
 LED, GROWING, DIRECT = "the network", "kriging with memory", "direct"
-ORIGINS = {GROWING: "by kriging that grows from nothing", DIRECT: "by SLSQP on the flow alone"}
-RIVALS = {GROWING: "kriging with memory", DIRECT: "direct optimisation"}
+RIVALS = {GROWING: "kriging with memory", DIRECT: "`direct`"}
 QUERIES, SEED = 20, 3
 
 
@@ -76,11 +75,14 @@ def when_to_train(result: Result) -> str:
     """Return the README's paragraph on what training gains in a scene with lift."""
     lines = {line["way"]: line for line in strategies(result)}
     led = lines.pop(LED)
-    flows = ", ".join(f"{line['flows']:.1f} {ORIGINS[way]}" for way, line in lines.items())
+    flows = ", ".join(
+        f"{line['flows']:.1f} by {RIVALS[way]} ({100 * line['gap']:.0f} %)"
+        for way, line in lines.items()
+    )
     return (
         f"With lift ({NAME}) {led['asked']} unseen queries, least drag at a lift or best glide "
-        f"ratio, take {led['flows']:.1f} flows each led by the network, {flows}; the training pays "
-        f"{_pays(result)}."
+        f"ratio, take {led['flows']:.1f} flows each led by the network ({100 * led['gap']:.0f} % "
+        f"above the best objective at most), {flows}; the training pays {_pays(result)}."
     )
 
 

@@ -202,11 +202,14 @@ def in_short(result: Result) -> str:
 
     rows, net = result["rows"], load(SURROGATE)
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
+    slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
-        f"`{SURROGATE}`, for any angle, differs from its flow by {means('surrogate', rows)} % of "
-        f"Cd in Cd, Cl and Cm on average, by {100 * net.recorded('lift_error_max'):.1f} % at most "
-        f"(Cl); on {len(theirs)} prolate spheroids by {means('surrogate', theirs)} %, where the "
-        f"closest published correlation tried, Froehlich's, errs by {means('Froehlich', theirs)} %."
+        f"`{SURROGATE}`, for incidences of 0 to 90 degrees, differs by {means('surrogate', rows)} "
+        f"% of Cd in Cd, Cl and Cm on average, by {100 * net.recorded('lift_error_max'):.1f} % at "
+        f"most (Cl); below Re 1, where it is small, Cm by {np.median(slow):.0%} of itself in the "
+        f"median and {max(slow):.0%} at most. On {len(theirs)} prolate spheroids it errs by "
+        f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's, by "
+        f"{means('Froehlich', theirs)} %."
     )
 
 
