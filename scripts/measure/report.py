@@ -188,9 +188,8 @@ def _payoff_space(result: Result) -> str:
     best = min(over, key=lambda row: row["beats_kriging_g"])
     best = first | {"from_design": best["beats_kriging_g"], "best": best["method"]}
     own = "" if best["best"] == first["method"] else " `{best}`"
-    return words(
-        f"{form}, and{own} beats kriging with memory from design {{from_design}} on.", **best
-    )
+    form += f", and{own} beats kriging with memory from design {{from_design}} on."
+    return words(form, **best)
 
 
 def _duration(result: Result) -> str:
