@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
+import jax
+
 from shapeopt.payoff.break_even import Cost, Strategy
 from shapeopt.payoff.direct import design_directly, nearest_design
 from shapeopt.problem.problem import Problem
@@ -79,11 +81,14 @@ def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
 def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> None:
     """Compile what designs need, so that no design's cost includes it.
 
-    Kriging with memory answers all queries, because it compiles anew as it grows, and the surrogate
-    the first.
+    Programs depend on the number of flows that kriging keeps and on which bounds a query has. So
+    all queries are answered by kriging with memory, without and with the surrogate, and one query
+    of each set of bounds by the surrogate alone.
     """
-    kriging, led = Designer(flow), Designer(surrogate)
-    designs = [(kriging, problem) for problem in queries] + [(led, queries[0])]
+    bounds = {jax.tree.structure(problem.limits): problem for problem in queries}
+    keeping = Designer(flow), Designer(surrogate)
+    designs = [(designer, problem) for designer in keeping for problem in queries]
+    designs += [(Designer(surrogate), problem) for problem in bounds.values()]
     with progress_bar("compiling") as progress:
         for k, (designer, problem) in enumerate(designs):
             designer.design(problem)

@@ -1,7 +1,6 @@
 """A family of bodies: ranges of their parameters, samples, the box that holds all of them."""
 
 import dataclasses
-import functools
 import itertools
 from collections.abc import Mapping
 from typing import Any
@@ -9,7 +8,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray, Bodies, Body, Number
 from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range, drawn_outline
@@ -155,16 +154,16 @@ class Family:
         size, found, total = 4 * count + 64, [], 0
         for attempt in itertools.count():
             draw = key if attempt == 0 else jax.random.fold_in(key, attempt)
-            draws = np.asarray(self.within(jax.random.uniform(draw, (size, len(self.names)))))
+            shares = jax.random.uniform(draw, (size, len(self.names)))
+            draws = self.within(np.asarray(shares))
             found.append(draws[self.clear(draws)])
             total += len(found[-1])
             if total >= count:
                 return np.concatenate(found)[:count]
 
-    @functools.partial(jax.jit, static_argnums=0, inline=True)
     def within(
-        self, shares: Float[AnyArray, "bodies parameters"]
-    ) -> Float[Array, "bodies parameters"]:
+        self, shares: Float[np.ndarray, "bodies parameters"]
+    ) -> Float[np.ndarray, "bodies parameters"]:
         """Return the bodies whose parameters lie at these shares, from 0 to 1, of their ranges.
 
         For a length ratio whose range spans a decade or more it is a share of the range of its
@@ -175,8 +174,7 @@ class Family:
         ratios = np.isin(np.arange(len(low)), self.body_class.indices(Kind.RATIO))
         wide = ratios & (high >= DECADE * low)
         spread = np.where(wide, high / np.where(wide, low, 1.0), 1.0)
-        shares = jnp.asarray(shares)
-        return jnp.where(wide, low * spread**shares, low + (high - low) * shares)
+        return np.where(wide, low * spread**shares, low + (high - low) * shares)
 
     def clear(self, bodies: Float[AnyArray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
         """Return which bodies are so far from crossing themselves that they can be solved.

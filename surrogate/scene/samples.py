@@ -52,7 +52,7 @@ def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] 
     bodies, log_re = np.empty((0, len(scene.family.names))), np.empty(0)
     while len(bodies) < needed:
         shares = sequence.random(max(2 ** needed.bit_length(), MIN_DRAW))
-        drawn = np.asarray(scene.family.within(shares[:, :-1]))
+        drawn = scene.family.within(shares[:, :-1])
         clear = scene.family.clear(drawn)
         bodies = np.concatenate([bodies, drawn[clear]])
         log_re = np.concatenate([log_re, low + (high - low) * shares[clear, -1]])
