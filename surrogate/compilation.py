@@ -10,8 +10,8 @@ import jax
 from surrogate.checks import traced
 
 # On a CPU, XLA compiles the flow in half the time with its older emitters and without the costlier
-# optimisations of LLVM, and the program is as fast: most of its time goes into Fourier transforms
-# (study ``compilation``).
+# optimisations of LLVM, and the program takes at most a tenth longer: most of its time goes into
+# Fourier transforms (study ``compilation``).
 QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
 
 

@@ -20,7 +20,7 @@ from numpy.polynomial import legendre
 from scipy.optimize import lsq_linear
 from scipy.special import chebyu, eval_chebyu
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, picked
 from surrogate.body.body_2d import Body2D
 from surrogate.body.body_class import BodyClass, Range
 from surrogate.body.extent import turned_box
@@ -98,7 +98,7 @@ class Body3D(BodyClass):
         areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
         if "incidence" not in self.names:
             return points, areas
-        turn = jnp.asarray(parameters)[self.names.index("incidence")]
+        turn = picked(parameters, self.names.index("incidence"))
         return rotate(points, turn), rotate(areas, turn)
 
     def extent(

@@ -95,7 +95,7 @@ class BodyClass(abc.ABC):
         outline = self.outline(parameters, nodes)
         if "incidence" not in self.names:
             return outline
-        return rotate(outline, jnp.asarray(parameters)[self.names.index("incidence")])
+        return rotate(outline, picked(parameters, self.names.index("incidence")))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

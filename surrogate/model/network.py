@@ -222,6 +222,11 @@ def _monomials(features):
     return jax.vmap(quadratic)(features)
 
 
+@jax.jit
+def _moment_factors(inputs, features):
+    return jax.vmap(lambda one: moment_factors(inputs, one))(features)
+
+
 def _fitted_trends(inputs, z, outputs):
     """Trends by least squares: of each output, and of the moment in space all heads together."""
     images, turns = inputs.feature_mirror * z, incidence_index(inputs.body_class) is not None
@@ -230,10 +235,7 @@ def _fitted_trends(inputs, z, outputs):
     for k, values in enumerate(outputs.T):
         columns = [(features, mirrored)]
         if k == 2 and turns:
-            factors, image_factors = (
-                np.asarray(jax.vmap(lambda one: moment_factors(inputs, one))(x)).T
-                for x in (z, images)
-            )
+            factors, image_factors = (np.asarray(_moment_factors(inputs, x)).T for x in (z, images))
             columns = [
                 (own[:, None] * features, image[:, None] * mirrored)
                 for own, image in zip(factors, image_factors, strict=True)

@@ -106,7 +106,7 @@ def make_setup(
     flow, devices = Flow(plan.scene), devices or choose_devices()
     held_out, labels = solve_held_out(flow, plan, devices, report)
     samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
-    flow.bodies.check(np.asarray(samples.parameters))
+    flow.bodies.check(samples.parameters)
     samples, partition = devices.place(
         (samples, partition_samples(plan.scene.family, samples, devices))
     )

@@ -206,7 +206,7 @@ def child(asked: Row) -> Row:
     samples = training_samples(flow.scene, 0, asked["bodies"])
     devices = choose_devices(asked["devices"] * asked["processes"], asked["device_batch"])
     partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
-    given = devices.place((partition, *map(np.asarray, samples)))
+    given = devices.place((partition, *samples))
     solve, found = batch_solver(flow.bodies, devices).lower(*given).compile(), []
     seconds = medians([lambda: found.append(solve(*given)) or found[-1]], asked["rounds"])[0]
     memory = solve.memory_analysis().temp_size_in_bytes

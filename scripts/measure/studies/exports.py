@@ -146,7 +146,7 @@ def _kriging(net: Surrogate) -> OutputModel:
         return net.network.outputs(net.network.inputs(parameters, np.e**log_re))
 
     rows = []
-    for body, re in zip(np.asarray(samples.parameters), np.asarray(samples.reynolds), strict=True):
+    for body, re in zip(*samples, strict=True):
         by_body, by_re = jax.jacobian(outputs, (0, 1))(body, np.log(re))
         slopes = np.column_stack([by_body, by_re])
         rows.append(Observation(body, float(re), np.asarray(net.network.loads(body, re)), slopes))

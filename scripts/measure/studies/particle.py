@@ -206,8 +206,9 @@ def in_short(result: Result) -> str:
     return (
         f"`{SURROGATE}`, for incidences of 0 to 90 degrees, differs by {means('surrogate', rows)} "
         f"% of Cd in Cd, Cl and Cm on average, by {100 * net.recorded('lift_error_max'):.1f} % at "
-        f"most (Cl); below Re 1, where it is small, Cm by {np.median(slow):.0%} of itself in the "
-        f"median and {max(slow):.0%} at most. On {len(theirs)} prolate spheroids it errs by "
+        f"most (Cl, of {net.unseen} held-out bodies); below Re 1, where it is small, Cm by "
+        f"{100 * np.median(slow):.0f} % of itself in the median and {100 * max(slow):.0f} % at "
+        f"most. On {len(theirs)} prolate spheroids it errs by "
         f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's, by "
         f"{means('Froehlich', theirs)} %."
     )

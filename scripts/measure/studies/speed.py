@@ -207,7 +207,7 @@ def surrogate(run: Run, what: str, batch: int, repeats: int) -> Row:
       repeats: Calls that are timed together.
     """
     model = load("pretrained")
-    given = model.network, held_out_samples(model.scene, 0, batch)
+    given = jax.tree.map(jnp.asarray, (model.network, held_out_samples(model.scene, 0, batch)))
     if "float32" in what:
         given = jax.tree.map(lambda leaf: leaf.astype(jnp.float32), given)
 

@@ -71,7 +71,7 @@ def ground_of(name: str, tiny: bool) -> Ground:
     truth = flow.solve_all(*unseen, partial=True)
     unseen = unseen.at(np.flatnonzero(truth.converged))
     samples = training_samples(scene, 0, 16 if tiny else max(COUNTS[name]))
-    bodies = list(zip(*map(np.asarray, samples), strict=True))
+    bodies = list(zip(*samples, strict=True))
 
     def solve(body):
         return jax.block_until_ready(flow.loads_and_gradients(*body))
