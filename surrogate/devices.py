@@ -157,4 +157,4 @@ def _mapped(devices, function):
 
         return devices.shard_map(local, (model, rows), Sharded(()))(model, rows)
 
-    return jax.jit(mapped, compiler_options=quick_options())
+    return jax.jit(mapped, compiler_options=quick_options() | devices.options)
