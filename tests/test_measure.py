@@ -190,7 +190,7 @@ def test_figures_are_filled_in_and_missing_ones_left_out(tmp_path):
         "a\n<!-- accuracy -->\nold\n<!-- /accuracy -->\nb\n<!-- payoff -->\nx\n<!-- /payoff -->\n"
     )
     filled = report.filled(text, report.short_block, tmp_path)
-    assert "by 0.20 % from" in filled
+    assert "by 0.20 % on average" in filled
     assert "0.30 % at most" in filled
     assert filled.endswith("<!-- /accuracy -->\nb\n<!-- payoff -->\n<!-- /payoff -->\n")
     assert report.filled(filled, report.short_block, tmp_path) == filled
