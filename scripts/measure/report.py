@@ -162,7 +162,7 @@ def _payoff(result: Result) -> str:
         "Means over {count} designs, each a local optimum of the flow itself; trainings on "
         "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
         "`direct` after {hig:.0f} designs, `dp` after {dp:.0f}. Kriging with memory needs "
-        "{late:.0f} G a design in the end, so here, with four parameters in 2-D, no training pays "
+        "{late:.0f} G a design in the end, so here, with four parameters in 2-D, {paying} pays "
         "against it. A robust design of {cases} cases takes {network, and kriging:.0f} flows led "
         "by the network, {kriging from nothing:.0f} by kriging, {direct:.0f} by `direct`."
     )
@@ -170,10 +170,18 @@ def _payoff(result: Result) -> str:
     kriging = next(row for row in result["payoff"] if row["method"] == "kriging with memory")
     *_, (early, fifty), (late, thousand) = zip(SHOWN_DESIGNS, kriging["cumulative_g"], strict=True)
     counts["late"] = (thousand - fifty) / (late - early)
+    counts["paying"] = ", ".join(f"`{row['method']}`" for row in _over_kriging(result))
+    counts["paying"] = counts["paying"] or "no training"
     robust = json.loads((RESULTS / "scenarios.json").read_text())["result"]["rows"]
     counts["cases"] = max(row["cases"] for row in robust)
     flows = {row["way"]: row["flows"] for row in robust if row["cases"] == counts["cases"]}
     return f"{short_table(result['payoff'])}\n\n{words(form, **counts | times | flows)}"
+
+
+def _over_kriging(result):
+    """Return the rows of the trainings that pay against kriging with memory."""
+    rows = [row for row in result["payoff"] if row["training_g"]]
+    return [row for row in rows if row["beats_kriging_g"] is not None]
 
 
 def _payoff_space(result: Result) -> str:
@@ -182,7 +190,7 @@ def _payoff_space(result: Result) -> str:
     first = min(paid, key=lambda row: row["break_even_g"])
     form = "In 3-D ({queries} queries) `{method}` pays first, after {break_even_g:.1f} designs"
     first = first | {"queries": len(result["queries"])}
-    over = [row for row in paid if row["beats_kriging_g"] is not None]
+    over = _over_kriging(result)
     if not over:
         return words(form + ", and none beats kriging with memory.", **first)
     best = min(over, key=lambda row: row["beats_kriging_g"])

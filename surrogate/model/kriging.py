@@ -77,7 +77,8 @@ class Data(eqx.Module):
 
     def of_load(self, index: int) -> "Data":
         """Return the observations of one output."""
-        return dataclasses.replace(self, rows=self.rows[index], parity=self.parity[index, ...])
+        parity = self.parity[index, ...]  # an array, where NumPy would give a scalar
+        return dataclasses.replace(self, rows=self.rows[index], parity=parity)
 
 
 class Hyper(NamedTuple):
