@@ -34,6 +34,7 @@ HERE = Path(__file__).parent
 RESULTS = HERE / "results"
 PICTURES = HERE.parents[1] / ".pictures"  # of the results that the project keeps
 MODULES = {  # the studies of every module
+    "accelerator": "accelerator",
     "accuracy": "flow gradients precision march",
     "accuracy_3d": "flow_3d corners extrapolated",
     "compilation": "compilation",

@@ -26,7 +26,7 @@ class Unavailable(InvalidInput):
     """Raised where an optional package that a measurement needs is not installed."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)  # hashed by identity
 class Run:
     """How a study is run: tiny or whole, with which options, and where its progress is shown.
 

@@ -9,7 +9,6 @@ import dataclasses
 import functools
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,6 +21,10 @@ from study import Row, Run, Study, Table, columns
 from tools import PeakMemory, medians
 
 from surrogate import Flow, Scene
+from surrogate.devices import choose_devices
+from surrogate.files import whole_file
+from surrogate.flow.batch import FlowBatch
+from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.inputs import Inputs, scene_inputs
 from surrogate.model.kriging import Observation, kriging
@@ -33,13 +36,12 @@ from surrogate.training.methods.method import adam
 from surrogate.training.plan import make_plan
 
 SCRIPTS = Path(__file__).parents[2]
-COUNTS = {"particle": (16, 32, 64), "lift": (64, 256, 1024)}
+COUNTS = {"particle": (16, 32, 64, 128, 256, 512), "lift": (64, 256, 1024, 4096)}
 HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
 TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies
 # Bodies of a scene up to which a method is fitted, where its fits take much longer than others.
 MOST = {("lift", "hig"): 16, ("lift", "GEKPLS"): 64}
-THREADS = 2  # that solve flows
 METHODS = ("hig", "supervised", "gradient-enhanced kriging", "GEKPLS", "polynomial with gradients")
 MANY = 1000  # answers whose time is taken
 Outputs = Callable[[np.ndarray], np.ndarray]  # of scaled inputs (cases, inputs)
@@ -54,34 +56,83 @@ class Ground(NamedTuple):
     observations: list[Observation]
     known: SolvedLoads
     work: np.ndarray  # convolutions with G of each flow and its gradients
-    seconds: float  # of processor time, a flow with its gradients
+    seconds: float  # of a flow with its gradients
+    device: str  # that solved them
     unseen: np.ndarray  # scaled inputs of the held-out bodies
     truth: np.ndarray  # their loads
 
 
-@functools.lru_cache(maxsize=1)
-def ground_of(name: str, tiny: bool) -> Ground:
-    """Solve the flows of a scene's bodies and return them; those not found are left out."""
+class SolvedFlows(NamedTuple):
+    """The flows of a study: of training bodies with their gradients, and of held-out bodies."""
+
+    training: LoadsAndGradients
+    held_out: FlowBatch
+    seconds: np.ndarray  # of a training body's flow with its gradients
+    device: np.ndarray  # that solved them, one name
+
+
+PARTS = (("training", LoadsAndGradients), ("held_out", FlowBatch))  # of a file of solved flows
+
+
+def solve_flows(run: Run, name: str) -> SolvedFlows:
+    """Solve all flows of a scene on one device, in batches of the option ``--device-batch``."""
+    flow, samples, unseen = bodies_of(name, run.tiny)
+    devices = choose_devices(device_batch=run.options.get("device_batch"))
+    truth = flow.solve_all(*unseen, devices, partial=True)
+    part, parts, seconds = max(8, 4 * devices.device_batch), [], []
+    for start in range(0, samples.count, part):
+        rows = np.minimum(np.arange(start, start + part), samples.count - 1)
+        begin = time.perf_counter()
+        parts.append(flow.solve_all(*samples.at(rows), devices, gradients=True, partial=True))
+        seconds.append((time.perf_counter() - begin) / part)
+        run.progress(start / samples.count, f"flow {start} of {samples.count}")
+    found = jax.tree.map(lambda *leaves: np.concatenate(leaves)[: samples.count], *parts)
+    device = jax.devices()[0].device_kind
+    return SolvedFlows(found, truth, np.asarray(np.median(seconds)), np.asarray(device))
+
+
+def bodies_of(name: str, tiny: bool) -> tuple[Flow, Samples, Samples]:
+    """Return the flow of a scene, its training bodies and its held-out ones."""
     scene = Scene.read(SCRIPTS / f"{name}.toml")
     cells = TINY_CELLS if tiny else CELLS[name]
-    level = dataclasses.replace(scene.fidelity, cells=cells)
-    scene = dataclasses.replace(scene, fidelity=level)
-    flow, inputs = Flow(scene), scene_inputs(scene)
-    unseen = held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
-    truth = flow.solve_all(*unseen, partial=True)
-    unseen = unseen.at(np.flatnonzero(truth.converged))
+    scene = dataclasses.replace(scene, fidelity=dataclasses.replace(scene.fidelity, cells=cells))
     samples = training_samples(scene, 0, 16 if tiny else max(COUNTS[name]))
-    bodies = list(zip(*samples, strict=True))
+    return Flow(scene), samples, held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
 
-    def solve(body):
-        return jax.block_until_ready(flow.loads_and_gradients(*body))
 
-    slopes = [solve(bodies[0])]  # compiles
-    begin = time.process_time()
-    with ThreadPoolExecutor(THREADS) as pool:
-        slopes += pool.map(solve, bodies[1:])
-    seconds = (time.process_time() - begin) / (len(bodies) - 1)
-    found = jax.tree.map(lambda *leaves: np.stack(leaves), *slopes)
+def read_or_solve(run: Run, name: str) -> SolvedFlows:
+    """Return the flows of the option ``--flows``, a file that is written if it does not exist."""
+    path = run.options.get("flows")
+    if path is None or not path.exists():
+        found = solve_flows(run, name)
+        if path is not None:
+            write_flows(path, found)
+        return found
+    with np.load(path) as file:
+        training, held_out = (
+            kind(*(file[f"{part}.{field}"] for field in kind._fields)) for part, kind in PARTS
+        )
+        return SolvedFlows(training, held_out, file["seconds"], file["device"])
+
+
+def write_flows(path: Path, flows: SolvedFlows) -> None:
+    """Write flows to a file of NumPy, which ``read_or_solve`` reads."""
+    arrays = {"seconds": flows.seconds, "device": flows.device}
+    for part, kind in PARTS:
+        arrays |= {
+            f"{part}.{field}": getattr(getattr(flows, part), field) for field in kind._fields
+        }
+    with whole_file(path) as part, part.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+@functools.lru_cache(maxsize=1)
+def ground_of(name: str, run: Run) -> Ground:
+    """Return the bodies of a scene with their flows; those not found are left out."""
+    flow, samples, unseen = bodies_of(name, run.tiny)
+    scene, inputs = flow.scene, scene_inputs(flow.scene)
+    found, truth, seconds, device = read_or_solve(run, name)
+    unseen = unseen.at(np.flatnonzero(truth.converged))
     kept = np.flatnonzero(found.converged)
     samples, found = jax.tree.map(lambda leaf: np.asarray(leaf)[kept], (samples, found))
     scaled = jax.vmap(inputs)
@@ -98,7 +149,8 @@ def ground_of(name: str, tiny: bool) -> Ground:
         [Observation(*row) for row in rows],
         SolvedLoads(np.asarray(z), outputs, steep * np.asarray(steepness)[:, None]),
         found.green_applications,
-        seconds,
+        float(seconds),
+        str(device),
         np.asarray(scaled(*unseen)),
         truth.loads[np.flatnonzero(truth.converged)],
     )
@@ -120,7 +172,7 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
       bodies: Number of training bodies.
       method: One of ``METHODS``.
     """
-    ground = ground_of(scene, run.tiny)
+    ground = ground_of(scene, run)
     begin = time.process_time()
     with PeakMemory() as memory:
         outputs, compile_s = _fitted(ground, method, bodies, run)
@@ -181,7 +233,15 @@ COLUMNS = columns(
     " | memory of the fit, MiB {memory:,.0f}"
 )
 DRAW = lines("bodies", "cd", "method", ("bodies", "mean error of Cd"), "scene")
+OPTIONS = {
+    "--flows": {"type": Path, "help": "file of the solved flows; written if it does not exist"},
+    "--device-batch": {"type": int, "help": "flows that are solved simultaneously"},
+}
 STUDIES = {
-    name: Study([Table(functools.partial(models, scene), measure, COLUMNS, tiny="all")], draw=DRAW)
+    name: Study(
+        [Table(functools.partial(models, scene), measure, COLUMNS, tiny="all")],
+        draw=DRAW,
+        options=OPTIONS,
+    )
     for name, scene in (("three_loads", "particle"), ("three_loads_lift", "lift"))
 }
