@@ -28,6 +28,7 @@ from surrogate import (
 from surrogate.body.contour import crosses_itself
 from surrogate.body.measures import AREA, moments
 from surrogate.body.parameters import PARAMETERS, Kind
+from surrogate.body.validity import are_valid
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.network import blank_network
 
@@ -215,7 +216,7 @@ def test_a_scene_in_a_file(tmp_path):
 def test_samples_are_inside_and_valid():
     samples = WIDEST.sample(jax.random.key(1), 100)
     assert all(WIDEST.contains(np.asarray(sample)) for sample in samples)
-    assert WIDEST.body_class.valid(np.asarray(samples)).all()
+    assert are_valid(WIDEST.body_class, np.asarray(samples)).all()
     assert WIDEST.check(samples[0]).shape == (18,)
 
 

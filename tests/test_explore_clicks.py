@@ -12,7 +12,7 @@ from pages import NAMES, REYNOLDS, every, surrogate_of, visited
 from shapeopt import Problem, optimise
 from shapeopt.drag_bucket import designs_over_lift
 from shapeopt.render.page.page import reference_body
-from surrogate.body.body_class import CLEAR_THICKNESS_RATIO
+from surrogate.body.validity import CLEAR_THICKNESS_RATIO
 
 
 def body_of(name, state):

@@ -3,8 +3,6 @@
 import contextlib
 import os
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +14,7 @@ import numpy as np
 from jax.experimental.compilation_cache import compilation_cache
 from study import Row
 
-from surrogate import Fidelity, Flow, InvalidInput, Scene, Solution, family_shape
+from surrogate import Fidelity, Flow, Scene, Solution, family_shape
 
 POLL_S = 0.02  # between two looks at the memory
 SILENT = 2.0  # times the error tolerance: an error that a drag called accurate must not have
@@ -128,20 +126,6 @@ def power_of(rows: Sequence[Row], x: str, y: str) -> float | None:
     """Return the exponent p of |y| ~ x^p, fitted to two rows or more."""
     logs = np.log([[row[x], abs(row[y])] for row in rows]).T
     return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
-
-
-def platform_of(accelerator: str | None) -> dict[str, str]:
-    """Return environment variables by which a new process uses the accelerator, or the processor.
-
-    Raises:
-      InvalidInput: There is no such accelerator.
-    """
-    if accelerator != "gpu":
-        return {"JAX_PLATFORMS": "cpu"}
-    ask = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
-    if (found := subprocess.run(ask, capture_output=True, text=True).stdout.strip()) != "gpu":
-        raise InvalidInput(f"--accelerator gpu: JAX finds only {found or 'nothing'}")
-    return {}
 
 
 def free_port() -> int:

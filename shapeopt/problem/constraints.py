@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass
+from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import least
+from surrogate.body.validity import CLEAR_THICKNESS_RATIO
 
 FEASIBLE = -1e-6  # constraint value down to which a body counts as feasible: rounding and solver
 EVERY = "every body of the family"

@@ -20,7 +20,7 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 from scipy.special import eval_chebyu
 
 from surrogate.arrays import AnyArray, picked
@@ -28,10 +28,7 @@ from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
 from surrogate.body.skin import Skin, SkinNodes
-from surrogate.errors import InvalidInput
 
-MIN_THICKNESS_RATIO = 0.02  # least local thickness ratio of a valid body
-CLEAR_THICKNESS_RATIO = 2 * MIN_THICKNESS_RATIO  # that of samples and of optimised bodies
 NODES = 128  # of the contours that a family's extent is measured on
 Range = tuple[float, float]
 
@@ -217,42 +214,6 @@ class BodyClass(abc.ABC):
         waves = np.array([eval_chebyu(k - 1, c) for k in self.modes]).reshape(-1, c.size)
         return least(1 + self.betas(parameters) @ waves)
 
-    def min_thickness_ratios(
-        self, bodies: Float[np.ndarray, "bodies parameters"]
-    ) -> Float[np.ndarray, " bodies"]:
-        """Return ``min_thickness_ratio`` of many bodies.
-
-        Their number is padded to a power of two to compile rarely.
-        """
-        return np.asarray(_min_thickness_ratios(self, padded(bodies)))[: len(bodies)]
-
-    def valid(self, bodies: Float[np.ndarray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
-        """Return which of many bodies ``check`` accepts."""
-        return np.asarray(_are_valid(self, padded(bodies)))[: len(bodies)]
-
-    def is_valid(self, parameters: Float[AnyArray, " parameters"]) -> Bool[Array, ""]:
-        """Return whether ``check`` accepts a body; its parameters may be traced."""
-        low, high = np.array([p.limits for p in self.parameters]).T
-        sound = jnp.isfinite(parameters).all() & ((parameters >= low) & (parameters <= high)).all()
-        return sound & (self.min_thickness_ratio(parameters) >= MIN_THICKNESS_RATIO)
-
-    def check(self, parameters: Float[AnyArray, " parameters"]) -> None:
-        """Raise InvalidInput unless the parameters describe a body."""
-        if not np.all(np.isfinite(parameters)):
-            raise InvalidInput("body: every shape parameter must be a finite number")
-        given = list(zip(self.parameters, np.asarray(parameters).tolist(), strict=True))
-        for p, value in given:
-            if p.bounded and not p.low <= value <= p.high:
-                raise InvalidInput(
-                    f"{p.name} {value:g}: must lie between {p.low:g} and {p.high:g} ({p.meaning})"
-                )
-        if self.min_thickness_ratios(np.asarray(parameters)[None])[0] < MIN_THICKNESS_RATIO:
-            modes = (f"{p.name} {value:g}" for p, value in given if value and not p.bounded)
-            raise InvalidInput(
-                f"body: {', '.join(modes)} make the contour cross or close on itself; "
-                "smaller betas would not"
-            )
-
     def _modes_of(self, kind):
         return tuple(p.mode for p in self.parameters if p.kind is kind and p.mode is not None)
 
@@ -288,15 +249,6 @@ class BodyClass(abc.ABC):
         return float(np.abs([upper, lower]).max())
 
 
-def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _"]:
-    """Return the bodies padded to a power of two by repeating the first ones.
-
-    So few programs are compiled. Of no bodies it is one row of ones.
-    """
-    size = 2 ** (max(len(bodies), 1) - 1).bit_length()
-    return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))
-
-
 def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
     """Return equidistant angles t in radians, once around a contour from the nose."""
     return 2 * np.pi * np.arange(nodes) / nodes
@@ -308,13 +260,3 @@ def drawn_outline(
 ) -> Float[Array, "nodes 2"]:
     """Return ``body_class.outline`` of a body, by one program for all bodies of the class."""
     return body_class.outline(parameters, nodes)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _min_thickness_ratios(body_class, bodies):
-    return jax.vmap(body_class.min_thickness_ratio)(bodies)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _are_valid(body_class, bodies):
-    return jax.vmap(body_class.is_valid)(bodies)

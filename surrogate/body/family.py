@@ -11,10 +11,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray, Bodies, Body, Number
-from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, BodyClass, Range, drawn_outline
+from surrogate.body.body_class import BodyClass, Range, drawn_outline
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin, SkinNodes
+from surrogate.body.validity import (
+    CLEAR_THICKNESS_RATIO,
+    are_valid,
+    check_body,
+    min_thickness_ratios,
+)
 from surrogate.checks import (
     did_you_mean,
     expect,
@@ -182,7 +188,7 @@ class Family:
         Raises:
           InvalidInput: hardly any is.
         """
-        clear = self.body_class.min_thickness_ratios(np.asarray(bodies)) > CLEAR_THICKNESS_RATIO
+        clear = min_thickness_ratios(self.body_class, np.asarray(bodies)) > CLEAR_THICKNESS_RATIO
         if len(clear) > 64 * (1 + np.sum(clear)):
             raise InvalidInput("family: nearly all bodies in these bounds cross themselves")
         return clear
@@ -199,7 +205,7 @@ class Family:
           InvalidInput: they are not one number for every name, or describe no body.
         """
         values = self.numbers(parameters)
-        self.body_class.check(values)
+        check_body(self.body_class, values)
         return values
 
     def numbers(self, parameters: Body) -> Float[np.ndarray, " parameters"]:
@@ -242,7 +248,7 @@ class Family:
         self._refuse_contour(values)
         if values.ndim != 2 or values.shape[1] != len(self.names):
             raise InvalidInput(f"bodies: an array of shape {values.shape}; of each {self._wanted}")
-        if not (valid := self.body_class.valid(values)).all():
+        if not (valid := are_valid(self.body_class, values)).all():
             self.check(values[np.argmin(valid)])
         return values
 

@@ -16,6 +16,7 @@ from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.nose import nose_of_contour
 from surrogate.body.registry import body_class
 from surrogate.body.skin import Skin, SkinNodes
+from surrogate.body.validity import check_body
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 
@@ -151,7 +152,7 @@ def family_shape(
         raise InvalidInput(f"body: has no aspect; {', '.join(kind.available)}")
     named = {name: finite_number(name, parameters[name]) for name in kind.names}
     values = np.array(list(named.values()))
-    kind.check(values)
+    check_body(kind, values)
 
     def draw(nodes):
         return np.asarray(_contour(kind, values, nodes))

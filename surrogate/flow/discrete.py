@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import BodyClass, padded
+from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import body_markers
+from surrogate.body.validity import padded
 from surrogate.errors import InvalidInput
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain, too_thin

@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float
 from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
+from surrogate.body.validity import is_valid
 from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
@@ -296,7 +297,7 @@ class Flow:
         found = self.bodies.coverage(parameters)
         onset = jnp.inf if allow_unsteady else found.onset
         lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
-        body = self.scene.family.body_class.is_valid(parameters)
+        body = is_valid(self.scene.family.body_class, parameters)
         steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
         return body & found.fits & found.resolved & (reynolds >= lowest) & steady
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import Bodies, Body, Number, Numbers
+from surrogate.body.validity import is_valid
 from surrogate.checks import check_batch, finite_number, real_numbers, traced
 from surrogate.errors import InvalidInput
 from surrogate.model.card import SYMBOLS, model_card
@@ -281,7 +282,7 @@ def _loads_or_nan(network, ranges, parameters, reynolds, extrapolate):
     lowest, highest = REYNOLDS[ranges.scene.dimension]
 
     def answered(body, re) -> Bool[Array, ""]:
-        valid = ranges.scene.family.body_class.is_valid(body)
+        valid = is_valid(ranges.scene.family.body_class, body)
         valid &= (re >= lowest * (1 - ROUNDING)) & (re <= highest * (1 + ROUNDING))
         return valid & (extrapolate | jnp.all(ranges.excess(body, re) == 0))
 

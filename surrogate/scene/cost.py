@@ -14,11 +14,12 @@ REPEATS = 7  # of the benchmark, whose median counts
 class Convolutions(NamedTuple):
     """Average numbers of convolutions with the Green's function G for one body (RESULTS.md).
 
-    Measured over the default scenes by the study ``foreseen``.
+    Measured by the study ``foreseen``: of bodies with a mirror plane over the default scenes, of
+    bodies with lift over those of ``scripts/lift.toml`` and ``scripts/particle.toml``.
 
     Attributes:
       flow: of a body's flow, the assembly of its operators included.
-      adjoint: of the adjoint flow that gives its shape gradient.
+      adjoint: of the adjoint flows that give the gradients of its loads.
       renewal: of assembling the operators of a training's body again at every evaluation.
       design_flows: flows, each with its adjoint, of a design without a surrogate.
       overhead: seconds of a whole flow over those of its convolutions alone; the rest is
@@ -32,13 +33,13 @@ class Convolutions(NamedTuple):
     overhead: float
 
 
-CONVOLUTIONS = {
-    2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
-    3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
+CONVOLUTIONS = {  # by the dimension, and whether bodies have a mirror plane along the stream
+    (2, True): Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
+    (3, True): Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
+    (2, False): Convolutions(60.0, 25.0, 19.0, 4.0, 1.7),
+    (3, False): Convolutions(60.0, 25.0, 54.0, 4.0, 1.8),
 }
-# Without the mirror plane y = 0 a domain has twice the rows, and gradients take three adjoints. A
-# body's operators take about as many convolutions as with it, see ``CompressedResponse``.
-WHOLE, ADJOINTS = 2, 3
+WHOLE = 2  # times the rows of a domain with a mirror plane are those of one without
 
 
 def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
@@ -48,8 +49,7 @@ def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
       dimension: 2 or 3.
       symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
     """
-    takes = CONVOLUTIONS[dimension]
-    return takes if symmetric else takes._replace(adjoint=ADJOINTS * takes.adjoint)
+    return CONVOLUTIONS[dimension, symmetric]
 
 
 @functools.cache
@@ -60,7 +60,7 @@ def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> f
       shape: cells of the part of the domain that is gridded if the flow is symmetric.
       symmetric: whether it is; else the whole domain is gridded.
     """
-    seconds = CONVOLUTIONS[len(shape)].overhead * convolution_seconds(shape)
+    seconds = convolutions(len(shape), symmetric).overhead * convolution_seconds(shape)
     return seconds if symmetric else WHOLE * seconds
 
 

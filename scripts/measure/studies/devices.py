@@ -13,7 +13,7 @@ import jax
 import numpy as np
 from figures import lines
 from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
-from tools import free_port, medians, platform_of
+from tools import free_port, medians
 
 from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
 from surrogate.devices import choose_devices
@@ -30,9 +30,8 @@ WAYS = {  # devices of a process, processes, whether each process has one core
     "two devices": (2, 1, False),
     "two processes, a core each": (1, 2, True),
 }
-ACCELERATED = {"one accelerator": (1, 1, False)}
 BODIES = {"draft": 96, "standard": 64, "fine": 12}
-CPU_BATCHES, GPU_BATCHES = (2, 4, 8, 16), (8, 32, 128)  # batch sizes per device
+BATCHES = (2, 4, 8, 16)  # batch sizes per device
 COUNTS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000)
 MANY = 4096  # bodies of the model
 NUMBERS = 40  # that are gathered per body: tractions, slopes, flags
@@ -41,13 +40,10 @@ BANDWIDTH = 1e9  # bytes per second, of a plain network
 
 def batches(run: Run) -> list[Row]:
     """Return the cases: every grid on all devices, then larger batches on the first."""
-    accelerator = run.options["accelerator"]
-    ways = tuple(ACCELERATED if accelerator else WAYS)
     if run.tiny:
-        return cases(fidelity=["draft"], way=ways[-1:], device_batch=[1])
-    grids, device_batch = (BODIES, GPU_BATCHES) if accelerator else (["draft"], CPU_BATCHES)
-    one = cases(fidelity=BODIES, way=ways, device_batch=[1])
-    return one + cases(fidelity=grids, way=ways[:1], device_batch=device_batch)
+        return cases(fidelity=["draft"], way=tuple(WAYS)[-1:], device_batch=[1])
+    one = cases(fidelity=BODIES, way=WAYS, device_batch=[1])
+    return one + cases(fidelity=["draft"], way=tuple(WAYS)[:1], device_batch=BATCHES)
 
 
 def flows(run: Run, fidelity: str, way: str, device_batch: int) -> Row:
@@ -56,37 +52,35 @@ def flows(run: Run, fidelity: str, way: str, device_batch: int) -> Row:
     Args:
       run: How the study is run.
       fidelity: Name of the grid's fidelity.
-      way: Devices and processes, a key of ``WAYS`` or ``ACCELERATED``.
+      way: Devices and processes, a key of ``WAYS``.
       device_batch: Batch size per device.
     """
-    accelerator = run.options["accelerator"]
-    devices, processes, one_core = (WAYS | ACCELERATED)[way]
+    devices, processes, one_core = WAYS[way]
     asked = {
         "fidelity": fidelity,
         "devices": devices,
         "processes": processes,
         "one_core": one_core,
         "device_batch": device_batch,
-        "bodies": run.pick(4, BODIES[fidelity] * (4 if accelerator else 1)),
+        "bodies": run.pick(4, BODIES[fidelity]),
         "rounds": run.pick(1, 5),
         "coordinator": f"localhost:{free_port()}",
-        "accelerator": accelerator,
     }
     children = [
-        _start([*CHILD, json.dumps(asked | {"process": process})], platform_of(accelerator))
-        for process in range(processes)
+        _start([*CHILD, json.dumps(asked | {"process": process})]) for process in range(processes)
     ]
     answers = [_last_line(way, child) for child in children]
     return json.loads(answers[0])
 
 
-def _start(argv: list[str], environment: Row, cores: int | None = None) -> subprocess.Popen:
+def _start(argv: list[str], cores: int | None = None, **environment: str) -> subprocess.Popen:
     """A Python process, on the first cores only where their number is given."""
     chosen = ",".join(map(str, sorted(os.sched_getaffinity(0))[:cores]))
     bound = ["taskset", "-c", chosen] if cores else []
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     argv = [*bound, sys.executable, *argv]
-    return subprocess.Popen(argv, env=os.environ | environment, cwd=SCRIPTS / "measure", **pipes)
+    environment = os.environ | {"JAX_PLATFORMS": "cpu"} | environment
+    return subprocess.Popen(argv, env=environment, cwd=SCRIPTS / "measure", **pipes)
 
 
 def _last_line(name: str, child: subprocess.Popen) -> str:
@@ -134,15 +128,13 @@ def model_text(result: Result) -> str:
 
 
 def trainings(run: Run) -> Iterator[Row]:
-    """Yield the devices, cores that the process may use (all where None), and the accelerator."""
+    """Yield the number of devices, and of cores that the process may use (all where None)."""
     yield {"way": "one device, all cores"}
     yield {"way": "one device, one core", "cores": 1}
     yield {"way": "two devices", "devices": 2}
-    if accelerator := run.options["accelerator"]:
-        yield {"way": "one accelerator", "accelerator": accelerator}
 
 
-def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
+def training(run: Run, way: str, devices: int = 1, cores: int | None = None) -> Row:
     """Return the time and error of HIG's full training in a process of its own.
 
     Nothing is compiled before.
@@ -152,7 +144,6 @@ def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
       way: Name of the case.
       devices: Number of devices.
       cores: Number of cores that the process may use; None for all.
-      accelerator: Name of the accelerator, if any.
     """
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
@@ -168,11 +159,10 @@ def training(run, way, devices=1, cores=None, accelerator=None) -> Row:
             str(devices),
         ]
         argv += run.pick(["--preset", "quick", "--samples", "8"], ["--preset", "full"])
-        cold = {"XDG_CACHE_HOME": str(folder / "compiled")} | platform_of(accelerator)
         start = time.perf_counter()
-        said = json.loads(
-            _last_line(way, _start([*argv, "--out", str(out), "--json"], cold, cores))
-        )
+        argv += ["--out", str(out), "--json"]
+        child = _start(argv, cores, XDG_CACHE_HOME=str(folder / "compiled"))
+        said = json.loads(_last_line(way, child))
         seconds, trained = time.perf_counter() - start, load(out)
     record = trained.record
     return {
@@ -198,8 +188,7 @@ def child(asked: Row) -> Row:
     if asked["one_core"]:
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[asked["process"] % len(cores)]})
-    if asked["accelerator"] is None:
-        jax.config.update("jax_num_cpu_devices", asked["devices"])
+    jax.config.update("jax_num_cpu_devices", asked["devices"])
     if asked["processes"] > 1:
         join(asked["coordinator"], asked["processes"], asked["process"])
     flow = Flow(Scene(fidelity=FIDELITIES[asked["fidelity"]]))
@@ -232,11 +221,10 @@ TRAININGS = columns(
     " | mean error {error_mean:.3%} | difference of weights {weights_off:.0e}"
 )
 SPEEDUP = lines("devices", "gain", None, ("devices", "speedup (model)"), key="scaling")
-OPTIONS = {"--accelerator": {"choices": ["gpu", "cpu"], "help": "measure there; cpu tries it out"}}
 TABLE = Table(trainings, training, TRAININGS, tiny="last")
 STUDIES = {
-    "devices": Study([Table(batches, flows, FLOWS)], model_text, model, SPEEDUP, OPTIONS),
-    "trainings_on_devices": Study([TABLE], extra=difference, options=OPTIONS),
+    "devices": Study([Table(batches, flows, FLOWS)], model_text, model, SPEEDUP),
+    "trainings_on_devices": Study([TABLE], extra=difference),
 }
 
 if __name__ == "__main__":

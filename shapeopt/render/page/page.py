@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.body.family import Family
 from surrogate.body.parameters import PARAMETERS, Kind
+from surrogate.body.validity import CLEAR_THICKNESS_RATIO, MIN_THICKNESS_RATIO
 from surrogate.exports.plain import plain_network
 from surrogate.files import JsonObject, whole_file
 from surrogate.model.surrogate import Surrogate
