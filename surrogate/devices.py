@@ -25,7 +25,7 @@ from surrogate.processes import gather_to_host
 
 AXIS = "bodies"  # of the mesh
 # Default batch size per device. On a CPU 1 is fastest (study ``devices``). On a GPU larger batches
-# are faster (study ``accelerator``); the memory of 32 bodies is tens of GB in 3-D at incidence.
+# are faster (study ``accelerator``), as far as the memory allows.
 DEVICE_BATCH = {"cpu": 1}
 ACCELERATOR_BATCH = 32
 

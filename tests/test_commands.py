@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from pictures import pixels
@@ -576,3 +577,13 @@ def test_free_fall(tmp_path, capsys):
     ):
         assert call("free_fall", *words, *wrong) == 2
         assert message in capsys.readouterr().err
+
+
+def test_a_full_device_is_refused_by_one_line(capsys):
+    def main(argv):
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory allocating 9 bytes.")
+
+    assert run(main, []) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.count("\n") == 0
+    assert "the device's memory is full; a coarser fidelity" in said

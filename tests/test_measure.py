@@ -13,35 +13,35 @@ import rivals
 import run
 import study
 from elements import PLANE, solve_by_elements
-from studies import onset_2d, optima
+from studies import onset_2d, optima, three_loads
 from study import Run, Study, Table, columns
 
 from surrogate import Family, InvalidInput
 from surrogate.scene.cost import CONVOLUTIONS
 
 LONG = {
-    "constants",
-    "corners",
+    "accelerator",
     "compilation",
     "confidence",
+    "constants",
+    "corners",
     "designs",
     "devices",
     "dimension",
-    "exports",
     "elements_in_space",
+    "exports",
     "extrapolated",
     "extremes",
     "extremes_lift",
-    "infill",
     "flow_3d",
     "foreseen",
     "gradients",
     "hig",
     "incidence",
     "incidence_elements",
+    "infill",
     "least",
     "lift",
-    "random_sections",
     "lift_designs",
     "literature",
     "march",
@@ -50,6 +50,7 @@ LONG = {
     "onset_incidence",
     "particle",
     "particle_codes",
+    "random_sections",
     "safeguards",
     "scenarios",
     "seeds",
@@ -153,8 +154,25 @@ def test_an_interrupted_study_is_resumed_by_the_same_command(tmp_path, monkeypat
     assert [path.name for path in tmp_path.iterdir()] == ["squares.json"]
 
 
+def test_solved_flows_are_read_as_they_were_written(tmp_path):
+    """So that flows may be solved on one machine and models fitted on another."""
+    _, samples, _ = three_loads.bodies_of("lift", True)
+    rows, count = np.random.default_rng(0), samples.count
+    flags = rows.integers(9, size=count), rows.random(count) < 0.5
+    loads = rows.normal(size=(count, 3))
+    held_out = three_loads.FlowBatch(rows.normal(size=(count, 5)), loads, *flags)
+    training = three_loads.LoadsAndGradients(loads, rows.normal(size=(count, 3, 7)), loads, *flags)
+    flows = three_loads.SolvedFlows(samples, training, held_out, np.array(0.5), np.array("GPU"))
+    options = {"flows": tmp_path / "flows.npz"}
+    three_loads.write_flows(options["flows"], flows)
+    found = three_loads.read_or_solve(Run(True, options), "lift")
+    jax.tree.map(np.testing.assert_array_equal, found, flows)
+    with pytest.raises(InvalidInput, match=r"flows\.npz: has the flows of other bodies"):
+        three_loads.read_or_solve(Run(True, options), "particle")
+
+
 def test_an_unknown_study_is_refused():
-    with pytest.raises(InvalidInput, match="study 'flows': one of compilation, confidence, "):
+    with pytest.raises(InvalidInput, match="study 'flows': one of accelerator, compilation, "):
         run.main(["flows"])
 
 

@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+import jax
+
 import surrogate
 from surrogate.checks import did_you_mean
 from surrogate.errors import InvalidInput, NotConverged
@@ -57,6 +59,7 @@ class Parser(argparse.ArgumentParser):
         raise InvalidInput(message + hint)
 
 
+FULL = "the device's memory is full; a coarser fidelity, or in trainings a smaller --device-batch"
 FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: LOST}
 
 
@@ -77,12 +80,21 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
     except OSError as error:
         reason = error.strerror or str(error) or "cannot be written"
         status, message = NOT_WRITTEN, f"{error.filename or 'output'}: {reason}"
+    except jax.errors.JaxRuntimeError as error:
+        if not memory_is_full(error):
+            raise
+        status, message = BAD_INPUT, f"{FULL}, would do"
     except KeyboardInterrupt:
         status, message = INTERRUPTED, "interrupted; the same command resumes a training"
     finally:
         signal.signal(signal.SIGTERM, before)
     _print_line(message)
     return status
+
+
+def memory_is_full(error: jax.errors.JaxRuntimeError) -> bool:
+    """Return whether an error says that a device has too little memory."""
+    return "RESOURCE_EXHAUSTED" in str(error)
 
 
 def _print_warning(message: Warning | str, *_: object) -> None:

@@ -17,7 +17,7 @@ from typing import TextIO
 
 import jax
 
-from shapeopt.commands.cli import LOST, Parser, ProcessLost
+from shapeopt.commands.cli import LOST, Parser, ProcessLost, memory_is_full
 from surrogate.checks import whole_number
 from surrogate.compilation import let_devices_wait
 from surrogate.errors import InvalidInput
@@ -121,8 +121,8 @@ def exit_when_disconnected() -> Iterator[None]:
     """End a supervised process at once when JAX's runtime has lost the others."""
     try:
         yield
-    except jax.errors.JaxRuntimeError:
-        if CHILD not in os.environ:
+    except jax.errors.JaxRuntimeError as error:
+        if CHILD not in os.environ or memory_is_full(error):
             raise
         os._exit(LOST)
 

@@ -21,7 +21,7 @@ class Convolutions(NamedTuple):
       flow: of a body's flow, the assembly of its operators included.
       adjoint: of the adjoint flows that give the gradients of its loads.
       renewal: of assembling the operators of a training's body again at every evaluation.
-      design_flows: flows, each with its adjoint, of a design without a surrogate.
+      design_flows: flows, each with its adjoints, of a design without a surrogate.
       overhead: seconds of a whole flow over those of its convolutions alone; the rest is
         convection, Krylov vectors, and in 3-D double precision.
     """
@@ -39,17 +39,7 @@ CONVOLUTIONS = {  # by the dimension, and whether bodies have a mirror plane alo
     (2, False): Convolutions(60.0, 25.0, 19.0, 4.0, 1.7),
     (3, False): Convolutions(60.0, 25.0, 54.0, 4.0, 1.8),
 }
-WHOLE = 2  # times the rows of a domain with a mirror plane are those of one without
-
-
-def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
-    """Return the average convolutions with G of one body.
-
-    Args:
-      dimension: 2 or 3.
-      symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
-    """
-    return CONVOLUTIONS[dimension, symmetric]
+WHOLE = 2  # a domain without the mirror plane has this many times the rows
 
 
 @functools.cache
@@ -60,7 +50,7 @@ def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> f
       shape: cells of the part of the domain that is gridded if the flow is symmetric.
       symmetric: whether it is; else the whole domain is gridded.
     """
-    seconds = convolutions(len(shape), symmetric).overhead * convolution_seconds(shape)
+    seconds = CONVOLUTIONS[len(shape), symmetric].overhead * convolution_seconds(shape)
     return seconds if symmetric else WHOLE * seconds
 
 

@@ -1,24 +1,24 @@
-"""What a GPU brings: flows per second by batch size, beside the processor of the same machine."""
+"""What a GPU brings: flows per second by batch size, beside one CPU device of the same machine."""
 
 from collections.abc import Iterator
 
 import jax
 import numpy as np
 from jax.sharding import Mesh
-from study import Row, Run, Study, Table, Unavailable, columns
+from study import Row, Run, Study, Table, columns
 from tools import medians
 
-from surrogate import Flow, Scene
+from surrogate import Flow, InvalidInput, Scene
 from surrogate.devices import AXIS, Devices
 from surrogate.flow.batch import batch_solver, estimated_cost
 from surrogate.partition import partition_bodies
 from surrogate.scene.samples import training_samples
 
-PROCESSOR_BODIES, ROUNDS = 8, 3
+ONE_BY_ONE, ROUNDS = 8, 3  # bodies on the CPU, repetitions
 SCENES = {  # and their batch sizes on the accelerator
-    "drag, draft": (Scene(fidelity="draft"), (1, 16, 128)),
-    "drag, standard": (Scene(), (64,)),
-    "drag in 3-D, draft": (Scene(dimension=3, fidelity="draft"), (32,)),
+    "2-D, draft": (Scene(fidelity="draft"), (16, 128)),
+    "2-D, standard": (Scene(), (64,)),
+    "3-D, draft": (Scene(dimension=3, fidelity="draft"), (32,)),
 }
 
 
@@ -28,39 +28,38 @@ def scenes(run: Run) -> Iterator[Row]:
 
 
 def flows(run: Run, scene: str) -> list[Row]:
-    """Return flows per second on the processor, one by one, and on the accelerator in batches.
+    """Return flows per second one by one on a CPU device, and in batches on the accelerator.
 
-    The bodies of the processor are among those of every batch; ``difference`` is the largest of
-    their drags from those of the processor.
+    The first bodies are the same everywhere; ``difference`` is the largest relative one of their
+    drags from those of the CPU.
 
     Raises:
-      Unavailable: JAX finds no accelerator, and the run is not a tiny one.
+      InvalidInput: JAX finds no accelerator, and the run is not a tiny one.
     """
-    accelerators = [device for device in jax.devices() if device.platform != "cpu"]
-    if not accelerators and not run.tiny:
-        raise Unavailable("JAX finds no accelerator")
-    where = jax.devices("cpu")[:1], (accelerators or jax.devices("cpu"))[:1]
+    processor = jax.devices("cpu")[0]
+    found = [device for device in jax.devices() if device.platform != "cpu"]
+    if not found and not run.tiny:
+        raise InvalidInput("accelerator: JAX finds none here")
+    accelerator = (found or [processor])[0]
     given, batches = SCENES[scene]
-    flow, few = Flow(given), run.pick(2, PROCESSOR_BODIES)
-    sizes = [
-        (where[0], 1, few),
-        *((where[1], batch, 2 * batch) for batch in run.pick((2,), batches)),
-    ]
-    rows, reference = [], None
-    for devices, batch, bodies in sizes:
-        row, drags = _measured(run, flow, Devices(Mesh(np.array(devices), (AXIS,)), batch), bodies)
-        reference = drags if reference is None else reference
-        common = min(len(drags), few)
-        off = np.abs(drags[:common] / reference[:common] - 1)
+    flow, few = Flow(given), run.pick(2, ONE_BY_ONE)
+    row, reference = _measured(run, flow, processor, 1, few)
+    rows = [row | {"difference": None}]
+    for batch in run.pick((2,), batches):
+        row, drags = _measured(run, flow, accelerator, batch, 2 * batch)
+        off = np.abs(drags[:few] / reference - 1)
         rows.append(row | {"difference": float(off.max())})
     return rows
 
 
-def _measured(run: Run, flow: Flow, devices: Devices, count: int) -> tuple[Row, np.ndarray]:
+def _measured(
+    run: Run, flow: Flow, device: jax.Device, batch: int, count: int
+) -> tuple[Row, np.ndarray]:
     """The rate of one batch size, and the drags of the bodies."""
+    devices, found = Devices(Mesh(np.array([device]), (AXIS,)), batch), []
     samples = training_samples(flow.scene, 0, count)
     partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
-    given, found = devices.place((partition, *samples)), []
+    given = devices.place((partition, *samples))
     program = batch_solver(flow.bodies, devices).lower(*given).compile()
 
     def solve():
@@ -68,19 +67,18 @@ def _measured(run: Run, flow: Flow, devices: Devices, count: int) -> tuple[Row, 
         return found[-1]
 
     seconds = medians([solve], run.pick(1, ROUNDS))[0]
-    device = devices.mesh.devices.flat[0]
     row = {
-        "device": "processor" if device.platform == "cpu" else device.device_kind,
-        "device_batch": devices.device_batch,
+        "device": "one CPU device" if device.platform == "cpu" else device.device_kind,
+        "device_batch": batch,
         "flows_per_s": count / seconds,
-        "mib_per_body": program.memory_analysis().temp_size_in_bytes / devices.device_batch / 2**20,
+        "mib_per_body": program.memory_analysis().temp_size_in_bytes / batch / 2**20,
     }
     return row, np.asarray(found[-1].drag)
 
 
 FLOWS = columns(
-    "flows {scene} | device {device} | batch size {device_batch}"
+    "scene {scene} | device {device} | batch size {device_batch}"
     " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_body:.0f}"
-    " | drag differs from the processor's by {difference:.0e}"
+    " | drag differs from the CPU's by {difference:.0e}"
 )
 STUDIES = {"accelerator": Study([Table(scenes, flows, FLOWS)])}

@@ -118,7 +118,7 @@ def averages(run: Run, dimension: int, symmetric: bool) -> list[Row]:
         scene = load({2: "pretrained:lift", 3: "pretrained:particle"}[dimension]).scene
     if run.tiny:
         scene = dataclasses.replace(scene, fidelity=TINY)
-    rough = Scene(dimension=dimension, fidelity=run.pick(TINY, "draft")).fidelity
+    rough = run.fidelity("draft", dimension)
     counts = run.pick((1, 1), (24, 4) if symmetric else (8, 2))
     found = _averages(scene, dataclasses.replace(scene, fidelity=rough), *counts)._asdict()
     return [{"name": name, "measured": found[name]} for name in QUANTITIES]
@@ -132,10 +132,9 @@ def _averages(scene: Scene, rough: Scene, count: int, designs: int) -> Convoluti
     flows = flow.solve_all(*bodies).green_applications
     seconds = (time.perf_counter() - start) / np.sum(flows)
     both = flow.solve_all(*bodies, gradients=True).green_applications
+    parts = 1 if scene.family.body_class.symmetric else WHOLE
     *along, across = flow.domain.lattice.shape
-    shape, parts = (*along, across), 1
-    if not scene.family.body_class.symmetric:
-        shape, parts = (*along, across // WHOLE), WHOLE
+    shape = *along, across // parts
     convolution = parts * float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
     found = [optimise(problem, Flow(rough)) for problem in query_stream(rough, 0, designs)]
     return Convolutions(
@@ -162,7 +161,7 @@ ROBUST = columns(
 )
 COUNTS = cases(cases=(1, 4, 32), way=(GROWING, DIRECT, LED))
 WORK = lines("cases", "work", "way", ("flows per objective", "convolutions with G per design"))
-FORESEEN = [{"dimension": dimension, "symmetric": whole} for dimension, whole in CONVOLUTIONS]
+FORESEEN = [{"dimension": dimension, "symmetric": mirror} for dimension, mirror in CONVOLUTIONS]
 STUDIES = {
     "designs": Study([], many_text, many_designs, draw_sheet),
     "scenarios": Study([Table(COUNTS, robust, ROBUST)], draw=WORK),

@@ -9,6 +9,7 @@ from shapeopt.payoff.direct import design_directly
 from shapeopt.payoff.queries import query_stream
 from shapeopt.search.design import Design
 from surrogate import Family, Flow, NotConverged, Scene, load
+from surrogate.model.surrogate import LOAD_NAMES
 
 NAME = "pretrained:lift"
 LED, GROWING, DIRECT = "the network", "kriging with memory", "direct"
@@ -67,8 +68,15 @@ def _answer(problem: Problem, solve) -> Row:
 
 
 def training(run: Run, _: Result) -> Result:
-    """Return the work of the training that made the network."""
-    return {"training_g": load(NAME).record["green_applications"]}
+    """Return the work of the training that made the network, and its held-out errors."""
+    record = load(NAME).record
+    errors = [[record[f"{name}_error_{of}"] for name in LOAD_NAMES] for of in ("mean", "max")]
+    return {
+        "training_g": record["green_applications"],
+        "bodies": record["samples"],
+        "error_mean": errors[0],
+        "error_max": max(errors[1]),
+    }
 
 
 def when_to_train(result: Result) -> str:
@@ -79,16 +87,22 @@ def when_to_train(result: Result) -> str:
         f"{line['flows']:.1f} by {RIVALS[way]} ({100 * line['gap']:.0f} %)"
         for way, line in lines.items()
     )
+    mean = "/".join(f"{100 * error:.2f}" for error in result["error_mean"])
     return (
-        f"With lift ({NAME}) {led['asked']} unseen queries, least drag at a lift or best glide "
-        f"ratio, take {led['flows']:.1f} flows each led by the network ({100 * led['gap']:.0f} % "
-        f"above the best objective at most), {flows}; the training pays {_pays(result)}."
+        f"`{NAME}` (lift and incidence; {result['bodies']:,} sections) errs by {mean} % of Cd in "
+        f"Cd, Cl and Cm on average, {100 * result['error_max']:.1f} % at most. {led['asked']} "
+        f"unseen queries, least drag at a lift or best glide ratio, take {led['flows']:.1f} flows "
+        f"each led by it ({100 * led['gap']:.0f} % above the best objective at most), {flows}; the "
+        f"training pays {_pays(result)}."
     )
 
 
 def text(result: Result) -> str:
     """Return the strategies over all queries, and from which design the training pays."""
-    work = f"The training of {NAME} took {result['training_g']:,} convolutions (G)."
+    work = (
+        f"The training of {NAME} on {result['bodies']:,} sections took {result['training_g']:,} "
+        "convolutions (G)."
+    )
     by_network = LED_ROWS([row for row in result["rows"] if row["problem"] is None])
     ways = WAYS(strategies(result))
     return f"{ways}\n\n{work} By mean costs it pays {_pays(result)}.\n\n{by_network}"

@@ -20,7 +20,7 @@ from rivals import SolvedLoads, gekpls, polynomial_with_slopes
 from study import Row, Run, Study, Table, columns
 from tools import PeakMemory, medians
 
-from surrogate import Flow, Scene
+from surrogate import Flow, InvalidInput, Scene
 from surrogate.devices import choose_devices
 from surrogate.files import whole_file
 from surrogate.flow.batch import FlowBatch
@@ -47,6 +47,7 @@ MOST = {
     ("lift", "GEKPLS"): 64,
     ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 64,
+    ("particle", "GEKPLS"): 128,
 }
 METHODS = ("hig", "supervised", "gradient-enhanced kriging", "GEKPLS", "polynomial with gradients")
 MANY = 1000  # answers whose time is taken
@@ -71,30 +72,14 @@ class Ground(NamedTuple):
 class SolvedFlows(NamedTuple):
     """The flows of a study: of training bodies with their gradients, and of held-out bodies."""
 
+    samples: Samples  # the training bodies
     training: LoadsAndGradients
     held_out: FlowBatch
-    seconds: np.ndarray  # of a training body's flow with its gradients
+    seconds: np.ndarray  # of a training body's flow with its gradients, by the clock
     device: np.ndarray  # that solved them, one name
 
 
-PARTS = (("training", LoadsAndGradients), ("held_out", FlowBatch))  # of a file of solved flows
-
-
-def solve_flows(run: Run, name: str) -> SolvedFlows:
-    """Solve all flows of a scene on one device, in batches of the option ``--device-batch``."""
-    flow, samples, unseen = bodies_of(name, run.tiny)
-    devices = choose_devices(device_batch=run.options.get("device_batch"))
-    truth = flow.solve_all(*unseen, devices, partial=True)
-    part, parts, seconds = max(8, 4 * devices.device_batch), [], []
-    for start in range(0, samples.count, part):
-        rows = np.minimum(np.arange(start, start + part), samples.count - 1)
-        begin = time.perf_counter()
-        parts.append(flow.solve_all(*samples.at(rows), devices, gradients=True, partial=True))
-        seconds.append((time.perf_counter() - begin) / part)
-        run.progress(start / samples.count, f"flow {start} of {samples.count}")
-    found = jax.tree.map(lambda *leaves: np.concatenate(leaves)[: samples.count], *parts)
-    device = jax.devices()[0].device_kind
-    return SolvedFlows(found, truth, np.asarray(np.median(seconds)), np.asarray(device))
+PARTS = {"samples": Samples, "training": LoadsAndGradients, "held_out": FlowBatch}  # of a file
 
 
 def bodies_of(name: str, tiny: bool) -> tuple[Flow, Samples, Samples]:
@@ -106,29 +91,58 @@ def bodies_of(name: str, tiny: bool) -> tuple[Flow, Samples, Samples]:
     return Flow(scene), samples, held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
 
 
+def solve_flows(run: Run, name: str) -> SolvedFlows:
+    """Solve all flows of a scene on one device, in batches of the option ``--device-batch``."""
+    flow, samples, unseen = bodies_of(name, run.tiny)
+    devices = choose_devices(device_batch=run.options.get("device_batch"))
+    truth = flow.solve_all(*unseen, devices, partial=True)
+    size, solved, seconds = max(8, 4 * devices.device_batch), [], []
+    for start in range(0, samples.count, size):
+        run.progress(start / samples.count, f"flow {start} of {samples.count}")
+        rows = np.minimum(np.arange(start, start + size), samples.count - 1)
+        begin = time.perf_counter()
+        solved.append(flow.solve_all(*samples.at(rows), devices, gradients=True, partial=True))
+        seconds.append((time.perf_counter() - begin) / size)
+    found = jax.tree.map(lambda *leaves: np.concatenate(leaves)[: samples.count], *solved)
+    each = np.median(seconds[1:] or seconds)  # the first compiles
+    return SolvedFlows(samples, found, truth, each, np.asarray(jax.devices()[0].device_kind))
+
+
 def read_or_solve(run: Run, name: str) -> SolvedFlows:
-    """Return the flows of the option ``--flows``, a file that is written if it does not exist."""
+    """Return the flows of the option ``--flows``, a file that is written if it does not exist.
+
+    Raises:
+      InvalidInput: The file has flows of other bodies.
+    """
     path = run.options.get("flows")
-    if path is None or not path.exists():
-        found = solve_flows(run, name)
-        if path is not None:
-            write_flows(path, found)
-        return found
+    if path is None:
+        return solve_flows(run, name)
+    if not path.exists():
+        write_flows(path, solve_flows(run, name))
+    found, (_, samples, _) = read_flows(path), bodies_of(name, run.tiny)
+    shapes = found.samples.parameters.shape, samples.parameters.shape
+    if shapes[0] != shapes[1] or not all(map(np.allclose, found.samples, samples)):
+        raise InvalidInput(f"{path}: has the flows of other bodies; another --flows is needed")
+    return found
+
+
+def read_flows(path: Path) -> SolvedFlows:
+    """Return the flows of a file by ``write_flows``."""
     with np.load(path) as file:
-        training, held_out = (
-            kind(*(file[f"{part}.{field}"] for field in kind._fields)) for part, kind in PARTS
-        )
-        return SolvedFlows(training, held_out, file["seconds"], file["device"])
+        parts = {
+            name: kind(*(file[f"{name}.{field}"] for field in kind._fields))
+            for name, kind in PARTS.items()
+        }
+        return SolvedFlows(**parts, seconds=file["seconds"], device=file["device"])
 
 
 def write_flows(path: Path, flows: SolvedFlows) -> None:
-    """Write flows to a file of NumPy, which ``read_or_solve`` reads."""
+    """Write flows to a file of NumPy."""
     arrays = {"seconds": flows.seconds, "device": flows.device}
-    for part, kind in PARTS:
-        arrays |= {
-            f"{part}.{field}": getattr(getattr(flows, part), field) for field in kind._fields
-        }
-    with whole_file(path) as part, part.open("wb") as file:
+    for name in PARTS:
+        fields = getattr(flows, name)._asdict()
+        arrays |= {f"{name}.{field}": values for field, values in fields.items()}
+    with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)
 
 
@@ -137,7 +151,7 @@ def ground_of(name: str, run: Run) -> Ground:
     """Return the bodies of a scene with their flows; those not found are left out."""
     flow, samples, unseen = bodies_of(name, run.tiny)
     scene, inputs = flow.scene, scene_inputs(flow.scene)
-    found, truth, seconds, device = read_or_solve(run, name)
+    _, found, truth, seconds, device = read_or_solve(run, name)
     unseen = unseen.at(np.flatnonzero(truth.converged))
     kept = np.flatnonzero(found.converged)
     samples, found = jax.tree.map(lambda leaf: np.asarray(leaf)[kept], (samples, found))
@@ -187,6 +201,7 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     loads = np.exp(guess[:, :1]) * np.column_stack([np.ones(len(guess)), guess[:, 1:]])
     errors = np.abs(loads - ground.truth) / ground.truth[:, :1]
     row = {"work": ground.work[:bodies].sum(), "flow_s": bodies * ground.seconds, "fit_s": fit_s}
+    row |= {"flow_device": ground.device}
     row |= {"memory": memory.mib}
     for k, load in enumerate(("cd", "cl", "cm")):
         row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
@@ -234,7 +249,7 @@ def _trained(ground: Ground, method: str, count: int, run: Run):
 COLUMNS = columns(
     "scene {scene} | bodies {bodies} | method {method} | error over Cd, mean and largest: "
     "Cd {cd:.3%} | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
-    " | flows, G {work:,} | flows, s {flow_s:.0f} | fit, s {fit_s:.1f}"
+    " | flows, G {work:,} | flows, s {flow_s:.0f} | on {flow_device} | fit, s {fit_s:.1f}"
     " | answers/s, 1,000 at a time {answers:,.0f}"
     " | memory of the fit, MiB {memory:,.0f}"
 )
