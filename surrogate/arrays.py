@@ -1,11 +1,11 @@
-"""Types of arguments: arrays of JAX or NumPy, numbers, and parameters of one body or many."""
+"""Types of arguments: arrays of JAX or NumPy, numbers, parameters of one body or many."""
 
 from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Int
+from jaxtyping import ArrayLike, Float, Int
 
 AnyArray = jax.Array | np.ndarray
 Number = float | np.number | AnyArray  # one number; an array of shape () as well
@@ -19,3 +19,12 @@ def picked(values: ArrayLike, index: int | Int[np.ndarray, " picked"]) -> jax.Ar
     """Return the values at an index of the last axis; for those of NumPy nothing is compiled."""
     values = values if isinstance(values, np.ndarray) else jnp.asarray(values)
     return jnp.asarray(values[..., index])
+
+
+def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _"]:
+    """Return the bodies padded to a power of two by repeating the first ones.
+
+    So few programs are compiled. Of no bodies it is one row of ones.
+    """
+    size = 2 ** (max(len(bodies), 1) - 1).bit_length()
+    return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))

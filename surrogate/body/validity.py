@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, padded
 from surrogate.body.body_class import BodyClass
 from surrogate.errors import InvalidInput
 
@@ -52,15 +52,6 @@ def min_thickness_ratios(
 ) -> Float[np.ndarray, " bodies"]:
     """Return ``BodyClass.min_thickness_ratio`` of many bodies."""
     return np.asarray(_min_thickness_ratios(body_class, padded(bodies)))[: len(bodies)]
-
-
-def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _"]:
-    """Return the bodies padded to a power of two by repeating the first ones.
-
-    So few programs are compiled. Of no bodies it is one row of ones.
-    """
-    size = 2 ** (max(len(bodies), 1) - 1).bit_length()
-    return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))
 
 
 @functools.partial(jax.jit, static_argnums=0)

@@ -9,11 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, padded
 from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import body_markers
-from surrogate.body.validity import padded
 from surrogate.errors import InvalidInput
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain, too_thin

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import jax
 import numpy as np
 from jax.sharding import Mesh
-from study import Row, Run, Study, Table, columns
+from study import Result, Row, Run, Study, Table, columns
 from tools import medians
 
 from surrogate import Flow, InvalidInput, Scene
@@ -74,6 +74,16 @@ def _measured(
         "mib_per_body": program.memory_analysis().temp_size_in_bytes / batch / 2**20,
     }
     return row, np.asarray(found[-1].drag)
+
+
+def gain(result: Result, scene: str) -> Row:
+    """Return the accelerator's name, and its flows per second over those of the CPU device."""
+    reference, *others = (row for row in result["rows"] if row["scene"] == scene)
+    best = max(others, key=lambda row: row["flows_per_s"])
+    return {
+        "device": best["device"],
+        "gain": best["flows_per_s"] / reference["flows_per_s"],
+    }
 
 
 FLOWS = columns(

@@ -83,17 +83,14 @@ def when_to_train(result: Result) -> str:
     """Return the README's paragraph on what training gains in a scene with lift."""
     lines = {line["way"]: line for line in strategies(result)}
     led = lines.pop(LED)
-    flows = ", ".join(
-        f"{line['flows']:.1f} by {RIVALS[way]} ({100 * line['gap']:.0f} %)"
-        for way, line in lines.items()
-    )
+    flows = ", ".join(f"{line['flows']:.1f} by {RIVALS[way]}" for way, line in lines.items())
     mean = "/".join(f"{100 * error:.2f}" for error in result["error_mean"])
     return (
-        f"`{NAME}` (lift and incidence; {result['bodies']:,} sections) errs by {mean} % of Cd in "
-        f"Cd, Cl and Cm on average, {100 * result['error_max']:.1f} % at most. {led['asked']} "
-        f"unseen queries, least drag at a lift or best glide ratio, take {led['flows']:.1f} flows "
-        f"each led by it ({100 * led['gap']:.0f} % above the best objective at most), {flows}; the "
-        f"training pays {_pays(result)}."
+        f"`{NAME}` ({result['bodies']:,} sections) errs by {mean} % of Cd in Cd, Cl and Cm on "
+        f"average, {100 * result['error_max']:.1f} % at most. {led['asked']} unseen queries, least "
+        f"drag at a lift or best glide ratio, take {led['flows']:.1f} flows each led by it, "
+        f"{flows}, which ends up to {100 * lines[DIRECT]['gap']:.0f} % above the best objective; "
+        f"the training pays {_pays(result)}."
     )
 
 
