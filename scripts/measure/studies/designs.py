@@ -165,5 +165,5 @@ FORESEEN = [{"dimension": dimension, "symmetric": mirror} for dimension, mirror 
 STUDIES = {
     "designs": Study([], many_text, many_designs, draw_sheet),
     "scenarios": Study([Table(COUNTS, robust, ROBUST)], draw=WORK),
-    "foreseen": Study([Table(FORESEEN, averages, show_averages)]),
+    "foreseen": Study([Table(FORESEEN, averages, show_averages, tiny="last")]),
 }
