@@ -202,9 +202,9 @@ def _payoff_space(result: Result) -> str:
 
 def _duration(result: Result) -> str:
     form = (
-        "It takes {least:.0f} to {most:.0f} minutes on two cores, the install included. On a GPU "
-        '(`pip install "jax[cuda13]"`) batches of flows are solved {gain:.0f} times as fast as on '
-        "one core ({device}, standard grid)."
+        "It takes {least:.0f} to {most:.0f} minutes on two cores, the install included. A GPU "
+        '({device}; `pip install "jax[cuda13]"`) solves batches of flows {gain:.0f} times as fast '
+        "as one core."
     )
     least, most = (seconds / 60 for seconds in result["seconds"])
     kept = json.loads((RESULTS / "accelerator.json").read_text())["result"]

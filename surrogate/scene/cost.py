@@ -14,14 +14,13 @@ REPEATS = 7  # of the benchmark, whose median counts
 class Convolutions(NamedTuple):
     """Average numbers of convolutions with the Green's function G for one body (RESULTS.md).
 
-    Measured by the study ``foreseen``: of bodies with a mirror plane over the default scenes, of
-    bodies with lift over those of ``scripts/lift.toml`` and ``scripts/particle.toml``.
+    Measured over the default scenes by the study ``foreseen``.
 
     Attributes:
       flow: of a body's flow, the assembly of its operators included.
-      adjoint: of the adjoint flows that give the gradients of its loads.
+      adjoint: of the adjoint flow that gives its shape gradient.
       renewal: of assembling the operators of a training's body again at every evaluation.
-      design_flows: flows, each with its adjoints, of a design without a surrogate.
+      design_flows: flows, each with its adjoint, of a design without a surrogate.
       overhead: seconds of a whole flow over those of its convolutions alone; the rest is
         convection, Krylov vectors, and in 3-D double precision.
     """
@@ -33,13 +32,24 @@ class Convolutions(NamedTuple):
     overhead: float
 
 
-CONVOLUTIONS = {  # by the dimension, and whether bodies have a mirror plane along the stream
-    (2, True): Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
-    (3, True): Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
-    (2, False): Convolutions(60.0, 25.0, 19.0, 4.0, 1.7),
-    (3, False): Convolutions(60.0, 25.0, 54.0, 4.0, 1.8),
+CONVOLUTIONS = {
+    2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
+    3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
 }
-WHOLE = 2  # a domain without the mirror plane has this many times the rows
+# Without the mirror plane y = 0 a domain has twice the rows, and gradients take three adjoints. A
+# body's operators take about as many convolutions as with it, see ``CompressedResponse``.
+WHOLE, ADJOINTS = 2, 3
+
+
+def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
+    """Return the average convolutions with G of one body.
+
+    Args:
+      dimension: 2 or 3.
+      symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
+    """
+    takes = CONVOLUTIONS[dimension]
+    return takes if symmetric else takes._replace(adjoint=ADJOINTS * takes.adjoint)
 
 
 @functools.cache
@@ -50,7 +60,7 @@ def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> f
       shape: cells of the part of the domain that is gridded if the flow is symmetric.
       symmetric: whether it is; else the whole domain is gridded.
     """
-    seconds = CONVOLUTIONS[len(shape), symmetric].overhead * convolution_seconds(shape)
+    seconds = CONVOLUTIONS[len(shape)].overhead * convolution_seconds(shape)
     return seconds if symmetric else WHOLE * seconds
 
 

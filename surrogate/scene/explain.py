@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from surrogate.body.family import Family
-from surrogate.scene.cost import CONVOLUTIONS, WHOLE, seconds_per_convolution
+from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
 from surrogate.scene.stream import Stream, describe_stream, domain_height
@@ -71,7 +71,7 @@ def explain_scene(
     seconds = seconds_per_convolution(shape, symmetric)
     sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
-    takes = CONVOLUTIONS[dimension, symmetric]
+    takes = convolutions(dimension, symmetric)
     design = takes.design_flows * (takes.flow + takes.adjoint)
 
     def cost(work):
@@ -92,9 +92,9 @@ def explain_scene(
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
             f"On this machine one convolution with G takes {1e3 * seconds:.2g} ms, so {bodies} "
-            f"bodies of a training cost {cost(bodies * takes.flow)}, the "
-            f"gradients of their loads {cost(bodies * takes.adjoint)}; a design by the flow's "
-            f"adjoints alone {cost(design)}; one flow to verify a surrogate's design "
+            f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "
+            f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
+            f"alone {cost(design)}; one flow to verify a surrogate's design "
             f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",
         ]
     )

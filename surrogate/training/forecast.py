@@ -10,7 +10,7 @@ import numpy as np
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
 from surrogate.model.network import WIDTH, blank_network
-from surrogate.scene.cost import CONVOLUTIONS, WHOLE, seconds_per_convolution
+from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
 
@@ -39,7 +39,7 @@ def forecast(plan: Plan) -> Forecast:
     """Forecast the cost of a training, from averages and a few timed operations."""
     lattice = Flow(plan.scene).domain.lattice
     symmetric = plan.scene.family.body_class.symmetric
-    takes = CONVOLUTIONS[plan.scene.dimension, symmetric]
+    takes = convolutions(plan.scene.dimension, symmetric)
     each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
     work = plan.samples * each
     method = plan.make_method()

@@ -1,6 +1,5 @@
 """Cost of designs: one at a time, many in one call, under uncertainty; and predicted costs."""
 
-import dataclasses
 import time
 from pathlib import Path
 
@@ -13,8 +12,8 @@ from shapeopt.payoff.direct import design_directly
 from shapeopt.payoff.queries import query_stream
 from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
-from surrogate import Flow, Scene, load
-from surrogate.scene.cost import CONVOLUTIONS, WHOLE, Convolutions, convolution_seconds
+from surrogate import Family, Flow, Scene, load
+from surrogate.scene.cost import CONVOLUTIONS, Convolutions, convolution_seconds
 from surrogate.scene.samples import held_out_samples
 
 ROUNDS = 3
@@ -24,7 +23,7 @@ DIRECT, GROWING, LED = "direct", "kriging from nothing", "network, and kriging"
 REPEATS = 5  # of a timed convolution
 QUANTITIES = {
     "flow": "convolutions with G per flow, assembly included",
-    "adjoint": "convolutions with G per body for the gradients of its loads",
+    "adjoint": "convolutions with G per shape gradient",
     "renewal": "convolutions with G to assemble a body again in a training",
     "design_flows": "flows with adjoints per design without a surrogate",
     "overhead": "seconds of a flow over those of its convolutions",
@@ -108,51 +107,42 @@ def robust(run: Run, cases: int, way: str) -> Row:
     }
 
 
-def averages(run: Run, dimension: int, symmetric: bool) -> list[Row]:
-    """Return the mean costs over a scene, from which costs are predicted.
-
-    The scene is the default one, or without a mirror plane that of a shipped surrogate.
-    """
-    scene = Scene(dimension=dimension)
-    if not symmetric:
-        scene = load({2: "pretrained:lift", 3: "pretrained:particle"}[dimension]).scene
+def averages(run: Run, dimension: int) -> list[Row]:
+    """Return the mean costs over the default scene, from which costs are predicted."""
     if run.tiny:
-        scene = dataclasses.replace(scene, fidelity=TINY)
-    rough = run.fidelity("draft", dimension)
-    counts = run.pick((1, 1), (24, 4) if symmetric else (8, 2))
-    found = _averages(scene, dataclasses.replace(scene, fidelity=rough), *counts)._asdict()
+        small = Family(dimension=dimension, aspect=(1.0, 1.5))
+        scenes = [Scene(family=small, fidelity=TINY)] * 2
+    else:
+        scenes = [Scene(dimension=dimension, fidelity=f) for f in ("standard", "draft")]
+    found = _averages(*scenes, count=run.pick(1, 24))._asdict()
     return [{"name": name, "measured": found[name]} for name in QUANTITIES]
 
 
-def _averages(scene: Scene, rough: Scene, count: int, designs: int) -> Convolutions:
-    """Of ``count`` random bodies, and of a number of designs on a rough grid."""
+def _averages(scene: Scene, rough: Scene, count: int) -> Convolutions:
+    """Of ``count`` random bodies, and of a sixth as many designs on a rough grid."""
     flow, bodies = Flow(scene), held_out_samples(scene, 0, count)
     flow.solve_all(*bodies)
     start = time.perf_counter()
     flows = flow.solve_all(*bodies).green_applications
     seconds = (time.perf_counter() - start) / np.sum(flows)
     both = flow.solve_all(*bodies, gradients=True).green_applications
-    parts = 1 if scene.family.body_class.symmetric else WHOLE
-    *along, across = flow.domain.lattice.shape
-    shape = *along, across // parts
-    convolution = parts * float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
-    found = [optimise(problem, Flow(rough)) for problem in query_stream(rough, 0, designs)]
+    shape = flow.domain.lattice.shape
+    convolution = float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
+    queries = query_stream(rough, 0, max(count // 6, 1))
+    designs = [optimise(problem, Flow(rough)) for problem in queries]
     return Convolutions(
         flow=float(np.mean(flows)),
         adjoint=float(np.mean(both) - np.mean(flows)),
-        renewal=float(0 if flow.domain.operators_are_small else flow.domain.assembly_cost),
-        design_flows=float(np.mean([design.flows for design in found])),
+        renewal=float(flow.domain.assembly_cost if scene.dimension == 3 else 0),
+        design_flows=float(np.mean([design.flows for design in designs])),
         overhead=seconds / convolution,
     )
 
 
 def show_averages(rows: list[Row]) -> str:
     """Return the table of mean costs, with the quantities in words."""
-    form = "dimension {dimension} | bodies {bodies} | average {quantity} | measured {measured:.1f}"
-    named = {True: "along the stream", False: "with lift"}
-    return columns(form)(
-        [r | {"quantity": QUANTITIES[r["name"]], "bodies": named[r["symmetric"]]} for r in rows]
-    )
+    form = "dimension {dimension} | average {quantity} | measured {measured:.1f}"
+    return columns(form)([row | {"quantity": QUANTITIES[row["name"]]} for row in rows])
 
 
 ROBUST = columns(
@@ -161,9 +151,8 @@ ROBUST = columns(
 )
 COUNTS = cases(cases=(1, 4, 32), way=(GROWING, DIRECT, LED))
 WORK = lines("cases", "work", "way", ("flows per objective", "convolutions with G per design"))
-FORESEEN = [{"dimension": dimension, "symmetric": mirror} for dimension, mirror in CONVOLUTIONS]
 STUDIES = {
     "designs": Study([], many_text, many_designs, draw_sheet),
     "scenarios": Study([Table(COUNTS, robust, ROBUST)], draw=WORK),
-    "foreseen": Study([Table(FORESEEN, averages, show_averages, tiny="last")]),
+    "foreseen": Study([Table(cases(dimension=tuple(CONVOLUTIONS)), averages, show_averages)]),
 }
