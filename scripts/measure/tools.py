@@ -15,6 +15,10 @@ from jax.experimental.compilation_cache import compilation_cache
 from study import Row
 
 from surrogate import Fidelity, Flow, Scene, Solution, family_shape
+from surrogate.devices import Devices
+from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
+from surrogate.partition import partition_bodies
+from surrogate.scene.samples import training_samples
 
 POLL_S = 0.02  # between two looks at the memory
 SILENT = 2.0  # times the error tolerance: an error that a drag called accurate must not have
@@ -126,6 +130,31 @@ def power_of(rows: Sequence[Row], x: str, y: str) -> float | None:
     """Return the exponent p of |y| ~ x^p, fitted to two rows or more."""
     logs = np.log([[row[x], abs(row[y])] for row in rows]).T
     return float(np.polyfit(*logs, 1)[0]) if len(rows) > 1 else None
+
+
+def timed_batch(flow: Flow, devices: Devices, count: int, rounds: int) -> tuple[Row, FlowBatch]:
+    """Solve the first training bodies of a scene a few times, without compilation.
+
+    Args:
+      flow: Of the scene.
+      devices: Over which the bodies are partitioned.
+      count: Number of bodies.
+      rounds: How often they are solved, after once to warm up.
+
+    Returns:
+      Flows per second and MiB per body of a batch, and the flows.
+    """
+    samples = training_samples(flow.scene, 0, count)
+    partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
+    given = devices.place((partition, *samples))
+    program = batch_solver(flow.bodies, devices).lower(*given).compile()
+    memory, found = program.memory_analysis().temp_size_in_bytes, []
+    seconds = medians([lambda: found.append(program(*given)) or found[-1]], rounds)[0]
+    row = {
+        "flows_per_s": count / seconds,
+        "mib_per_body": memory / devices.device_batch / 2**20,
+    }
+    return row, found[-1]
 
 
 def free_port() -> int:

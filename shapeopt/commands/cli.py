@@ -59,7 +59,10 @@ class Parser(argparse.ArgumentParser):
         raise InvalidInput(message + hint)
 
 
-FULL = "the device's memory is full; a coarser fidelity, or in trainings a smaller --device-batch"
+FULL = (
+    "the device's memory is full; a coarser fidelity, or in trainings a smaller --device-batch, "
+    "would do"
+)
 FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: LOST}
 
 
@@ -83,7 +86,7 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
     except jax.errors.JaxRuntimeError as error:
         if not memory_is_full(error):
             raise
-        status, message = BAD_INPUT, f"{FULL}, would do"
+        status, message = BAD_INPUT, FULL
     except KeyboardInterrupt:
         status, message = INTERRUPTED, "interrupted; the same command resumes a training"
     finally:

@@ -13,14 +13,11 @@ import jax
 import numpy as np
 from figures import lines
 from study import TINY, Result, Row, Run, Study, Table, cases, columns, words
-from tools import free_port, medians
+from tools import free_port, timed_batch
 
 from surrogate import FIDELITIES, Flow, NotConverged, Scene, load
 from surrogate.devices import choose_devices
-from surrogate.flow.batch import batch_solver, estimated_cost
-from surrogate.partition import partition_bodies
 from surrogate.processes import first, join
-from surrogate.scene.samples import training_samples
 
 SCRIPTS = Path(__file__).parents[2]
 CHILD = ("-m", "studies.devices")  # this file as a program
@@ -159,8 +156,8 @@ def training(run: Run, way: str, devices: int = 1, cores: int | None = None) -> 
             str(devices),
         ]
         argv += run.pick(["--preset", "quick", "--samples", "8"], ["--preset", "full"])
-        start = time.perf_counter()
         argv += ["--out", str(out), "--json"]
+        start = time.perf_counter()
         child = _start(argv, cores, XDG_CACHE_HOME=str(folder / "compiled"))
         said = json.loads(_last_line(way, child))
         seconds, trained = time.perf_counter() - start, load(out)
@@ -192,17 +189,10 @@ def child(asked: Row) -> Row:
     if asked["processes"] > 1:
         join(asked["coordinator"], asked["processes"], asked["process"])
     flow = Flow(Scene(fidelity=FIDELITIES[asked["fidelity"]]))
-    samples = training_samples(flow.scene, 0, asked["bodies"])
     devices = choose_devices(asked["devices"] * asked["processes"], asked["device_batch"])
-    partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
-    given = devices.place((partition, *samples))
-    solve, found = batch_solver(flow.bodies, devices).lower(*given).compile(), []
-    seconds = medians([lambda: found.append(solve(*given)) or found[-1]], asked["rounds"])[0]
-    memory = solve.memory_analysis().temp_size_in_bytes
-    return {
-        "flows_per_s": asked["bodies"] / seconds,
-        "green_applications": np.asarray(found[-1].green_applications).tolist(),
-        "mib_per_body": memory / devices.device_batch / 2**20,
+    row, found = timed_batch(flow, devices, asked["bodies"], asked["rounds"])
+    return row | {
+        "green_applications": np.asarray(found.green_applications).tolist(),
         "device": jax.devices()[0].device_kind,
     }
 

@@ -83,14 +83,17 @@ def when_to_train(result: Result) -> str:
     """Return the README's paragraph on what training gains in a scene with lift."""
     lines = {line["way"]: line for line in strategies(result)}
     led = lines.pop(LED)
-    flows = ", ".join(f"{line['flows']:.1f} by {RIVALS[way]}" for way, line in lines.items())
     mean = "/".join(f"{100 * error:.2f}" for error in result["error_mean"])
+    paid = _break_even(result)
+    flows = ", ".join(
+        f"{line['flows']:.1f} by {RIVALS[way]} ({paid[way]})" for way, line in lines.items()
+    )
     return (
         f"`{NAME}` ({result['bodies']:,} sections) errs by {mean} % of Cd in Cd, Cl and Cm on "
         f"average, {100 * result['error_max']:.1f} % at most. {led['asked']} unseen queries, least "
         f"drag at a lift or best glide ratio, take {led['flows']:.1f} flows each led by it, "
-        f"{flows}, which ends up to {100 * lines[DIRECT]['gap']:.0f} % above the best objective; "
-        f"the training pays {_pays(result)}."
+        f"{flows}, up to {100 * lines[DIRECT]['gap']:.0f} % above the best objective; in brackets, "
+        "when its training pays."
     )
 
 
@@ -106,12 +109,15 @@ def text(result: Result) -> str:
 
 
 def _pays(result: Result) -> str:
-    lines = {line["way"]: line["work"] for line in strategies(result)}
-    own = lines.pop(LED)
-    return " and ".join(
-        f"against {RIVALS[way]} {_after(break_even(result['training_g'], own, work))}"
-        for way, work in lines.items()
-    )
+    paid = _break_even(result).items()
+    return " and ".join(f"against {RIVALS[way]} {after}" for way, after in paid)
+
+
+def _break_even(result: Result) -> dict[str, str]:
+    """In words, after how many designs the training pays against each rival."""
+    work = {line["way"]: line["work"] for line in strategies(result)}
+    own = work.pop(LED)
+    return {way: _after(break_even(result["training_g"], own, g)) for way, g in work.items()}
 
 
 def strategies(result: Result) -> list[Row]:

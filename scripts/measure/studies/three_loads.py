@@ -91,9 +91,8 @@ def bodies_of(name: str, tiny: bool) -> tuple[Flow, Samples, Samples]:
     return Flow(scene), samples, held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
 
 
-def solve_flows(run: Run, name: str) -> SolvedFlows:
-    """Solve all flows of a scene on one device, in batches of the option ``--device-batch``."""
-    flow, samples, unseen = bodies_of(name, run.tiny)
+def solve_flows(run: Run, flow: Flow, samples: Samples, unseen: Samples) -> SolvedFlows:
+    """Solve the flows of bodies on one device, in batches of the option ``--device-batch``."""
     devices = choose_devices(device_batch=run.options.get("device_batch"))
     truth = flow.solve_all(*unseen, devices, partial=True)
     size, solved, seconds = max(8, 4 * devices.device_batch), [], []
@@ -108,7 +107,7 @@ def solve_flows(run: Run, name: str) -> SolvedFlows:
     return SolvedFlows(samples, found, truth, each, np.asarray(jax.devices()[0].device_kind))
 
 
-def read_or_solve(run: Run, name: str) -> SolvedFlows:
+def read_or_solve(run: Run, flow: Flow, samples: Samples, unseen: Samples) -> SolvedFlows:
     """Return the flows of the option ``--flows``, a file that is written if it does not exist.
 
     Raises:
@@ -116,10 +115,10 @@ def read_or_solve(run: Run, name: str) -> SolvedFlows:
     """
     path = run.options.get("flows")
     if path is None:
-        return solve_flows(run, name)
+        return solve_flows(run, flow, samples, unseen)
     if not path.exists():
-        write_flows(path, solve_flows(run, name))
-    found, (_, samples, _) = read_flows(path), bodies_of(name, run.tiny)
+        write_flows(path, solve_flows(run, flow, samples, unseen))
+    found = read_flows(path)
     shapes = found.samples.parameters.shape, samples.parameters.shape
     if shapes[0] != shapes[1] or not all(map(np.allclose, found.samples, samples)):
         raise InvalidInput(f"{path}: has the flows of other bodies; another --flows is needed")
@@ -151,7 +150,7 @@ def ground_of(name: str, run: Run) -> Ground:
     """Return the bodies of a scene with their flows; those not found are left out."""
     flow, samples, unseen = bodies_of(name, run.tiny)
     scene, inputs = flow.scene, scene_inputs(flow.scene)
-    _, found, truth, seconds, device = read_or_solve(run, name)
+    _, found, truth, seconds, device = read_or_solve(run, flow, samples, unseen)
     unseen = unseen.at(np.flatnonzero(truth.converged))
     kept = np.flatnonzero(found.converged)
     samples, found = jax.tree.map(lambda leaf: np.asarray(leaf)[kept], (samples, found))
@@ -201,8 +200,7 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     loads = np.exp(guess[:, :1]) * np.column_stack([np.ones(len(guess)), guess[:, 1:]])
     errors = np.abs(loads - ground.truth) / ground.truth[:, :1]
     row = {"work": ground.work[:bodies].sum(), "flow_s": bodies * ground.seconds, "fit_s": fit_s}
-    row |= {"flow_device": ground.device}
-    row |= {"memory": memory.mib}
+    row |= {"flow_device": ground.device, "memory": memory.mib}
     for k, load in enumerate(("cd", "cl", "cm")):
         row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
     many = np.resize(ground.unseen, (MANY, ground.unseen.shape[1]))
