@@ -3,6 +3,7 @@
 import datetime
 import json
 import re
+import shutil
 import sys
 
 import jax
@@ -13,6 +14,7 @@ import rivals
 import run
 import study
 from elements import PLANE, solve_by_elements
+from passages import passage
 from studies import onset_2d, optima, three_loads
 from study import Run, Study, Table, columns
 
@@ -202,16 +204,15 @@ def test_a_stale_text_is_told(tmp_path, monkeypatch):
 
 
 def test_figures_are_filled_in_and_missing_ones_left_out(tmp_path):
-    rows = [{"panel": "accuracy", "row": "standard, x", "error": e} for e in (0.001, -0.003)]
-    run.keep("flow", {"rows": rows}, "command", out=tmp_path)
+    run.keep("duration", {"seconds": [240, 480]}, "command", out=tmp_path)
+    shutil.copy(run.RESULTS / "accelerator.json", tmp_path)
     text = (
-        "a\n<!-- accuracy -->\nold\n<!-- /accuracy -->\nb\n<!-- payoff -->\nx\n<!-- /payoff -->\n"
+        "a\n<!-- duration -->\nold\n<!-- /duration -->\nb\n<!-- payoff -->\nx\n<!-- /payoff -->\n"
     )
-    filled = report.filled(text, report.short_block, tmp_path)
-    assert "by 0.20 % on average" in filled
-    assert "0.30 % at most" in filled
-    assert filled.endswith("<!-- /accuracy -->\nb\n<!-- payoff -->\n<!-- /payoff -->\n")
-    assert report.filled(filled, report.short_block, tmp_path) == filled
+    filled = report.filled(text, passage, tmp_path)
+    assert "4 to 8 minutes" in filled
+    assert filled.endswith("<!-- /duration -->\nb\n<!-- payoff -->\n<!-- /payoff -->\n")
+    assert report.filled(filled, passage, tmp_path) == filled
 
 
 def test_payoff_is_kept_with_its_pictures(tmp_path):

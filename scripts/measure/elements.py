@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from meshes import Elements, half_plane, quarter
 from study import Unavailable
+from weak_forms import axisymmetric_form, cartesian_form, green_2d, green_3d, oseenlet
 
 from surrogate import InvalidInput, NotConverged, family_shape
 
@@ -25,7 +26,6 @@ FALL = 0.2  # of a step, over the last one; where steps fall less the Jacobian i
 TOLERANCE = 1e-6
 BOX_RATIO = 0.377  # of the errors of Cd in a box and in one of half its size
 START_OF_SERIES = 0.5  # Re from which a box of 100 D ends where the series of K0 holds
-CORNERS = 1e-9  # compressibility, so that corner elements without free velocities have a pressure
 
 
 class ElementResult(NamedTuple):
@@ -208,7 +208,7 @@ def _newton(
 ) -> float:
     """Solve at one Re, with the far field of the force that is solved for; that force."""
     space, strength = flow.space, ng.Parameter(force)
-    velocity, traction = _oseenlet(ng, reynolds, space.mesh.dim, geometry.green)
+    velocity, traction = oseenlet(ng, reynolds, space.mesh.dim, geometry.green)
     form = geometry.weak_form(ng, space, reynolds, -strength * traction)
     sides, axial = ng.GridFunction(space), ng.GridFunction(space)
     along = ng.CF((1, 0, 0)[: space.mesh.dim])
@@ -229,80 +229,6 @@ def _newton(
             return force
         strength.Set(force)
     raise NotConverged(f"finite elements at Re {reynolds:g}: Newton's method failed")
-
-
-def _oseenlet(ng: Any, reynolds: float, dimension: int, green: Callable) -> tuple[Any, Any]:
-    """Velocity, and traction on planes across the stream, of a unit force along x at the origin.
-
-    Of the Green's functions G and L, u = Re G along x - grad (G - L), p = -dL/dx. In an
-    axisymmetric mesh the second coordinate is the distance from the axis.
-    """
-    x, *across = (ng.x, ng.y, ng.z)[:dimension]
-    distance = ng.sqrt(sum(side**2 for side in (x, *across)))
-    oseen, harmonic = green(ng, reynolds / 2, x, distance)
-    potential = oseen - harmonic
-    along = reynolds * oseen - potential.Diff(x)
-    velocity = ng.CF((along, *(-potential.Diff(side) for side in across)))
-    pressure = ng.CF((-harmonic.Diff(x), *(0 for _ in across)))
-    return velocity, velocity.Diff(x) / reynolds - pressure
-
-
-def green_3d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
-    """Return the Green's functions of the Oseen operator and of Laplace's in 3-D.
-
-    Args:
-      ng: The package NGSolve.
-      k: Re / 2.
-      x: Coordinate along the stream.
-      distance: From the origin.
-    """
-    sphere = 4 * math.pi * distance
-    return ng.exp(k * (x - distance)) / sphere, 1 / sphere
-
-
-def green_2d(ng: Any, k: float, x: Any, distance: Any) -> tuple[Any, Any]:
-    """Return the Green's functions of the Oseen operator and of Laplace's in 2-D, as ``green_3d``.
-
-    K0 is taken by its asymptotic series, which has six digits in the far field.
-    """
-    z = k * distance
-    series = 1 - 1 / (8 * z) + 9 / (128 * z**2)
-    decay = ng.exp(k * x - z) * ng.sqrt(math.pi / (2 * z)) * series
-    return decay / (2 * math.pi), -ng.log(distance) / (2 * math.pi)
-
-
-def cartesian_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
-    """Return the weak form of steady flow in 2-D or 3-D, with a traction on the outlet.
-
-    Args:
-      ng: The package NGSolve.
-      space: Of velocity and pressure.
-      reynolds: U D / nu.
-      traction: On the outlet.
-    """
-    (u, p), (v, q) = space.TnT()
-    viscous, inertia = ng.InnerProduct(ng.Grad(u), ng.Grad(v)), (ng.Grad(u) * u) * v
-    incompressible = p * ng.div(v) + q * ng.div(u) + CORNERS * p * q
-    form = ng.BilinearForm(space)
-    form += (viscous / reynolds + inertia - incompressible) * ng.dx
-    form += -traction * v * ng.ds("outlet")
-    return form
-
-
-def axisymmetric_form(ng: Any, space: Any, reynolds: float, traction: Any) -> Any:
-    """Return the weak form of steady axisymmetric flow without swirl, per unit azimuth.
-
-    The arguments are those of ``cartesian_form``.
-    """
-    (u, p), (v, q) = space.TnT()
-    r = ng.y
-    viscous = r * ng.InnerProduct(ng.Grad(u), ng.Grad(v)) + u[1] * v[1] / r
-    inertia = r * (ng.Grad(u) * u) * v
-    incompressible = p * (r * ng.div(v) + v[1]) + q * (r * ng.div(u) + u[1])
-    form = ng.BilinearForm(space)
-    form += (viscous / reynolds + inertia - incompressible) * ng.dx(bonus_intorder=2)
-    form += -r * traction * v * ng.ds("outlet")
-    return form
 
 
 WALLS = "body|stream"

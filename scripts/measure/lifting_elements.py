@@ -16,14 +16,12 @@ from elements import (
     STEPS,
     TOLERANCE,
     Jacobian,
-    cartesian_form,
     continuation,
-    green_2d,
-    green_3d,
     ngsolve,
 )
 from meshes import Elements, half, whole_plane
 from numpy.typing import ArrayLike
+from weak_forms import cartesian_form, green_2d, green_3d
 
 from surrogate import NotConverged, Shape, family_shape
 

@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import re
-import time
 
 import jax
 import jax.numpy as jnp
@@ -18,23 +17,20 @@ from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
-from surrogate.flow.check.error_estimate import ErrorEstimate, Loads, estimate_error
-from surrogate.flow.continuation import not_converged_message, solve_by_continuation
+from surrogate.flow.continuation import not_converged_message
 from surrogate.flow.derivatives import (
     LoadsAndGradients,
     loads_and_gradients,
     loads_and_status,
-    named_gradients,
 )
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.grid.discretise import fewest_cells, fitted_domain, scene_domain
+from surrogate.flow.grid.discretise import fitted_domain, scene_domain
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solution import Solution
+from surrogate.flow.solve_shape import solve_shape
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.surface.coefficients import force_coefficients
 from surrogate.partition import partition_bodies
-from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of
 from surrogate.scene.scene import Scene
 
@@ -190,34 +186,7 @@ class Flow:
             on_grid = self._on_its_own_grid(body, reynolds, allow_unsteady)
         else:
             on_grid = self._on_scenes_grid(body, reynolds, allow_unsteady)
-        shape, reynolds, domain, fidelity = on_grid
-        start = time.perf_counter()
-        found, work = solve_by_continuation(domain, self.settings, shape, reynolds)
-        seconds = time.perf_counter() - start
-        force = force_coefficients(domain, shape.markers(domain.nodes), found.state, reynolds)
-        force = {name: float(value) for name, value in force._asdict().items()}
-        gradients = None
-        if gradient:
-            bodies = DiscreteBodies(domain, shape.body_class, self.settings)
-            loads = {"cd": drag} if shape.symmetric else LOADS
-            gradients = named_gradients(bodies, loads, shape.values, reynolds, found.state)
-        error = ErrorEstimate()
-        if estimate:
-            loads = Loads(force["drag"], force["lift"], force["moment"])
-            error = self._estimated(loads, shape, fidelity, reynolds)
-        return Solution(
-            reynolds=reynolds,
-            **force,
-            **error._asdict(),
-            tolerance=self.scene.fidelity.tolerance,
-            green_applications=work,
-            newton_steps=int(found.info.steps),
-            seconds=seconds,
-            gradients=gradients,
-            shape=shape,
-            domain=domain,
-            state=found.state,
-        )
+        return solve_shape(self.scene, self.settings, *on_grid, gradient, estimate)
 
     def solve_all(
         self,
@@ -264,7 +233,8 @@ class Flow:
         self._check_dimension(shape)
         reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset_of(shape))
         fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.nose)
-        return shape, reynolds, self._fitted(shape, self.scene.fidelity, reynolds), fidelity
+        domain = fitted_domain(self.scene.stream, self.scene.fidelity, shape, reynolds)
+        return shape, reynolds, domain, fidelity
 
     def _on_scenes_grid(self, body, reynolds, allow_unsteady):
         """Return a family body as a shape and its Re, checked, with the scene's domain."""
@@ -272,19 +242,6 @@ class Flow:
         named = self.scene.family.named(parameters)
         shape = family_shape(named, dimension=self.scene.dimension)
         return shape, reynolds, self.domain, self.scene.fidelity_for_bodies
-
-    def _estimated(self, loads, shape, fidelity, reynolds):
-        def solve(fidelity: Fidelity) -> Loads:
-            domain = self._fitted(shape, fidelity, reynolds)
-            found, _ = solve_by_continuation(domain, self.settings, shape, reynolds)
-            at = domain.modes, found.state.amplitude, shape.markers(domain.nodes)
-            return Loads(*(float(load(*at)) for load in LOADS.values()))
-
-        at = reynolds, shape.height, shape.dimension, shape.nose, fewest_cells(shape)
-        return estimate_error(loads, solve, fidelity, *at)
-
-    def _fitted(self, shape, fidelity, reynolds):
-        return fitted_domain(self.scene.stream, fidelity, shape, reynolds)
 
     def _check_dimension(self, shape):
         if shape.dimension != self.scene.dimension:

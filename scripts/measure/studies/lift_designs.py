@@ -80,20 +80,17 @@ def training(run: Run, _: Result) -> Result:
 
 
 def when_to_train(result: Result) -> str:
-    """Return the README's paragraph on what training gains in a scene with lift."""
+    """Return the README's sentence on what training gains in a scene with lift."""
     lines = {line["way"]: line for line in strategies(result)}
     led = lines.pop(LED)
-    mean = "/".join(f"{100 * error:.2f}" for error in result["error_mean"])
     paid = _break_even(result)
     flows = ", ".join(
-        f"{line['flows']:.1f} by {RIVALS[way]} ({paid[way]})" for way, line in lines.items()
+        f"{line['flows']:.1f} by {RIVALS[way]} (pays {paid[way]})" for way, line in lines.items()
     )
     return (
-        f"`{NAME}` ({result['bodies']:,} sections) errs by {mean} % of Cd in Cd, Cl and Cm on "
-        f"average, {100 * result['error_max']:.1f} % at most. {led['asked']} unseen queries, least "
-        f"drag at a lift or best glide ratio, take {led['flows']:.1f} flows each led by it, "
-        f"{flows}, up to {100 * lines[DIRECT]['gap']:.0f} % above the best objective; in brackets, "
-        "when its training pays."
+        f"Sections at incidence: {led['asked']} unseen queries, least drag at a lift or best glide "
+        f"ratio, take {led['flows']:.1f} flows each led by `{NAME}` ({result['bodies']:,} bodies), "
+        f"{flows}, up to {100 * lines[DIRECT]['gap']:.0f} % above the best objective."
     )
 
 

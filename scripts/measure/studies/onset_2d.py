@@ -10,7 +10,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from elements import CORNERS, continuation, ngsolve
+from elements import continuation, ngsolve
 from lifting_elements import raise_reynolds, section_at_rest
 from meshes import Elements
 from scipy.signal import find_peaks
@@ -19,6 +19,7 @@ from scipy.sparse.linalg import LinearOperator, eigs, splu
 from studies.onset import critical
 from study import Result, Row, Run, Study, Table, columns, words
 from tools import name_of
+from weak_forms import CORNERS
 
 from surrogate import NotConverged, Shape, contour_shape, family_shape, naca4
 from surrogate.flow.check.march import Box, make_marcher, march, start

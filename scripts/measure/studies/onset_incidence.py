@@ -16,8 +16,6 @@ from elements import (
     FLATTENED,
     WALLS,
     at_rest,
-    cartesian_form,
-    green_3d,
     ngsolve,
     solve_by_continuation,
 )
@@ -27,6 +25,7 @@ from studies.onset import critical, with_rule
 from studies.onset_2d import disturbances
 from study import Row, Run, Study, Table, columns
 from tools import name_of
+from weak_forms import cartesian_form, green_3d
 
 from surrogate import NotConverged, family_shape
 from surrogate.scene.limits import onset_of

@@ -200,17 +200,14 @@ def in_short(result: Result) -> str:
         errors = [[row[name][key] for row in rows] for key in LOADS]
         return "/".join(f"{100 * mean_and_most(each)[0]:.2f}" for each in errors)
 
-    rows, net = result["rows"], load(SURROGATE)
+    rows = result["rows"]
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
-        f"`{SURROGATE}`, for incidences of 0 to 90 degrees, differs by {means('surrogate', rows)} "
-        f"% of Cd in Cd, Cl and Cm on average, by {100 * net.recorded('lift_error_max'):.1f} % at "
-        f"most (Cl, of {net.unseen} held-out bodies); below Re 1, where it is small, Cm by "
-        f"{100 * np.median(slow):.0f} % of itself in the median and {100 * max(slow):.0f} % at "
-        f"most. On {len(theirs)} prolate spheroids it errs by "
+        f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` errs by "
         f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's, by "
-        f"{means('Froehlich', theirs)} %."
+        f"{means('Froehlich', theirs)} %. Below Re 1, where Cm is small, the surrogate's is off by "
+        f"{100 * np.median(slow):.0f} % of itself in the median, {100 * max(slow):.0f} % at most."
     )
 
 

@@ -1,0 +1,159 @@
+"""The passages of the README that state measurements, written from the records in results/."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from run import RESULTS
+from studies import accelerator, lift_designs, particle, training
+from study import Result, words
+from tools import mean_and_most
+
+from shapeopt.payoff.tables import SHOWN_DESIGNS, short_table
+from surrogate import load
+from surrogate.training.plan import PRESETS
+
+SHIPPED = "pretrained", "pretrained:space", "pretrained:lift", "pretrained:particle"
+
+
+def passage(name: str, folder: Path = RESULTS) -> str:
+    """Return a passage of the README by the name of its block; empty where a record is missing."""
+
+    def result(study: str) -> Result:
+        return json.loads((folder / f"{study}.json").read_text())["result"]
+
+    try:
+        return PASSAGES[name](result)
+    except FileNotFoundError:
+        return ""
+
+
+def duration(result: Callable[[str], Result]) -> str:
+    """Return how long the first command takes, and what a GPU gains."""
+    form = (
+        "It takes {least:.0f} to {most:.0f} minutes on two cores, the install included. A GPU "
+        '({device}; `pip install "jax[cuda13]"`) solves batches of flows {gain:.0f} times as fast '
+        "as one core."
+    )
+    least, most = (seconds / 60 for seconds in result("duration")["seconds"])
+    gain = accelerator.gain(result("accelerator"), "2-D, standard")
+    return words(form, least=least, most=most, **gain)
+
+
+def payoff(result: Callable[[str], Result]) -> str:
+    """Return the table of strategies, with the errors of rivals that are fitted to flows."""
+    form = (
+        "Means over {count} designs, each a local optimum of the flow itself; trainings on "
+        "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
+        "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to {bodies} "
+        "flows, gradient-enhanced kriging errs by {off[gradient-enhanced kriging]} on average, "
+        "kriging by {off[kriging]}, a polynomial of degree 4 by {off[polynomial]}; as published "
+        "SIP errs by {off[sip, as published]}, HIG by {off[hig, as published]} and DP by "
+        "{off[dp, as published]}."
+    )
+    rows = result("payoff")["payoff"]
+    after = {row["method"]: row["break_even_s"] for row in rows}
+    off = {row["method"]: row["error_mean"] for row in training.summary(result("training"))}
+    count, bodies = len(result("payoff")["queries"]), PRESETS["full"].samples
+    return f"{short_table(rows)}\n\n{words(form, after=after, off=off, count=count, bodies=bodies)}"
+
+
+def when_to_train(result: Callable[[str], Result]) -> str:
+    """Return one line for each kind of scene: whether training pays against its rivals."""
+    lines = _plane(result), _space(result), lift_designs.when_to_train(result("lift_designs"))
+    return "\n".join(f"- {line}" for line in (*lines, _robust(result)))
+
+
+def _plane(result):
+    rows = result("payoff")["payoff"]
+    kriging = next(row for row in rows if row["method"] == "kriging with memory")
+    *_, (early, fifty), (late, thousand) = zip(SHOWN_DESIGNS, kriging["cumulative_g"], strict=True)
+    paying = ", ".join(f"`{row['method']}`" for row in _over_kriging(rows)) or "no training"
+    form = (
+        "Drag in 2-D, four parameters: kriging with memory needs {late:.0f} G a design in the end; "
+        "{paying} pays against it."
+    )
+    return words(form, late=(thousand - fifty) / (late - early), paying=paying)
+
+
+def _over_kriging(rows):
+    """Return the rows of the trainings that pay against kriging with memory."""
+    return [row for row in rows if row["training_g"] and row["beats_kriging_g"] is not None]
+
+
+def _space(result):
+    rows = result("payoff_space")["payoff"]
+    paid = [row for row in rows if row["training_g"] and row["break_even_g"] is not None]
+    first = min(paid, key=lambda row: row["break_even_g"])
+    over = min(_over_kriging(rows), key=lambda row: row["beats_kriging_g"], default=None)
+    kriging = "never" if over is None else f"from design {over['beats_kriging_g']} on"
+    form = (
+        "Drag in 3-D: `{method}` pays against `direct` after {break_even_g:.1f} designs ({queries} "
+        "queries), against kriging with memory {kriging}."
+    )
+    return words(form, kriging=kriging, queries=len(result("payoff_space")["queries"]), **first)
+
+
+def _robust(result):
+    rows = result("scenarios")["rows"]
+    cases = max(row["cases"] for row in rows)
+    flows = {row["way"]: row["flows"] for row in rows if row["cases"] == cases}
+    form = (
+        "Robust designs: of {cases} cases, one takes {network, and kriging:.0f} flows led by the "
+        "network, {kriging from nothing:.0f} by kriging, {direct:.0f} by `direct`."
+    )
+    return words(form, cases=cases, **flows)
+
+
+def accuracy(result: Callable[[str], Result]) -> str:
+    """Return the errors of the flow, of the shipped surrogates and of the best correlation."""
+    lines = _flow(result), _shipped(), particle.in_short(result("particle"))
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _flow(result):
+    def standard(study, panel):
+        rows = [row for row in result(study)["rows"] if row["panel"].startswith(panel)]
+        chosen = [row for row in rows if "standard" in (row["row"].split(",")[0], row["column"])]
+        return [row["error"] for row in chosen]
+
+    sections = [row for row in result("random_sections")["rows"] if row["fidelity"] == "standard"]
+    form = (
+        "The flow, standard grid, against body-fitted finite elements: Cd of the cylinder differs "
+        "by {cylinder[0]:.2%} on average and {cylinder[1]:.2%} at most (Re 1 to 40; also in "
+        "tunnels), that of {count} random sections at incidence by {cd[0]:.2%} and {cd[1]:.2%}, "
+        "their Cl by {cl[0]:.2%} and {cl[1]:.2%} of Cd; in 3-D Cd of the sphere by {sphere[1]:.2%} "
+        "at most (Re 0.1 to 100), of {revolved} other bodies of revolution by {aspect[1]:.2%}, of "
+        "ellipsoids in Stokes flow (Oberbeck, exact) by {ellipsoids[1]:.2%}."
+    )
+    panels = "sphere", "ellipsoids", "aspect"
+    off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
+    off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in ("cd", "cl")}
+    off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
+    revolved = len(standard("flow_3d", "aspect"))
+    return words(form, count=len(sections), revolved=revolved, **off)
+
+
+def _shipped():
+    """Return mean and largest errors of the shipped surrogates on their held-out bodies."""
+
+    def errors(net):
+        record = net.record
+        loads = [load for load in ("drag", "lift", "moment") if f"{load}_error_mean" in record]
+        mean = "/".join(f"{100 * record[f'{load}_error_mean']:.2f}" for load in loads)
+        most = max(record[f"{load}_error_max"] for load in loads)
+        return f"`{{name}}` {mean}, {100 * most:.1f}"
+
+    each = "; ".join(errors(load(name)).format(name=name) for name in SHIPPED)
+    return (
+        "The surrogates against the flow, mean (Cd/Cl/Cm) and largest errors on held-out bodies in "
+        f"% of Cd: {each}."
+    )
+
+
+PASSAGES = {
+    "duration": duration,
+    "payoff": payoff,
+    "when_to_train": when_to_train,
+    "accuracy": accuracy,
+}
