@@ -9,17 +9,23 @@ Ar = (rho_body / rho - 1) g D^3 / nu^2. The fastest body has the least drag at i
 import sys
 from collections.abc import Sequence
 
-import openmdao.api as om
+try:
+    from shapeopt.openmdao import LoadsComponent, om
+except ImportError as reason:
+    sys.exit(f"settling_speed.py: {reason}")
 
 from shapeopt import Problem, optimise
 from shapeopt.commands.cli import Parser, emit, run
-from shapeopt.openmdao import LoadsComponent
-from surrogate import InvalidInput, load
+from surrogate import InvalidInput, NotConverged, load
 from surrogate.files import JsonObject
 
 
 def fastest(archimedes: float) -> om.Problem:
-    """Return the solved problem, whose outputs are the shape, ``cd`` and ``reynolds``."""
+    """Return the solved problem, whose outputs are the shape, ``cd`` and ``reynolds``.
+
+    Raises:
+      NotConverged: SLSQP found no optimum.
+    """
     problem, surrogate = om.Problem(reports=False), load("pretrained:space")
     body, model = LoadsComponent(model=surrogate), problem.model
     cycle = model.add_subsystem("cycle", om.Group(), promotes=["*"])
@@ -27,14 +33,17 @@ def fastest(archimedes: float) -> om.Problem:
     balance = "reynolds = (4 * weight / (3 * cd)) ** 0.5"
     fall = om.ExecComp(balance, weight=archimedes, reynolds=20.0, cd=2.0)
     cycle.add_subsystem("fall", fall, promotes=["*"])
-    cycle.nonlinear_solver = om.NonlinearBlockGS(maxiter=60, rtol=1e-12, iprint=-1)
+    solver = om.NonlinearBlockGS(maxiter=60, rtol=1e-12, iprint=-1)
+    solver.options["err_on_non_converge"] = True
+    cycle.nonlinear_solver = solver
     cycle.linear_solver = om.DirectSolver()
     for name in surrogate.scene.family.names:
         model.add_design_var(name, *body.ranges[name])
     model.add_objective("reynolds", scaler=-0.05)
     problem.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", tol=1e-9, disp=False)
     problem.setup()
-    problem.run_driver()
+    if not problem.run_driver().success:
+        raise NotConverged(f"Archimedes number {archimedes:g}: SLSQP found no fastest body")
     return problem
 
 

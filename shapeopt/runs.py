@@ -51,12 +51,15 @@ def save_run(
       design: what was found.
       surrogate: by which it was found, if by one.
       name: name of the surrogate, by which ``surrogate.load`` finds it.
-      verify: whether to solve the flow, once for each scenario of the objective.
+      verify: whether to solve the flow, once for each scenario of the objective and, where there
+        are several, for the body itself.
       settings: what defines the design, by which ``stored_run`` knows it again.
 
     Returns:
       The record, as in run.json. cd_* are values of the problem's objective: Cd where that is the
-      drag at one Reynolds number; of the glide ratio Cd itself, and the ratio is under "glide".
+      drag at one Reynolds number; of the glide ratio and of a settling speed Cd itself, and the
+      ratio is under "glide". cl_verified and cm_verified are those of the body itself at the
+      nominal Reynolds number.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -78,9 +81,10 @@ def save_run(
     check_run_folder(folder)
     folder, scene = Path(folder), design.problem.scene
     verified = design.verified if verify else None
+    solution = verified and _nominal_flow(design, verified)
     record = {
         **_search_record(design),
-        **_verification_record(design, verified, surrogate),
+        **_verification_record(design, verified, solution, surrogate),
         "contour": str(folder / "contour.csv"),
         "surrogate": name,
         "scene": scene.record,
@@ -89,8 +93,6 @@ def save_run(
         "settings": settings,
     }
     contour = np.asarray(scene.family.outline(design.parameters, SURFACE_POINTS))
-    solution = verified.solutions[0] if verified and len(verified.solutions) == 1 else None
-    solution = solution or _nominal_flow(design)
     with whole_files(folder, RECORD) as part:
         write_contour_csv(contour, part / "contour.csv")
         vtp, stl = part / "contour.vtp", part / "body.stl"
@@ -177,11 +179,22 @@ def _search_record(design: Design) -> dict[str, Any]:
 
 
 def _verification_record(
-    design: Design, verified: Verified | None, surrogate: Surrogate | None
+    design: Design,
+    verified: Verified | None,
+    solution: Solution | None,
+    surrogate: Surrogate | None,
 ) -> dict[str, Any]:
-    """Return the objective by surrogate and flow, and the loads of every scenario."""
+    """Return the objective by surrogate and flow, and the loads of every scenario.
+
+    Args:
+      design: what was found.
+      verified: its flows, if they were solved.
+      solution: the flow past the body itself, if it is known.
+      surrogate: by which the design was found, if by one.
+    """
     scenarios, network = design.problem.scenarios, surrogate and surrogate.network
-    record: dict[str, Any] = {"cd_start": None, "cd_verified": None, "verify_s": 0.0, "cases": []}
+    blank = dict.fromkeys(("cd_start", "cd_surrogate", "cd_verified"))
+    record: dict[str, Any] = {**blank, "verify_s": 0.0, "cases": []}
     if verified is not None:
         drags = [None] * len(verified.solutions)
         if network is not None:
@@ -193,24 +206,25 @@ def _verification_record(
         cases = [
             {
                 "parameters": (design.parameters + shift).tolist(),
-                "reynolds": solution.reynolds,
+                "reynolds": case.reynolds,
                 "weight": float(weight),
                 "cd_start": float(cylinder),
                 "cd_surrogate": drag,
-                "cd_verified": solution.drag,
-                "cl_verified": solution.lift,
-                "cm_verified": solution.moment,
-                "status": solution.status,
-                "expected_error": solution.expected_error,
-                "estimated_error": solution.estimated_error,
+                "cd_verified": case.drag,
+                "cl_verified": case.lift,
+                "cm_verified": case.moment,
+                "onset": case.onset,
+                "status": case.status,
+                "expected_error": case.expected_error,
+                "estimated_error": case.estimated_error,
             }
-            for shift, weight, cylinder, drag, solution in rows
+            for shift, weight, cylinder, drag, case in rows
         ]
-        record = {
+        record |= {
             "cd_start": verified.cylinder_objective,
             "cd_verified": verified.objective,
-            "cl_verified": cases[0]["cl_verified"],
-            "cm_verified": cases[0]["cm_verified"],
+            "cl_verified": solution and solution.lift,
+            "cm_verified": solution and solution.moment,
             "status": verified.status,
             "accuracy": verified.accuracy,
             "expected_error": verified.expected_error,
@@ -218,18 +232,24 @@ def _verification_record(
             "verify_s": verified.seconds,
             "cases": cases,
         }
-    predicted = network and float(model_objective(network, design.parameters, scenarios))
-    record["cd_surrogate"] = predicted
-    if bool(scenarios.glide | scenarios.force) and verified is not None:
-        record |= {name: cases[0][name] for name in DRAGS}
+    one_drag = bool(scenarios.glide | scenarios.force)  # the objective is not, or no mean of, Cd
+    if network is not None:
+        loads, objective = (
+            of(network, design.parameters, scenarios) for of in (model_loads, model_objective)
+        )
+        record["cd_surrogate"] = float(loads[0][0, 0] if one_drag else objective)
+    if one_drag and verified is not None:
+        record |= {name: cases[0][name] for name in ("cd_start", "cd_verified")}
     if bool(scenarios.glide) and verified is not None:
         record["glide"] = -verified.objective
     return record
 
 
-def _nominal_flow(design: Design) -> Solution | None:
+def _nominal_flow(design: Design, verified: Verified) -> Solution | None:
     """Return the body's flow at the nominal Re; None where it does not converge."""
     problem = design.problem
+    if len(verified.solutions) == 1:
+        return verified.solutions[0]
     try:
         return Flow(problem.scene).solve(
             design.parameters, problem.objective.nominal, estimate=False, allow_unsteady=True

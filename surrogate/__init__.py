@@ -1,6 +1,6 @@
-"""Laminar drag surrogates: a flow solver on jax-cfd, and networks trained through it.
+"""Laminar aerodynamic surrogates: a flow solver on jax-cfd, and networks trained through it.
 
-This is the public API. ``Flow`` and ``Surrogate`` are the two drag models, with the same
+This is the public API. ``Flow`` and ``Surrogate`` are the two models of the loads, with the same
 ``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model
 -> exports.
 Importing the package switches JAX to 64-bit numbers and its compilation cache on (``cache.py``).

@@ -170,7 +170,7 @@ class Partition(eqx.Module):
         return Evaluated(results, Sharded(new), idle_work)
 
     def _local_rows(self, batch):
-        """(rows of this device, how many are of the batch, their indices in the batch).
+        """Return this device's rows, how many are of the batch, and their indices in the batch.
 
         The rows of the batch come first.
         """

@@ -53,7 +53,7 @@ def untrained(scene):
     low, high = scene.family.bounds.T
     places = (np.asarray(bodies.parameters) - low) / (high - low) - 0.6
     bowl = np.exp(np.sum(places**2, axis=1)) / np.asarray(bodies.reynolds) ** 0.6
-    modes = traction_modes(scene.family, scene.fidelity)
+    modes = traction_modes(scene)
     oseen = 1 + 0.01 * generator.standard_normal((512, modes.count))
     outputs = np.log(bowl)[:, None]
     if modes.lift_index is not None:  # lift by incidence and camber, moment by slender bodies

@@ -19,6 +19,7 @@ from surrogate import (
     Family,
     Flow,
     InvalidInput,
+    NotConverged,
     Scene,
     Surrogate,
     contour_shape,
@@ -328,3 +329,39 @@ def test_a_training_with_camber_and_incidence(method):
     net = train(scene, method, samples=12, preset="quick", budget_seconds=5, progress=False)
     assert net.recorded("drag_error_mean") < 0.02
     assert float(net.drag(BODY, 10.0)) == pytest.approx(float(FLOW.drag(BODY, 10.0)), rel=0.03)
+
+
+def test_a_level_body_of_a_lifting_scene_has_the_slopes_of_its_lift():
+    """On the scene's own grid, which has no mirror plane, as on one of the body's own."""
+    level = jnp.array([2.0, 0.1, 0.0, 0.0])
+    found = FLOW.solve(level, 10.0, gradient=True, estimate=False)
+    assert found.lift == pytest.approx(0.0, abs=1e-8)
+    assert set(found.gradients) == {"cd", "cl", "cm"}
+    step = 0.1
+    up = FLOW.loads(level.at[3].set(step), 10.0)
+    assert found.gradients["cl"]["incidence"] == pytest.approx(float(up[1]) / step, rel=1e-3)
+    assert not found.domain.modes.symmetric
+
+
+def test_unconverged_loads_are_returned_only_where_asked_for():
+    hasty = Flow(SCENE, NewtonSettings(max_steps=1))
+    with pytest.raises(NotConverged, match="Re 20 did not converge"):
+        hasty.loads_and_gradients(BODY, 20.0)
+    found = hasty.loads_and_gradients(BODY, 20.0, partial=True)
+    assert not found.converged
+    assert np.isnan(found.loads).all()
+    assert found.green_applications > 0
+
+
+def test_the_incidence_of_a_contour_is_kept(tmp_path):
+    """And the contour is a copy of the caller's points."""
+    points = np.array(family_shape({"aspect": 3.0}).draw(200))
+    shape = contour_shape(points, 10.0)
+    assert shape.incidence == 10.0
+    before = shape.draw(50)
+    points *= 3
+    np.testing.assert_array_equal(shape.draw(50), before)
+    found = Flow(Scene(fidelity="draft")).solve(shape, 10.0, estimate=False)
+    record = json.loads((found.write(tmp_path / "flow") / "flow.json").read_text())
+    assert record["incidence"] == 10.0
+    assert record["onset"] == pytest.approx(found.onset)

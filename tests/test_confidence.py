@@ -36,7 +36,7 @@ def test_bounds_grow_towards_the_ends_of_the_ranges(name):
 def test_bounds_hold_for_bodies_drawn_anew():
     net = load("pretrained")
     samples = held_out_samples(net.scene, 5, 32)
-    drags = Flow(net.scene).solve_all(*samples).loads[:, 0]
+    drags = Flow(net.scene).solve_all(*samples, allow_unsteady=True).loads[:, 0]
     errors = np.abs(np.asarray(net.drag(*samples) / drags) - 1)
     # at a coverage of 95 %, fewer than 26 of 32 have a chance below 1e-4
     assert np.sum(errors <= net.error_bounds(*samples)[:, 0]) >= 26

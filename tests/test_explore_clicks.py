@@ -14,6 +14,8 @@ from shapeopt.drag_bucket import designs_over_lift
 from shapeopt.render.page.page import reference_body
 from surrogate.body.validity import CLEAR_THICKNESS_RATIO
 
+YAW, PITCH = 0.45, 0.35  # of the page's view of 3-D bodies
+
 
 def body_of(name, state):
     return np.array([state["values"][key] for key in surrogate_of(name).scene.family.names], float)
@@ -197,3 +199,26 @@ def test_best_glide_over_the_incidence_is_marked():
     crossed = states["crossed"]
     assert set(crossed["lift"].values()) == {"\N{EN DASH}"}
     assert crossed["force"] == crossed["best"] == "".join(crossed["curves"]) == ""
+
+
+def test_3d_bodies_are_drawn_at_their_incidence():
+    """The outline is as wide and as high as that of the turned ellipsoid in the page's view."""
+    state, family = (
+        visited("at any angle")["states"]["opened"],
+        surrogate_of("at any angle").scene.family,
+    )
+    named = family.named(body_of("at any angle", state))
+    assert named["beta2"] == 0
+    assert named["incidence"] > 1
+    values = np.array(list(named.values()))
+    length, flatness = float(family.body_class.length(values)) / 2, named["flatness"]
+    height = np.sqrt(1 / 8 / length / flatness)
+    axes, turn = np.array([length, flatness * height, height]), np.radians(named["incidence"])
+    frame = np.array([[np.cos(turn), 0, -np.sin(turn)], [0, 1, 0], [np.sin(turn), 0, np.cos(turn)]])
+    right = np.array([np.cos(YAW), -np.sin(YAW), 0])
+    up = np.array([np.sin(YAW) * np.sin(PITCH), np.cos(YAW) * np.sin(PITCH), np.cos(PITCH)])
+    drawn = np.array(re.findall(r"-?[\d.]+", state["shape"]), float).reshape(-1, 2)
+    for found, direction in zip(drawn.T, (right, up), strict=True):
+        assert np.max(np.abs(found)) == pytest.approx(
+            np.linalg.norm(axes * (frame @ direction)), abs=2e-3
+        )

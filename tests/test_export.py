@@ -36,7 +36,7 @@ def random_network(name):
     scene = Scene.of({"dimension": 2 + (name != "lifting"), "reynolds": [2, 40], "family": family})
     samples = training_samples(scene, 0, 40)
     rng = np.random.default_rng(0)
-    tractions = -np.ones((40, traction_modes(scene.family, scene.fidelity).count))
+    tractions = -np.ones((40, traction_modes(scene).count))
     outputs = rng.normal(size=(40, 3)) * [1.0, 0.1, 0.01]
     network = make_network(scene, network_key(0), *samples, tractions, outputs)
     return Surrogate(network, scene, {"method": "hig", "samples": 40, "held_out": 8})
@@ -129,12 +129,19 @@ def test_c(surrogate, precision, expected, tmp_path):
     for k in range(0, CASES, 97):
         assert one(*map(pointer, (x[k], alone, slopes))) == status[k]
         assert np.allclose(alone, loads[k], rtol=LIMITS[precision])
-    kept, beta = alone.copy(), surrogate.scene.family.body_class.indices(Kind.SINE)[0]
+    beta = surrogate.scene.family.body_class.indices(Kind.SINE)[0]
     for place, value in ((-1, np.nan), (-1, np.inf), (-1, -1.0), (beta, -91.0), (beta, 1e30)):
         invalid = x[0].copy()
         invalid[place] = value
-        assert one(pointer(invalid), pointer(alone), None) == 2
-        assert np.array_equal(alone, kept)
+        alone[:], slopes[:] = 1, 1
+        assert one(*map(pointer, (invalid, alone, slopes))) == 2
+        assert np.isnan(alone).all()
+        assert np.isnan(slopes).all()
+    x[1] = invalid
+    assert batch(ctypes.c_size_t(CASES), *map(pointer, (x, loads, jacobian, status))) == 2
+    assert np.isnan(loads[1]).all()
+    assert np.isnan(jacobian[1]).all()
+    assert np.isfinite(np.delete(loads, 1, axis=0)).all()
 
 
 FAST = (["-Ofast"], ["-O2", "-funsafe-math-optimizations"], ["-O2", "-ffp-contract=fast"])
@@ -199,6 +206,8 @@ def test_fortran(surrogate, precision, expected, tmp_path):
     x[0, -1] = np.nan
     library.host(CASES, *map(pointer, (x, loads, jacobian, status)))
     assert status[0] == 2
+    assert np.isnan(loads[0]).all()
+    assert np.isnan(jacobian[0]).all()
 
 
 def test_numpy(surrogate, precision, expected, tmp_path):

@@ -75,7 +75,7 @@ def test_batches_and_sections_have_hints(net, tiny_scene, unchecked):
     for call in (net.drag, lambda points, re: flow.solve_all(points, np.full(len(points), re))):
         with pytest.raises(InvalidInput, match=r"contour_shape\(points\)"):
             call(points, 10.0)
-    for call in (net.drag, net.knows, flow.drag, flow.loads_and_gradients):
+    for call in (net.drag, net.outside, flow.drag, flow.loads_and_gradients):
         with pytest.raises(InvalidInput, match="takes names of NACA sections"):
             call("naca0012", 10.0)
 

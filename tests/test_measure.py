@@ -16,6 +16,7 @@ import study
 from elements import PLANE, solve_by_elements
 from passages import passage
 from studies import onset_2d, optima, three_loads
+from studies.designs import SYMMETRIC
 from study import Run, Study, Table, columns
 
 from surrogate import Family, InvalidInput
@@ -85,7 +86,7 @@ def test_study_runs_and_its_record_reproduces_its_tables(name, tmp_path, capsys,
     assert printed.strip() == found.markdown(result).strip()
     if "unavailable" in result:
         assert "pip install" in printed
-        return
+        pytest.skip(result["unavailable"])
     for table in found.tables:
         measured = result[table.key]
         for row in measured.values() if isinstance(measured, dict) else measured:
@@ -185,9 +186,10 @@ def test_every_study_is_told_and_none_else():
 
 def test_what_is_foreseen_was_measured():
     rows = json.loads((run.RESULTS / "foreseen.json").read_text())["result"]["rows"]
-    assert {row["dimension"] for row in rows} == set(CONVOLUTIONS)
+    assert {(row["dimension"], row["bodies"] == SYMMETRIC) for row in rows} == set(CONVOLUTIONS)
     for row in rows:
-        foreseen = CONVOLUTIONS[row["dimension"]]._asdict()[row["name"]]
+        takes = CONVOLUTIONS[row["dimension"], row["bodies"] == SYMMETRIC]
+        foreseen = takes._asdict()[row["name"]]
         assert foreseen == pytest.approx(row["measured"], rel=0.25), row["name"]
 
 

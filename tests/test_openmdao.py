@@ -4,12 +4,13 @@ import jax
 import numpy as np
 import pytest
 from conftest import TINY
-from settling_speed import fastest
 
 from shapeopt import Problem, optimise
 from surrogate import Family, Flow, Scene, load
 
 om = pytest.importorskip("openmdao.api")
+from settling_speed import fastest  # noqa: E402
+
 from shapeopt.openmdao import LoadsComponent  # noqa: E402
 
 

@@ -30,7 +30,7 @@ def test_plans_name_what_is_wrong(options, words, unchecked):
         train(**options)
 
 
-@pytest.mark.parametrize("name", [*METHODS, "space"])
+@pytest.mark.parametrize("name", [*METHODS, "space", "lift", "particle"])
 def test_forecast_of_the_work_comes_true(name):
     """Within a factor of 1.5 of what the shipped surrogate took."""
     shipped = load(f"pretrained:{name}")

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from surrogate import InvalidInput
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
+MODULES = {"payoff": "payoff_command"}  # of commands that are called otherwise
 
 
 def test_python_example_runs(capsys, compiled):
@@ -55,3 +58,17 @@ def test_every_script_and_picture_named_exists():
 def test_readme_is_two_screens():
     assert len(README.splitlines()) <= 118
     assert len(README.split()) <= 1470
+
+
+COMMANDS = re.findall(r"`(?:scripts/)?(\w+)\.py (-[^`]*|\.\.\. [^`]*)`", README)
+PLACES = {"...": "--aspect 2 --reynolds 10", "DIR...": "folder"}
+
+
+@pytest.mark.parametrize(("script", "words"), COMMANDS, ids=" ".join)
+def test_commands_in_the_readme_are_understood(script, words):
+    """With every option that they need; an invented option is not."""
+    parser = importlib.import_module(f"shapeopt.commands.{MODULES.get(script, script)}")._parser()
+    words = [part for word in words.split() for part in PLACES.get(word, word).split()]
+    assert parser.parse_args(words)
+    with pytest.raises(InvalidInput, match="invented"):
+        parser.parse_args([*words, "--invented"])

@@ -57,7 +57,7 @@ INVALID_BODIES = [
 @pytest.mark.parametrize("bad", INVALID_BODIES, ids=str)
 def test_invalid_bodies_are_refused(net, designed, bad, unchecked):
     flow = Flow(Scene(fidelity="draft"))
-    for function in (net.beyond, net.knows, flow.loads_and_gradients):
+    for function in (net.outside, flow.loads_and_gradients):
         with pytest.raises(InvalidInput):
             function(bad, 20.0)
     with pytest.raises(InvalidInput):
@@ -78,14 +78,26 @@ def test_calls_for_one_and_many_check_bodies_and_reynolds_numbers(unchecked):
             flow.loads_and_gradients(body, reynolds)
         with pytest.raises(InvalidInput):
             flow.solve_all(np.array([body]), np.array([reynolds]))
-    with pytest.raises(InvalidInput, match="1 bodies"):
-        flow.solve_all(np.array([BODY]), np.array([1.0, 2.0]))
+    for numbers in ([1.0, 2.0], "20", [None]):
+        with pytest.raises(InvalidInput, match="1 numbers are needed, or one for all"):
+            flow.solve_all(np.array([BODY]), numbers)
+
+
+def test_calls_for_one_and_many_refuse_the_unsteady_unless_asked():
+    flow, round_body = Flow(Scene(reynolds=(1, 60), fidelity="draft")), [1.0, 0.0, 0.0, 0.0]
+    with pytest.raises(InvalidInput, match=r"unstable beyond 4\d"):
+        flow.loads_and_gradients(round_body, 55.0)
+    with pytest.raises(InvalidInput, match=r"number 55: .* unstable beyond 4\d"):
+        flow.solve_all(np.array([BODY, round_body]), [30.0, 55.0])
+    one = flow.loads_and_gradients(round_body, 55.0, allow_unsteady=True)
+    many = flow.solve_all(np.array([round_body] * 2), 55.0, allow_unsteady=True)
+    np.testing.assert_allclose(many.drag, float(one.drag), rtol=1e-5)
 
 
 @pytest.mark.parametrize("bad", [0, -1, "20", None, [10, 20], np.bool_(True), np.nan, 10**400])
 def test_invalid_reynolds_numbers_are_refused(net, bad, unchecked):
     with pytest.raises(InvalidInput):
-        net.beyond(BODY, bad)
+        net.outside(BODY, bad)
 
 
 def test_traced_batches_are_refused_by_the_flow_with_a_hint_to_vmap(net):
@@ -138,7 +150,6 @@ WRONG_TYPES = {
     "complex128": lambda net: jax.jit(net.drag)(jnp.array(BODY) + 1j, 20.0),
     "'20'": lambda net: jax.jit(lambda body: net.drag(body, "20"))(jnp.array(BODY)),
     "'2'": lambda net: jax.jit(lambda re: net.drag(["2", "0", "0", "0"], re))(20.0),
-    "cylinder": lambda net: verify(Problem(net.scene, 20), BODY, cylinder=[np.inf]),
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),

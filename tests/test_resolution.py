@@ -7,6 +7,7 @@ import pytest
 
 from surrogate import (
     FIDELITIES,
+    Family,
     Fidelity,
     Flow,
     InvalidInput,
@@ -17,10 +18,12 @@ from surrogate import (
     train,
 )
 from surrogate.body.nose import nose_of_contour, nose_of_ellipse
+from surrogate.model.network import blank_network
 
 COARSE = Flow(Scene(fidelity=Fidelity("coarse", 6, 4, 8, 8)))
 THIN, THICK = [5.0, 0.3, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0]
 TURNED = family_shape({"aspect": 2.0}, 1.0)
+ROUND_CONTOUR = family_shape({"aspect": 1.0}).draw(400)
 
 
 def narrow(cells: int) -> Flow:
@@ -129,3 +132,23 @@ def test_thin_boundary_layers_get_cells_and_the_thinnest_harmonics(
     found = FIDELITIES[level].for_layers(reynolds, nose)
     assert (found.cells, found.harmonics) == (cells, harmonics)
     assert found.for_layers(reynolds, nose) == found  # refined once
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        Scene(reynolds=(1, 350)),
+        Scene(family=Family(aspect=(1, 6), beta2=(-0.3, 0.3)), reynolds=(1, 150)),
+        Scene(dimension=3),
+    ],
+    ids=["fast", "slender", "3-D"],
+)
+def test_networks_have_the_traction_modes_of_the_grid(scene):
+    """Also where boundary layers are so thin that the grid has more of them."""
+    network = blank_network(scene, (4,), jax.random.key(0))
+    assert network.modes == Flow(scene).domain.modes
+
+
+def test_bodies_too_large_are_told_what_the_domain_holds():
+    with pytest.raises(InvalidInput, match=r"coarse domain, which holds 5 D .* and 5\.5 D across"):
+        COARSE.solve(contour_shape(6 * ROUND_CONTOUR, keep_size=True), 10.0)

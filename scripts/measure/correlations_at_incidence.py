@@ -7,7 +7,6 @@ over that and D. Outside of what a correlation was made for it answers None.
 import math
 from typing import NamedTuple
 
-import correlations
 from correlations import ellipsoid
 
 
@@ -80,7 +79,7 @@ def front(aspect: float, flatness: float, incidence: float) -> float:
 def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
     """Return Cd by Hoelzer, Sommerfeld 2008 as particle codes use it.
 
-    Crosswise sphericity is in all terms, that of the first included. ``incidence`` is in degrees.
+    The crosswise sphericity is in the first and the last term. ``incidence`` is in degrees.
     """
     sphericity = 1 / ellipsoid(aspect, flatness).surface
     crosswise = 1 / front(aspect, flatness, incidence)
@@ -113,19 +112,9 @@ def ganser(aspect: float, flatness: float, incidence: float, re: float) -> Loads
     return Loads(newton * part)
 
 
-def bagheri_bonadonna(aspect: float, flatness: float, re: float) -> Loads:
-    """Return the drag averaged over random orientations, so that no incidence is asked for.
-
-    It is to be compared with the mean of the drag over all orientations, each as likely; see
-    `correlations.bagheri_bonadonna`.
-    """
-    return Loads(correlations.bagheri_bonadonna(ellipsoid(aspect, flatness), re))
-
-
 AT_INCIDENCE = {
     "Froehlich": froehlich,
     "Zastawny": zastawny,
     "Hoelzer-Sommerfeld": hoelzer_sommerfeld,
     "Ganser": ganser,
 }
-OVER_ORIENTATIONS = {"Bagheri-Bonadonna": bagheri_bonadonna}

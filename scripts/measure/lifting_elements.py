@@ -156,7 +156,7 @@ def _newton(ng: Any, flow: Any, reynolds: float, loads: np.ndarray) -> np.ndarra
 def oseenlets(ng: Any, reynolds: float, dimension: int = 2) -> list[tuple[Any, Any]]:
     """Return the velocities and tractions of unit forces on the body along drag and along lift.
 
-    The tractions are those on planes x = const. With G and L as in ``elements``: a force along x
+    The tractions are those on planes x = const. With G and L as in ``weak_forms``: a force along x
     drives Re G along x - grad (G - L), one along the lift Re G along it - grad dQ, where in 3-D
     dQ = (lift coordinate) k (1 - exp(-s)) / (4 pi r s), s = k (r - x). In 2-D that is the curl
     (-d/dy, d/dx) of G - L. The pressures are minus the derivatives of L.

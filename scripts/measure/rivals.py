@@ -62,7 +62,7 @@ def rivals() -> dict[str, Fit]:
 
 
 def _with_slopes(solved: Solved) -> Predictor:
-    """The process that designs from nothing are led by."""
+    """Return the predictions of gradient-enhanced kriging, which leads designs without training."""
     model = kriging(solved.observations, solved.inputs)
     predict = jax.jit(jax.vmap(model.log_drag))
     return lambda z: np.asarray(predict(jnp.asarray(z)))

@@ -23,7 +23,7 @@ from surrogate.errors import InvalidInput
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.fidelity import MOST_CELLS
-from surrogate.scene.limits import REYNOLDS, check_reynolds
+from surrogate.scene.limits import REYNOLDS
 from surrogate.scene.scene import Scene
 
 METHODS_HELP = (
@@ -35,20 +35,6 @@ REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2
 SINGLE = {"glide": Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
 SETTLING = "settling"  # the objective that finds its Reynolds number
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
-
-
-def reynolds_numbers(text: str, allow_unsteady: bool = False, dimension: int = 2) -> list[float]:
-    """Parse comma-separated Reynolds numbers, each within the range that the solver answers.
-
-    Args:
-      text: numbers and ranges, as ``numbers`` takes them.
-      allow_unsteady: accept Re beyond the onset of instability of the cylinder (sphere) too.
-      dimension: 2 or 3, on which the range depends.
-
-    Raises:
-      InvalidInput: the text has no numbers, or one is outside the range.
-    """
-    return [check_reynolds(value, allow_unsteady, dimension) for value in numbers(text)]
 
 
 def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> None:
@@ -126,7 +112,7 @@ def refusals_by_options(keep_size: bool, prefix: str = "") -> Iterator[None]:
 
 
 def _name_cells(cells: re.Match[str]) -> str:
-    """The option for so many cells per D, or that there is none for so many."""
+    """Return the option for a number of cells per D, or that the option does not take it."""
     if int(cells[1]) <= MOST_CELLS:
         return f"--cells {cells[1]}"
     return f"{cells[0]}, more than --cells takes ({MOST_CELLS}),"
@@ -245,8 +231,10 @@ def _objective(arguments: argparse.Namespace) -> Objective:
         return Settling(arguments.archimedes)
     if arguments.reynolds is None:
         raise InvalidInput("--reynolds: give it; only --objective settling finds its own")
-    reynolds = reynolds_numbers(arguments.reynolds, allow_unsteady=True)
+    reynolds = numbers(arguments.reynolds)
     if arguments.objective in SINGLE:
+        if arguments.weights is not None:
+            raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
         if len(reynolds) > 1 or uncertain:
             words = "goes with one Reynolds number, without spread"
             raise InvalidInput(f"--objective {arguments.objective}: {words}")

@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     text = (
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
         f"{'down' if upward < 0 else 'up'} and {sideways:+.4g} m/s sideways, axis {axis:.1f} "
-        "degrees above the horizontal\nincidences, from 0 to 90 degrees, that are stable at this "
+        "degrees above the horizontal\nincidences, from 0 to 180 degrees, that are stable at this "
         f"Re: {', '.join(f'{degrees:.3g}' for degrees in stable) or 'none'}"
     )
     return emit(result, arguments.json, text)

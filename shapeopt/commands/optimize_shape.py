@@ -16,7 +16,7 @@ python scripts/optimize_shape.py --surrogate pretrained:particle --objective set
 
 The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at
 that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar
-over the worst of them. Reynolds numbers are truncated to the scene's range. All cd_* are then
+over the worst of them, and the spread of Re is truncated to the scene's range. All cd_* are then
 values of that objective, and "cases" lists the drags. Sections with camber and incidence may have
 bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective. Of particles the terminal
 velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it balances weight.
@@ -117,7 +117,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
     lifts = ""
-    if lifting:
+    if lifting and r["cl_verified"] is not None:
         lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified"
     if "glide" in r:
         lifts += f", glide ratio {r['glide']:.4f}"
@@ -130,6 +130,11 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
+    if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
+        lines.append(
+            f"  Re {late[0]['reynolds']:g} is beyond the estimated onset of instability, Re "
+            f"{late[0]['onset']:.3g}: the steady flow is not observed there"
+        )
     if ends := r.get("at_range_ends"):
         lines.append(f"  at the end of its range: {', '.join(ends)}; a wider one may have better")
     if relative:

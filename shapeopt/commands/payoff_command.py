@@ -163,10 +163,12 @@ def _robust(surrogate: Surrogate) -> JsonObject:
     objective = Robust(middle, LogNormal(0.2), tolerance=0.01, level=0.8)
     design = optimise(Problem(scene, objective), surrogate)
     numbers = np.geomspace(*np.clip([0.75 * middle, 1.25 * middle], *scene.reynolds), SAMPLE)
-    jax.block_until_ready(flow.loads_and_gradients(design.parameters, numbers[0]))
+    jax.block_until_ready(
+        flow.loads_and_gradients(design.parameters, numbers[0], allow_unsteady=True)
+    )
     start = time.perf_counter()
     flows = jax.block_until_ready(
-        [flow.loads_and_gradients(design.parameters, re) for re in numbers]
+        [flow.loads_and_gradients(design.parameters, re, allow_unsteady=True) for re in numbers]
     )
     seconds = (time.perf_counter() - start) / SAMPLE
     work = float(np.mean([int(found.green_applications) for found in flows]))

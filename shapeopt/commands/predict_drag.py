@@ -32,6 +32,7 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
+from surrogate.scene.limits import onset_of
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -42,11 +43,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     surrogate, named = load(arguments.surrogate), family_named(arguments)
     dimension = surrogate.scene.dimension
     check_reference(arguments.reference, dimension)
-    chord = family_shape(named, dimension=dimension).chord  # refuses what is no body
-    reynolds = reynolds_of(arguments, chord, dimension)
+    shape = family_shape(named, dimension=dimension)  # refuses what is no body
+    reynolds, onset = reynolds_of(arguments, shape.chord, dimension), onset_of(shape)
     parameters = surrogate.scene.family.parameters(named)
     at = arguments.reference, arguments.extrapolate
-    results = [_predict(surrogate, parameters, re, *at) for re in reynolds]
+    results = [_predict(surrogate, parameters, re, *at) | {"onset": onset} for re in reynolds]
     if arguments.verify:
         for row in results:
             row |= _verify(surrogate, parameters, row)
@@ -81,17 +82,17 @@ def _predict(
     loads = coefficients(parameters)
     gradients = map(family.named, jax.jacrev(coefficients)(jnp.asarray(parameters)))
     gradients = dict(zip(LOADS, gradients, strict=True))
-    beyond = surrogate.beyond(parameters, reynolds)
+    outside = surrogate.outside(parameters, reynolds)
     confidence = "inside"
-    if beyond:
-        worst = max(beyond, key=lambda name: beyond[name])
-        confidence = f"outside: {worst} by {beyond[worst]:.2g} of its trained range"
+    if outside:
+        worst = max(outside, key=outside.__getitem__)
+        confidence = f"outside: {worst} by {outside[worst]:.2g} of its trained range"
     return {
         **reference_record(reynolds, float(length(parameters)), reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
         "gradient": gradients if lifts else gradients["cd"],
-        **_error_bounds(surrogate, parameters, reynolds, reference, bool(beyond)),
-        "in_trained_range": not beyond,
+        **_error_bounds(surrogate, parameters, reynolds, reference, bool(outside)),
+        "in_trained_range": not outside,
         "confidence": confidence,
     }
 
@@ -147,7 +148,9 @@ def _line(r: JsonObject) -> str:
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
         line += f", which {r['accuracy']}"
         line += f", error {100 * r['error']:.3f} %"
-    return line + ("" if r["in_trained_range"] else f"  ({r['confidence']})")
+    line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
+    late = r["reynolds"] > r["onset"]
+    return line + late * f"  (steady flow unstable beyond about Re {r['onset']:.3g})"
 
 
 def _parser() -> Parser:

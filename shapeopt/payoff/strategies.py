@@ -9,6 +9,7 @@ from shapeopt.payoff.direct import design_directly, nearest_design
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
+from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
@@ -73,7 +74,13 @@ def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
     designs = []
     with progress_bar(f"designs: {name}") as progress:
         for k, problem in enumerate(queries):
-            designs.append(solve(problem))
+            try:
+                designs.append(solve(problem))
+            except NotConverged as reason:
+                raise NotConverged(
+                    f"designs: {name}: query {k + 1} of {len(queries)}, {problem.objective}: "
+                    f"{reason}; what is trained is kept, and another --seed has other queries"
+                ) from reason
             progress((k + 1) / len(queries), f"{k + 1} of {len(queries)} queries")
     return designs
 

@@ -48,7 +48,8 @@ def explain_conflict(problem: Problem) -> str:
         if not _feasible(_without(problem, [*dropped, constraint])):
             dropped.append(constraint)
     names = [constraint.name for constraint in constraints if constraint not in dropped]
-    return " and ".join(names) + " contradict each other at this area; relax one of them"
+    size = problem.scene.family.body_class.size
+    return f"{' and '.join(names)} contradict each other for bodies of {size}; relax one of them"
 
 
 class _Constraint(NamedTuple):

@@ -70,6 +70,9 @@ class AtReynolds(Objective):
 
     reynolds: float
 
+    def __post_init__(self):
+        object.__setattr__(self, "reynolds", finite_number("Reynolds number", self.reynolds))
+
     @property
     def nominal(self) -> float:
         """The Reynolds number of the objective."""

@@ -87,7 +87,7 @@ def _draw_reduction(axis: plt.Axes, records: list[JsonObject], colours: np.ndarr
     change = [100 * (r["cd_verified"] / r["cd_start"] - 1) for r in records]
     _draw_over_reynolds(axis, records, change, [f"{y:+.1f} %" for y in change], colours)
     axis.set(
-        ylim=(min(change) - 0.3 * max(5.0, -min(change)), 0),
+        ylim=(min(change) - 0.3 * max(5.0, -min(change)), max(0.0, 1.1 * max(change))),
         ylabel=f"drag against the {run_scene(records[0]).family.round_body}, %",
     )
 

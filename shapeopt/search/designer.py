@@ -22,6 +22,7 @@ from shapeopt.search.design import Design, padded_loads
 from shapeopt.search.evaluated import (
     Bodies,
     EvaluatedDesign,
+    best_design,
     distance,
     evaluate_design,
     starting_body,
@@ -102,7 +103,7 @@ class Designer:
             problem, evaluated, failures, calls = self._follow(problem, report)
         finally:
             self._save()
-        best = min(evaluated, key=lambda body: body.rank)
+        best = best_design(evaluated)
         if best.kkt_residual > KKT_ACCEPTED:
             lost = f" and {failures} that were not found" if failures else ""
             raise NotConverged(

@@ -11,7 +11,7 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import combine, load_constraints
 from shapeopt.search.memory import Memory
-from shapeopt.search.optimality import KKT_TOLERANCE, kkt_residual
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE, kkt_residual
 from surrogate.arrays import AnyArray
 
 Bodies = Sequence[Float[AnyArray, " parameters"]]
@@ -34,6 +34,11 @@ class EvaluatedDesign(NamedTuple):
     def rank(self) -> tuple[bool, float]:
         """The key by which evaluated bodies are sorted: local optima first, then by objective."""
         return self.kkt_residual > KKT_TOLERANCE, self.value
+
+
+def best_design(evaluated: Sequence[EvaluatedDesign]) -> EvaluatedDesign:
+    """Return the best body by its rank, of those that are local optima nearly if there are any."""
+    return min(evaluated, key=lambda body: (body.kkt_residual > KKT_ACCEPTED, *body.rank))
 
 
 def evaluate_design(

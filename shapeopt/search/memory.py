@@ -72,10 +72,10 @@ class Memory:
         known = {_key(seen.parameters, seen.reynolds): seen for seen in self.observations}
         unknown = [query for key, query in wanted.items() if key not in known]
         for (parameters, reynolds), found in zip(unknown, self._solve(unknown), strict=True):
+            self.green_applications += int(found.green_applications)
             if not bool(found.converged):
                 raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
             self.flows += 1
-            self.green_applications += int(found.green_applications)
             found = jax.tree.map(np.asarray, found)
             gradients = np.column_stack([found.gradients, reynolds * found.by_reynolds])
             loads, slopes = found.loads, output_gradients(found.loads, gradients)
@@ -88,10 +88,12 @@ class Memory:
     def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[LoadsAndGradients]:
         """Solve one by one on a single device, where another number would be compiled anew."""
         if self.devices.count == 1 or len(queries) < 2:
-            yield from (self.flow.loads_and_gradients(*query) for query in queries)
+            for query in queries:
+                yield self.flow.loads_and_gradients(*query, allow_unsteady=True, partial=True)
         else:
             bodies = map(np.array, zip(*queries, strict=True))
-            found = self.flow.solve_all(*bodies, self.devices, gradients=True, partial=True)
+            kinds = {"gradients": True, "allow_unsteady": True, "partial": True}
+            found = self.flow.solve_all(*bodies, self.devices, **kinds)
             yield from (jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(len(queries)))
 
     def model(self, tightness: int = 0) -> Kriging | LoadNetwork | None:

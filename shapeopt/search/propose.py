@@ -190,7 +190,7 @@ def minimise_from_all(
 
 
 def _failure(problem, model, end):
-    """Return why no search of a problem succeeded: a load out of reach, or none settled."""
+    """Return why no search of a problem succeeded: a load out of reach, or none converged."""
     values = end.of_loads
     if not len(values) or np.min(values) >= FEASIBLE:
         return "optimise: none of the starts reached an optimum"

@@ -9,7 +9,6 @@ from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import combine
 from surrogate.arrays import AnyArray, Body
 from surrogate.checks import expect
-from surrogate.errors import InvalidInput
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
@@ -32,11 +31,6 @@ class Verified:
         flows = ", ".join(f"Cd {one.drag:.4f} at Re {one.reynolds:g}" for one in self.solutions[:3])
         more = f" and {len(self.solutions) - 3} more" if len(self.solutions) > 3 else ""
         return f"Verified(objective {self.objective:.5g}: {flows}{more}; {self.accuracy})"
-
-    @property
-    def drags(self) -> Float[np.ndarray, " cases"]:
-        """Cd of the body in every scenario."""
-        return np.array([solution.drag for solution in self.solutions])
 
     @property
     def status(self) -> str:
@@ -63,11 +57,6 @@ class Verified:
         return accuracy_text(self.status, *errors, self.solutions[0].tolerance)
 
     @property
-    def green_applications(self) -> int:
-        """The number of convolutions with the Green's function (G) of the body's flows."""
-        return sum(solution.green_applications for solution in self.solutions)
-
-    @property
     def seconds(self) -> float:
         """The wall time of the body's flows in s."""
         return sum(solution.seconds for solution in self.solutions)
@@ -77,19 +66,12 @@ def _largest(errors):
     return None if None in errors else max(errors)
 
 
-def verify(
-    problem: Problem,
-    parameters: Body,
-    cylinder: Float[AnyArray, " cases"] | None = None,
-    estimate: bool = True,
-) -> Verified:
+def verify(problem: Problem, parameters: Body) -> Verified:
     """Solve the flow of every scenario of a problem for one body, and return its objective.
 
     Args:
       problem: whose objective is evaluated.
       parameters: the body.
-      cylinder: Cd of the cylinder (sphere) at the scenarios' Reynolds numbers, if known.
-      estimate: whether to estimate the errors of the flows.
 
     Raises:
       InvalidInput: the parameters describe no body of the family.
@@ -98,12 +80,9 @@ def verify(
     expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
     parameters = problem.scene.family.check(parameters)
-    cylinder = cylinder_drags(problem) if cylinder is None else np.asarray(cylinder)
-    sound = np.all((cylinder > 0) & np.isfinite(cylinder))
-    if cylinder.shape != scenarios.weight.shape or not sound:
-        raise InvalidInput(f"cylinder: {cylinder}; a drag above 0 of every case is needed")
+    cylinder = cylinder_drags(problem)
     solutions = tuple(
-        flow.solve(parameters + shift, reynolds, estimate=estimate, allow_unsteady=True)
+        flow.solve(parameters + shift, reynolds, allow_unsteady=True)
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
     loads = np.array([[one.drag, one.lift, one.moment] for one in solutions], float)

@@ -149,13 +149,13 @@ class Body3D(BodyClass):
         return 2 * float(long), 2 * float(across.max() * np.sqrt(flattest)), 2 * float(high)
 
     def _centroid(self, parameters):
-        """mu of the volume's centroid."""
+        """Return mu = cos t of the volume's centroid."""
         mu, weight = GAUSS
         section = weight * (1 - mu**2) * self._fullness(parameters, mu)[0] ** 2
         return section @ mu / jnp.sum(section)
 
     def _fullness(self, parameters, mu):
-        """q and dq/dmu: 1 + sum beta_k U_(k-1)(mu)."""
+        """Return q = 1 + sum beta_k U_(k-1)(mu), and dq/dmu."""
         betas = self.betas(parameters)
         waves = np.array([chebyu(k - 1)(mu) for k in self.modes]).reshape(-1, mu.size)
         slopes = np.array([chebyu(k - 1).deriv()(mu) for k in self.modes]).reshape(waves.shape)

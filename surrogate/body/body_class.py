@@ -218,7 +218,7 @@ class BodyClass(abc.ABC):
         return tuple(p.mode for p in self.parameters if p.kind is kind and p.mode is not None)
 
     def _profile(self, parameters, nodes):
-        """t and y / b at the nodes of a contour."""
+        """Return t and y / b at the nodes of a contour."""
         t = contour_angles(nodes)
         waves = zip(self.modes, self.betas(parameters), strict=True)
         camber = zip(self.camber_modes, self.gammas(parameters), strict=True)
@@ -226,21 +226,21 @@ class BodyClass(abc.ABC):
         return t, y - sum(gamma * np.cos(k * t) for k, gamma in camber)
 
     def _height(self, parameters, t, derivative=0):
-        """y(t) without camber, half the thickness; or a derivative of it."""
+        """Return y(t) without camber, half the thickness, or a derivative of it."""
         turn = derivative * np.pi / 2
         waves = zip((1, *self.modes), (1.0, *self.betas(parameters)), strict=True)
         half_height = self.half_axes(parameters)[-1]
         return half_height * sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves)
 
     def _camber(self, parameters, t, derivative=0):
-        """Camber line over t up to a constant, or a derivative of it."""
+        """Return the camber line over t up to a constant, or a derivative of it."""
         turn = derivative * np.pi / 2
         waves = zip(self.camber_modes, self.gammas(parameters), strict=True)
         slopes = (gamma * k**derivative * jnp.cos(k * t + turn) for k, gamma in waves)
         return -self.half_axes(parameters)[-1] * sum(slopes)
 
     def _highest(self, bounds):
-        """Greatest |y| / b of the symmetric bodies within the bounds."""
+        """Return the greatest |y| / b of the symmetric bodies within the bounds."""
         low, high = bounds[self.indices(Kind.SINE)].T
         t = contour_angles(NODES)
         waves = np.sin(np.outer(self.modes, t))

@@ -147,7 +147,9 @@ class Family:
         return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)
 
     def array(self, body: Bodies) -> Bodies:
-        """Return a table of parameters as an array, and anything else as it is."""
+        """Return one or several tables of parameters as an array, and anything else as it is."""
+        if isinstance(body, list | tuple) and body and all(isinstance(b, Mapping) for b in body):
+            return np.array([self.parameters(one) for one in body])
         return self.parameters(body) if isinstance(body, Mapping) else body
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:

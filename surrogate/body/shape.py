@@ -30,13 +30,20 @@ class Shape:
 
     ``symmetric`` says whether the body is known to be symmetric about the x axis. ``parameters``
     are those of a family body by name, None for other bodies. ``length`` is the chord in D where it
-    is known, as contours turned by their incidence do not show it.
+    is known, as contours turned by their incidence do not show it. ``turn`` is the incidence in
+    degrees of such a contour.
     """
 
     draw: Callable[[int], np.ndarray]
     symmetric: bool
     parameters: Mapping[str, float] | None = None
     length: float | None = None
+    turn: float = 0.0
+
+    @property
+    def incidence(self) -> float:
+        """Incidence in degrees, nose up."""
+        return self.turn
 
     @property
     def dimension(self) -> int:
@@ -174,12 +181,13 @@ def contour_shape(
       InvalidInput: as ``smooth_contour``, or the incidence is not from -180 to 180 degrees.
     """
     smooth_contour(points, 200, keep_size)
+    points = np.array(points, float)  # a copy, as the caller may change theirs
     turn = check_incidence(incidence)
 
     def draw(nodes):
         return np.asarray(rotate(smooth_contour(points, nodes, keep_size), turn))
 
-    return Shape(draw, symmetric=False, length=contour_length(points, keep_size))
+    return Shape(draw, symmetric=False, length=contour_length(points, keep_size), turn=turn)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))

@@ -19,11 +19,6 @@ class Precision:
     name: str
     dtype: str
 
-    @property
-    def bytes(self) -> int:
-        """Size of a number, in bytes."""
-        return np.dtype(self.dtype).itemsize
-
     def literal(self, value: float) -> str:
         """Return the shortest text, with a point or exponent, that is read back as this value."""
         limits = np.finfo(self.dtype)

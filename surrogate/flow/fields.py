@@ -20,7 +20,7 @@ from surrogate.flow.surface.pressure import pressure
 NODES = 400  # of the contour within which cells are inside the body
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Fields:
     """Fields at the cell centres of the whole grid, mirror images included, indexed [i, j(, k)].
 

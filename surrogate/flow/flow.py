@@ -13,7 +13,7 @@ from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.body.validity import is_valid
-from surrogate.checks import expect, one_body, traced
+from surrogate.checks import expect, one_body, real_numbers, shown, traced
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
@@ -31,10 +31,8 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.solve_shape import solve_shape
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.partition import partition_bodies
-from surrogate.scene.limits import REYNOLDS, check_reynolds, onset_of
+from surrogate.scene.limits import REYNOLDS, ROUNDING, check_reynolds, onset_of
 from surrogate.scene.scene import Scene
-
-ROUNDING = 1e-9  # relative, of a range's end
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,7 +71,7 @@ class Flow:
         return DiscreteBodies(self.domain, self.scene.family.body_class, self.settings)
 
     def drag(
-        self, parameters: Body, reynolds: Number, allow_unsteady: bool = False
+        self, parameters: Body, reynolds: Number, *, allow_unsteady: bool = False
     ) -> Float[Array, ""]:
         """Return the drag coefficient Cd of a family body at Re = U D / nu.
 
@@ -94,7 +92,7 @@ class Flow:
         return self._loads((drag,), parameters, reynolds, allow_unsteady)[0]
 
     def loads(
-        self, parameters: Body, reynolds: Number, allow_unsteady: bool = False
+        self, parameters: Body, reynolds: Number, *, allow_unsteady: bool = False
     ) -> Float[Array, "3"]:
         """Return Cd, Cl and Cm of a family body at Re = U D / nu, as an array.
 
@@ -129,28 +127,41 @@ class Flow:
             raise NotConverged(not_converged_message(float(reynolds), info))
         return values
 
-    def loads_and_gradients(self, parameters: Body, reynolds: Number) -> LoadsAndGradients:
+    def loads_and_gradients(
+        self,
+        parameters: Body,
+        reynolds: Number,
+        *,
+        allow_unsteady: bool = False,
+        partial: bool = False,
+    ) -> LoadsAndGradients:
         """Return the loads of a body and their gradients, cheaper than by ``jax.grad``.
 
         Each load takes an adjoint, which is solved to a relative residual of 2e-4.
 
         Args:
           parameters: of the body, shape (parameters,).
-          reynolds: Reynolds number, also beyond the onset of instability.
+          reynolds: Reynolds number.
+          allow_unsteady: answer beyond the onset of instability too.
+          partial: return where the flow or an adjoint did not converge, too: the loads and
+            gradients are NaN then, and ``converged`` is false.
 
         Raises:
-          InvalidInput: as ``drag``, except beyond the onset of instability.
+          InvalidInput: as ``drag``.
+          NotConverged: the flow or an adjoint did not converge, unless ``partial``.
         """
         parameters = self.scene.family.array(parameters)
         if not traced(parameters, reynolds):
-            parameters, reynolds = self._checked(parameters, reynolds, True)
+            parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
         else:
             one_body(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
         found = loads_and_gradients(self.bodies, *at)
         if not traced(parameters, reynolds):
+            if not partial and not bool(found.converged):
+                raise NotConverged(f"flow or adjoint at Re {float(reynolds):g} did not converge")
             return found
-        known = self._covers(*at, allow_unsteady=True)
+        known = self._covers(*at, allow_unsteady)
         parts = (jnp.where(known, part, jnp.nan) for part in found[:3])
         return LoadsAndGradients(*parts, found.green_applications, found.converged & known)
 
@@ -195,15 +206,17 @@ class Flow:
         devices: Devices | None = None,
         *,
         gradients: bool = False,
+        allow_unsteady: bool = False,
         partial: bool = False,
     ) -> FlowBatch | LoadsAndGradients:
         """Solve the flows past many family bodies, partitioned over devices.
 
         Args:
           parameters: of the bodies, shape (bodies, parameters).
-          reynolds: Reynolds numbers, shape (bodies,); also beyond the onset of instability.
+          reynolds: Reynolds numbers, shape (bodies,), or one for all bodies.
           devices: over which the bodies are partitioned; by default one.
           gradients: return the loads with their gradients, as ``loads_and_gradients``.
+          allow_unsteady: answer beyond the onset of instability too.
           partial: return where some flows did not converge, too; ``converged`` says which did.
 
         Raises:
@@ -211,12 +224,11 @@ class Flow:
           NotConverged: a flow did not converge, unless ``partial``.
         """
         parameters = self.scene.family.check_all(parameters)
-        reynolds = np.asarray(reynolds, float)
-        if reynolds.shape != parameters.shape[:1]:
-            raise InvalidInput(f"{len(parameters)} bodies, Reynolds numbers {reynolds.shape}")
-        for extreme in (reynolds.min(), reynolds.max()) if reynolds.size else ():
-            self._check_reynolds(extreme, True)
-        self.bodies.check(parameters)
+        reynolds = self._checked_numbers(reynolds, len(parameters))
+        onset = self.bodies.check(parameters).onset
+        if not allow_unsteady and np.any(late := reynolds > onset * (1 + ROUNDING)):
+            first = int(np.argmax(late))
+            self._check_reynolds(reynolds[first], False, float(onset[first]))
         devices = devices or choose_devices()
         partition = partition_bodies(
             devices, estimated_cost(self.scene.family, parameters, reynolds)
@@ -241,6 +253,10 @@ class Flow:
         parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
         named = self.scene.family.named(parameters)
         shape = family_shape(named, dimension=self.scene.dimension)
+        if not self.scene.family.body_class.symmetric:
+            shape = (
+                shape.differentiable()
+            )  # as the domain is, also where camber and incidence are 0
         return shape, reynolds, self.domain, self.scene.fidelity_for_bodies
 
     def _check_dimension(self, shape):
@@ -256,7 +272,7 @@ class Flow:
         lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
         body = is_valid(self.scene.family.body_class, parameters)
         steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
-        return body & found.fits & found.resolved & (reynolds >= lowest) & steady
+        return body & found.fits & found.resolved & (reynolds >= lowest * (1 - ROUNDING)) & steady
 
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Return a body and Re as numbers, refusing what the scene's grid does not cover."""
@@ -264,6 +280,17 @@ class Flow:
         self._check_reynolds(reynolds, True)
         found = self.bodies.check(body[None])
         return body, self._check_reynolds(reynolds, allow_unsteady, float(found.onset[0]))
+
+    def _checked_numbers(self, reynolds, count):
+        """Return the Reynolds numbers of so many bodies, refusing those that the scene has not."""
+        given = real_numbers(reynolds)
+        if given is None or given.shape not in ((), (count,)):
+            raise InvalidInput(
+                f"Reynolds numbers {shown(reynolds)}: {count} numbers are needed, or one for all"
+            )
+        for extreme in (given.min(), given.max()) if given.size else ():
+            self._check_reynolds(extreme, True)
+        return np.broadcast_to(given, (count,))
 
     def _check_reynolds(self, reynolds, allow_unsteady, onset=None):
         value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset)

@@ -19,10 +19,11 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_3d import SkinLoads, skin_loads
 from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
+from surrogate.scene.limits import onset_of
 from surrogate.summary import aligned, listed
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Solution:
     """The steady flow past one body at one Reynolds number.
 
@@ -46,8 +47,8 @@ class Solution:
       green_applications: convolutions with G of this flow, without gradient and estimate.
       newton_steps: Newton steps of the last solve.
       seconds: wall time of this flow, without gradient and estimate.
-      gradients: derivatives of "cd", and of "cl" and "cm" of bodies that are not symmetric, by the
-        family's parameters (incidence in degrees) and ``reynolds``, where asked for.
+      gradients: derivatives of "cd", and of "cl" and "cm" where camber or incidence is a parameter,
+        by the family's parameters (incidence in degrees) and ``reynolds``, where asked for.
       shape: the body.
       domain: the discretisation.
       state: velocity and traction modes.
@@ -88,6 +89,8 @@ class Solution:
             "Cl": f"{self.lift:.4f}",
             "Cm": f"{self.moment:.4f}, about the centroid, nose up",
             "error of Cd": f"{self.status}: {self.accuracy}",
+            "steady": f"{'to' if self.reynolds <= self.onset else 'only to'} Re {self.onset:.3g}, "
+            "by an estimate",
             "work": f"{self.newton_steps} Newton steps, {self.green_applications} convolutions "
             f"with the Green's function, {self.seconds:.2f} s",
         }
@@ -105,6 +108,11 @@ class Solution:
         """A text on whether Cd meets the tolerance: "meets 0.4 % (expected 0.3 %, bound ...)"."""
         errors = self.expected_error, self.estimated_error
         return accuracy_text(self.status, *errors, self.tolerance, self.sufficient)
+
+    @functools.cached_property
+    def onset(self) -> float:
+        """An estimate of the Re beyond which the steady flow past this body is unstable."""
+        return onset_of(self.shape)
 
     @property
     def markers(self) -> Markers:

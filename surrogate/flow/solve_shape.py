@@ -37,7 +37,7 @@ def solve_shape(
       domain: on which the flow is solved.
       fidelity: of that domain.
       gradient: compute the loads' derivatives by parameters and Re as well.
-      estimate: estimate the error, by flows on coarser grids and smaller domains.
+      estimate: estimate the error, by flows on one coarser grid and another domain.
 
     Raises:
       NotConverged: the flow, or the adjoint that the gradient needs, did not converge.
@@ -50,8 +50,8 @@ def solve_shape(
     gradients = None
     if gradient:
         bodies = DiscreteBodies(domain, shape.body_class, settings)
-        loads = {"cd": drag} if shape.symmetric else LOADS
-        gradients = named_gradients(bodies, loads, shape.values, reynolds, found.state)
+        differentiated = {"cd": drag} if shape.symmetric else LOADS
+        gradients = named_gradients(bodies, differentiated, shape.values, reynolds, found.state)
     error = ErrorEstimate()
     if estimate:
         loads = Loads(force["drag"], force["lift"], force["moment"])

@@ -1,1 +1,1 @@
-"""Drag models: the network, a trained surrogate with its record, its folder; and kriging."""
+"""Models of the loads: the network, a trained surrogate, its record and folder; kriging."""

@@ -59,19 +59,20 @@ def model_card(scene: Scene, record: JsonObject) -> str:
 
 
 def _trained_on(record):
-    """How many bodies have labels; methods that solve each flow once count those that failed."""
-    once = record.get("method") in ("hig", "supervised") and not record.get("published")
+    """Return how many bodies have labels: without failures, where each flow is solved once."""
+    method, published = record.get("method"), record.get("published")
+    once = method == "supervised" or (method == "hig" and not published)
     return record.get("samples", 0) - once * record.get("failed_samples", 0)
 
 
 def _unseen(record):
-    """How many held-out bodies the errors are of: those whose flow converged."""
+    """Return how many held-out bodies the errors are of: those whose flow converged."""
     count = record.get("held_out")
     return count if count is None else count - record.get("held_out_failed", 0)
 
 
 def _limits(scene, record):
-    """Lines on flattened bodies at incidence, and on bodies whose steady flow is unstable."""
+    """Yield lines on flattened bodies at incidence, and on bodies whose steady flow is unstable."""
     if {"flatness", "incidence"} <= set(scene.family.names):
         yield "Bodies of a flatness other than 1: the stream is in the plane of length and height."
     if count := record.get("beyond_onset"):
@@ -82,13 +83,13 @@ def _limits(scene, record):
 
 
 def _weights(record):
-    """Which weights they are, by the digest that the record has of them."""
+    """Return which weights they are, by the digest that the record has of them."""
     digest = record.get("weights_sha256")
     return f"weights {digest[:12]} (SHA-256)" if digest else "weights without a digest"
 
 
 def _errors(record):
-    """One line for each load whose errors the record has."""
+    """Yield one line for each load whose errors the record has."""
     for load, symbol in SYMBOLS.items():
         known = {
             words: record[f"{load}_error_{kind}"]

@@ -32,14 +32,14 @@ class Inputs(eqx.Module):
     def __call__(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, " inputs"]:
-        """Scaled inputs z of a body and a Reynolds number."""
+        """Return the scaled inputs z of a body and a Reynolds number."""
         low, width = jax.lax.stop_gradient((self.low, self.width))
         values = jnp.append(self.body_class.smooth(parameters), jnp.log(reynolds))
         return 2 * (values - low) / width - 1
 
     @property
     def mirror(self) -> np.ndarray:
-        """Factors, 1 or -1, from the scaled inputs of a body to those of its mirror image."""
+        """The factors, 1 or -1, from the scaled inputs of a body to those of its mirror image."""
         return np.where([*_keep_mirror_plane(self.body_class), True], 1.0, -1.0)
 
     def features(self, z: Float[AnyArray, " inputs"]) -> Float[Array, " features"]:
@@ -48,13 +48,13 @@ class Inputs(eqx.Module):
 
     @property
     def largest_incidence(self) -> Float[AnyArray, ""] | float:
-        """Incidence in degrees at which its scaled input is 1, for bodies in 3-D; else 0."""
+        """The incidence in degrees at which its scaled input is 1, for bodies in 3-D; else 0."""
         turn = incidence_index(self.body_class)
         return 0.0 if turn is None else self.high[turn]
 
     @property
     def feature_mirror(self) -> np.ndarray:
-        """Factors, 1 or -1, from the features of a body to those of its mirror image."""
+        """The factors, 1 or -1, from the features of a body to those of its mirror image."""
         return mirror_of_features(self.body_class, self.mirror)
 
     def steepness(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " inputs"]:
@@ -64,7 +64,7 @@ class Inputs(eqx.Module):
 
     @property
     def width(self) -> Float[Array, " inputs"]:
-        """Length of every range, of length ratios and Re in logs; 1 where it is a point."""
+        """The length of every range, of length ratios and Re in logs; 1 where it is a point."""
         return jnp.where(self.high > self.low, self.high - self.low, 1.0)  # of a single Re: 1
 
 

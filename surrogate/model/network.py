@@ -193,7 +193,7 @@ def make_network(
       outputs: log Cd (, Cl / Cd, Cm / Cd) of their Oseen flows.
       width: of both hidden layers; by default 20, and 32 where there is lift.
     """
-    width = width or (WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH)
+    width = width or default_width(scene)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
     z = np.asarray(_features(inputs, parameters, reynolds))
     trends = _fitted_trends(inputs, z, np.asarray(outputs))
@@ -246,6 +246,11 @@ def _fitted_trends(inputs, z, outputs):
     return tuple(trends)
 
 
+def default_width(scene: Scene) -> int:
+    """Return the width of both hidden layers of a scene's network, unless another is asked for."""
+    return WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH
+
+
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:
     """Return a network of a scene with random layers, whose trends and scales are zero.
 
@@ -254,7 +259,7 @@ def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> Load
       hidden: widths of the hidden layers.
       key: of the random layers.
     """
-    body_class, modes = scene.family.body_class, traction_modes(scene.family, scene.fidelity)
+    body_class, modes = scene.family.body_class, traction_modes(scene)
     seen = len(features_of(body_class))
     sizes = (seen, *hidden, head_count(modes, body_class))
     layers = tuple(

@@ -110,7 +110,7 @@ def read_surrogate(name: str | Path) -> Surrogate:
         raise InvalidInput(f"{what}: damaged or not a surrogate, {problem}") from None
     except InvalidInput as problem:
         raise InvalidInput(f"{what}: {problem}") from None
-    heads = head_count(traction_modes(scene.family, scene.fidelity), scene.family.body_class)
+    heads = head_count(traction_modes(scene), scene.family.body_class)
     if not 1 <= len(sizes) <= MAX_DEPTH or sizes[-1] != heads:
         raise InvalidInput(
             f"{what}: its layers {sizes} do not end in the {heads} outputs of its scene"

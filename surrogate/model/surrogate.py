@@ -71,7 +71,7 @@ class Surrogate:
         return model_card(self.scene, self.record)
 
     def drag(
-        self, parameters: Bodies, reynolds: Numbers, extrapolate: bool = False
+        self, parameters: Bodies, reynolds: Numbers, *, extrapolate: bool = False
     ) -> Float[Array, "*batch"]:
         """Return the drag coefficients Cd of bodies, one for each body and Reynolds number.
 
@@ -88,10 +88,10 @@ class Surrogate:
         Raises:
           InvalidInput: a body or a Reynolds number is invalid, or outside the trained ranges.
         """
-        return self.loads(parameters, reynolds, extrapolate)[..., 0]
+        return self.loads(parameters, reynolds, extrapolate=extrapolate)[..., 0]
 
     def loads(
-        self, parameters: Bodies, reynolds: Numbers, extrapolate: bool = False
+        self, parameters: Bodies, reynolds: Numbers, *, extrapolate: bool = False
     ) -> Float[Array, "*batch 3"]:
         """Return Cd, Cl and Cm of bodies, along a last axis.
 
@@ -145,15 +145,7 @@ class Surrogate:
 
         return np.asarray(_of_each_load(bounds, parameters, reynolds))
 
-    def knows(self, parameters: Body, reynolds: Number) -> bool:
-        """Return whether body and Reynolds number lie within the trained ranges.
-
-        Raises:
-          InvalidInput: as ``beyond``.
-        """
-        return not self.beyond(parameters, reynolds)
-
-    def beyond(self, parameters: Body, reynolds: Number) -> dict[str, float]:
+    def outside(self, parameters: Body, reynolds: Number) -> dict[str, float]:
         """Return how far each parameter and log Re lies outside its trained range, in range widths.
 
         Those inside are left out.

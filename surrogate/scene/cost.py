@@ -14,12 +14,14 @@ REPEATS = 7  # of the benchmark, whose median counts
 class Convolutions(NamedTuple):
     """Average numbers of convolutions with the Green's function G for one body (RESULTS.md).
 
-    Measured over the default scenes by the study ``foreseen``.
+    Measured by the study ``foreseen`` over the default scenes, ``scripts/lift.toml`` and
+    ``scripts/particle.toml``.
 
     Attributes:
       flow: of a body's flow, the assembly of its operators included.
-      adjoint: of the adjoint flow that gives its shape gradient.
-      renewal: of assembling the operators of a training's body again at every evaluation.
+      adjoint: of the adjoint flows that give the gradients of its loads, one for each load.
+      renewal: of assembling the operators of a training's body at every evaluation, where they are
+        too large to be stored.
       design_flows: flows, each with its adjoint, of a design without a surrogate.
       overhead: seconds of a whole flow over those of its convolutions alone; the rest is
         convection, Krylov vectors, and in 3-D double precision.
@@ -32,13 +34,13 @@ class Convolutions(NamedTuple):
     overhead: float
 
 
+# By the dimension, and whether bodies have the mirror plane y = 0, in 3-D z = 0.
 CONVOLUTIONS = {
-    2: Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
-    3: Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
+    (2, True): Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
+    (2, False): Convolutions(54.0, 51.0, 19.0, 9.5, 1.8),
+    (3, True): Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
+    (3, False): Convolutions(70.0, 60.0, 25.0, 5.0, 1.8),
 }
-# Without the mirror plane y = 0 a domain has twice the rows, and gradients take three adjoints. A
-# body's operators take about as many convolutions as with it, see ``CompressedResponse``.
-WHOLE, ADJOINTS = 2, 3
 
 
 def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
@@ -48,8 +50,7 @@ def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
       dimension: 2 or 3.
       symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
     """
-    takes = CONVOLUTIONS[dimension]
-    return takes if symmetric else takes._replace(adjoint=ADJOINTS * takes.adjoint)
+    return CONVOLUTIONS[dimension, symmetric]
 
 
 @functools.cache
@@ -57,11 +58,10 @@ def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> f
     """Return the seconds of a flow divided by its convolutions with G, on this machine.
 
     Args:
-      shape: cells of the part of the domain that is gridded if the flow is symmetric.
-      symmetric: whether it is; else the whole domain is gridded.
+      shape: cells of the grid.
+      symmetric: as for ``convolutions``.
     """
-    seconds = CONVOLUTIONS[len(shape)].overhead * convolution_seconds(shape)
-    return seconds if symmetric else WHOLE * seconds
+    return CONVOLUTIONS[len(shape), symmetric].overhead * convolution_seconds(shape)
 
 
 def convolution_seconds(shape: tuple[int, ...]) -> float:

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from surrogate.body.family import Family
-from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
+from surrogate.scene.cost import convolutions, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
 from surrogate.scene.stream import Stream, describe_stream, domain_height
@@ -65,8 +65,9 @@ def explain_scene(
     dimension, words = family.dimension, WORDS[family.dimension]
     symmetric, height = family.body_class.symmetric, domain_height(stream, f.height)
     rows = round(height * f.cells / 2)
-    shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 1)
-    cells = math.prod(shape) * (1 if symmetric else WHOLE)
+    last = rows if symmetric else 2 * rows
+    shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 2), last
+    cells = math.prod(shape)
     part = words.part if symmetric else words.without_mirror
     seconds = seconds_per_convolution(shape, symmetric)
     sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
@@ -91,8 +92,8 @@ def explain_scene(
             f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
-            f"On this machine one convolution with G takes {1e3 * seconds:.2g} ms, so {bodies} "
-            f"bodies of a training cost {cost(bodies * takes.flow)}, their shape "
+            f"On this machine a flow takes {1e3 * seconds:.2g} ms per convolution with G, so "
+            f"{bodies} bodies of a training cost {cost(bodies * takes.flow)}, their shape "
             f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
             f"alone {cost(design)}; one flow to verify a surrogate's design "
             f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",

@@ -181,9 +181,11 @@ def check_stream(
     along, across = extent[0] / 2 + clearance[0], np.max(extent[1:]) / 2 + clearance[1]
     if along > fidelity.upstream or across > fidelity.height / 2:
         sides = " x ".join(f"{side:g}" for side in extent)
+        most = 2 * (fidelity.upstream - clearance[0]), fidelity.height - 2 * clearance[1]
         raise InvalidInput(
-            f"body: {sides} D is too large for the {fidelity.name} domain; "
-            "fine has a larger one, and bodies are best scaled to an equivalent diameter of 1"
+            f"body: {sides} D is too large for the {fidelity.name} domain, which holds "
+            f"{most[0]:g} D along the stream and {most[1]:g} D across; bodies are best scaled to "
+            "an equivalent diameter of 1, and a larger domain is a Fidelity of one's own"
         )
     if isinstance(stream, Tunnel) and stream.height < extent[1] + 1:
         raise InvalidInput(

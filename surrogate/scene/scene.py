@@ -27,7 +27,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import path_of, whole_file
 from surrogate.scene.explain import explain_scene
 from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
-from surrogate.scene.limits import check_reynolds
+from surrogate.scene.limits import ROUNDING, check_reynolds
 from surrogate.scene.stream import Stream, Unbounded, parse_stream
 
 LONGEST = 400  # letters of a message that quotes a file
@@ -154,7 +154,7 @@ class Scene:
     def fidelity_for_bodies(self) -> Fidelity:
         """The fidelity with a domain for the longest wake and cells for the thinnest layer."""
         return self.fidelity.for_body(
-            self.reynolds[1], self.extent[1], nose_of_ellipse(self.family.chord)
+            self.reynolds[1], max(self.extent[1:]), nose_of_ellipse(self.family.chord)
         )
 
     def check_reynolds(self, reynolds: Any) -> float:
@@ -165,7 +165,7 @@ class Scene:
         """
         low, high = self.reynolds
         value = check_reynolds(reynolds, allow_unsteady=True, dimension=self.dimension)
-        if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
+        if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING):
             raise InvalidInput(f"Reynolds number {value:g}: the scene covers {low:g} to {high:g}")
         return value
 

@@ -1,1 +1,1 @@
-"""Training of drag networks with the flow solver; README.md here has the equations."""
+"""Training of networks of the loads with the flow solver; README.md here has the equations."""

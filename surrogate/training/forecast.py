@@ -9,8 +9,8 @@ import numpy as np
 
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
-from surrogate.model.network import WIDTH, blank_network
-from surrogate.scene.cost import WHOLE, convolutions, seconds_per_convolution
+from surrogate.model.network import blank_network, default_width
+from surrogate.scene.cost import convolutions, seconds_per_convolution
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
 
@@ -48,15 +48,9 @@ def forecast(plan: Plan) -> Forecast:
         work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
     steps = method.network_steps if isinstance(method, LabelRegression) else 0
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
-    return Forecast(work, work * _seconds(lattice, symmetric), plan.iterations * each)
-
-
-def _seconds(lattice, symmetric):
-    """Seconds of a flow per convolution."""
-    along, *across = lattice.shape
-    if symmetric:
-        return seconds_per_convolution(lattice.shape)
-    return seconds_per_convolution((along, *across[:-1], across[-1] // WHOLE), symmetric=False)
+    return Forecast(
+        work, work * seconds_per_convolution(lattice.shape, symmetric), plan.iterations * each
+    )
 
 
 def _gradient_seconds(plan):
@@ -89,7 +83,8 @@ def _inverse_seconds(plan, batch):
 
 
 def _network(plan):
-    return blank_network(plan.scene, (WIDTH, WIDTH), jax.random.key(0))
+    width = default_width(plan.scene)
+    return blank_network(plan.scene, (width, width), jax.random.key(0))
 
 
 def _median(call, repeats=5):

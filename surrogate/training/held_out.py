@@ -41,7 +41,9 @@ def solve_held_out(
     size = -(-held_out.count // -(-held_out.count // most))  # of parts of equal size
     for start in range(0, held_out.count, size):
         own = np.arange(start, min(start + size, held_out.count))
-        part = flow.solve_all(*held_out.at(np.resize(own, size)), devices, partial=True)
+        part = flow.solve_all(
+            *held_out.at(np.resize(own, size)), devices, allow_unsteady=True, partial=True
+        )
         parts.append(jax.tree.map(lambda leaf, count=own.size: leaf[:count], part))
         report(start + own.size, held_out.count)
     found = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)

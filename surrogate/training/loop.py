@@ -238,7 +238,7 @@ def _updated(state, step, batch, done):
 
 
 def _batches(plan, size):
-    """Shuffled batches by epoch, as a function of seed and iteration alone."""
+    """Return the function from an iteration to its batch, shuffled by epoch, of this seed."""
     key = jax.random.fold_in(jax.random.key(plan.seed), 1)
     size = min(size, plan.samples)
     per_epoch = plan.samples // size
@@ -252,7 +252,7 @@ def _batches(plan, size):
 
 
 def _done(plan, state):
-    """Fraction of the training that is over, by time or by iterations."""
+    """Return the fraction of the training that is over, by time or by iterations."""
     if plan.budget_s:
         return float(broadcast_from_first(state.seconds / plan.budget_s))
     return int(state.iteration) / plan.iterations

@@ -54,7 +54,7 @@ def surrogate_of(
         "setup_s": setup.setup_s,
         "compile_s": setup.compile_s + trained.compile_s,
         "devices": setup.physics.partition.devices.count,
-        "waiting": trained.idle_work,
+        "idle_work": trained.idle_work,
         "published": plan.published,
         "seed": plan.seed,
         "samples": plan.samples,

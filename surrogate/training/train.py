@@ -35,7 +35,7 @@ def train(
     overwrite: bool = False,
     infill_from: str | Path | Surrogate | None = None,
 ) -> Surrogate:
-    """Train a small network that predicts the drag of a scene's bodies, using the flow solver.
+    """Train a small network that predicts the loads of a scene's bodies, using the flow solver.
 
     The methods differ in how the solver enters the update of the network's weights:
 
@@ -51,8 +51,8 @@ def train(
     - ``"dp"``, differentiable physics (Um et al. 2020): Adam follows the gradient of a loss on the
       flow through the solver. The least accurate here; for comparison.
 
-    By default every method runs at its best: it also fits the gradient of the drag in shape and Re,
-    which one adjoint solve per flow provides (Sobolev training, Czarnecki et al. 2017).
+    By default every method runs at its best: it also fits the loads' gradients in shape and Re,
+    which one adjoint solve per load provides (Sobolev training, Czarnecki et al. 2017).
     ``published=True`` runs it as in its paper, for comparison. The equations are in
     ``surrogate/training/README.md``, measured errors and costs in ``scripts/measure/RESULTS.md``.
 
@@ -79,7 +79,7 @@ def train(
         starts from its initial weights, and all flows are solved.
 
     Returns:
-      The surrogate; its ``record`` has the drag's mean and largest error on held-out bodies. A
+      The surrogate; its ``record`` has the loads' mean and largest errors on held-out bodies. A
       warning says where these are large (``Surrogate.inaccuracy``).
 
     Raises:

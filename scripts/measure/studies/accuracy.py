@@ -110,7 +110,10 @@ def _slopes_once(fidelity: Fidelity, count: int) -> np.ndarray:
 def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
     """Return the shape gradients of the drag; NaN where flow or adjoint did not converge."""
     return np.array(
-        [flow.loads_and_gradients(*query).gradient for query in zip(*bodies, strict=True)]
+        [
+            flow.loads_and_gradients(*query, allow_unsteady=True).gradient
+            for query in zip(*bodies, strict=True)
+        ]
     )
 
 

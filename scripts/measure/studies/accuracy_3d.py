@@ -88,7 +88,7 @@ def _by_elements(body, re: float, elements: Elements | None, exact: float | None
 
 
 def _by_flow(body, re: float, level: Fidelity, exact: float | None, elements=None) -> Row:
-    """Against an exact drag or elements, with processor seconds without compilation."""
+    """Return the error against an exact drag or elements, and seconds without compilation."""
     exact = exact or reference_cd(AXISYMMETRIC, body, re, elements)
     solved(body, re, level, 3)
     start = time.process_time()

@@ -43,7 +43,7 @@ def measure(run: Run, surrogate: str) -> list[Row]:
 def _drawn(scene: Scene, count: int) -> tuple[Samples, np.ndarray]:
     """Bodies drawn anew, but for those whose flow was not found, and their loads."""
     samples = held_out_samples(scene, SEED, count)
-    flows = Flow(scene).solve_all(*samples, partial=True)
+    flows = Flow(scene).solve_all(*samples, allow_unsteady=True, partial=True)
     found = np.flatnonzero(flows.converged)
     return jax.tree.map(lambda leaf: leaf[found], (samples, flows.loads))
 

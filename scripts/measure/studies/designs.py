@@ -1,5 +1,6 @@
 """Cost of designs: one at a time, many in one call, under uncertainty; and predicted costs."""
 
+import dataclasses
 import time
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from shapeopt.payoff.queries import query_stream
 from shapeopt.render.designs import plot_designs
 from shapeopt.search.sheet import designs_over
 from surrogate import Family, Flow, Scene, load
-from surrogate.scene.cost import CONVOLUTIONS, Convolutions, convolution_seconds
+from surrogate.scene.cost import Convolutions, convolution_seconds
+from surrogate.scene.fidelity import NAMED
 from surrogate.scene.samples import held_out_samples
 
 ROUNDS = 3
@@ -21,9 +23,11 @@ NUMBERS, LENGTHS = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0), (1.1, 1.3, 1.6, 2.0)  # of
 REYNOLDS = (4.0, 12.0)  # of robust designs
 DIRECT, GROWING, LED = "direct", "kriging from nothing", "network, and kriging"
 REPEATS = 5  # of a timed convolution
+SYMMETRIC, LIFTING = "symmetric", "at incidence"
+SCENES = {2: "lift.toml", 3: "particle.toml"}  # with lift, in the folder of the scripts
 QUANTITIES = {
     "flow": "convolutions with G per flow, assembly included",
-    "adjoint": "convolutions with G per shape gradient",
+    "adjoint": "convolutions with G for the gradients of all loads",
     "renewal": "convolutions with G to assemble a body again in a training",
     "design_flows": "flows with adjoints per design without a surrogate",
     "overhead": "seconds of a flow over those of its convolutions",
@@ -107,33 +111,37 @@ def robust(run: Run, cases: int, way: str) -> Row:
     }
 
 
-def averages(run: Run, dimension: int) -> list[Row]:
-    """Return the mean costs over the default scene, from which costs are predicted."""
+def averages(run: Run, dimension: int, bodies: str) -> list[Row]:
+    """Return the mean costs over a scene, from which costs are predicted."""
     if run.tiny:
         small = Family(dimension=dimension, aspect=(1.0, 1.5))
-        scenes = [Scene(family=small, fidelity=TINY)] * 2
+        scene = rough = Scene(family=small, fidelity=TINY)
     else:
-        scenes = [Scene(dimension=dimension, fidelity=f) for f in ("standard", "draft")]
-    found = _averages(*scenes, count=run.pick(1, 24))._asdict()
+        scene = Scene(dimension=dimension)
+        if bodies == LIFTING:
+            scene = Scene.read(Path(__file__).parents[2] / SCENES[dimension])
+        coarse = dataclasses.replace(scene.fidelity, cells=NAMED[dimension]["draft"].cells)
+        rough = dataclasses.replace(scene, fidelity=coarse)
+    found = _averages(scene, rough, run.pick(1, 24 if dimension == 2 else 12))._asdict()
     return [{"name": name, "measured": found[name]} for name in QUANTITIES]
 
 
 def _averages(scene: Scene, rough: Scene, count: int) -> Convolutions:
-    """Of ``count`` random bodies, and of a sixth as many designs on a rough grid."""
+    """Return the means over random bodies, and over a third as many designs on a rough grid."""
     flow, bodies = Flow(scene), held_out_samples(scene, 0, count)
-    flow.solve_all(*bodies)
+    flow.solve_all(*bodies, allow_unsteady=True)
     start = time.perf_counter()
-    flows = flow.solve_all(*bodies).green_applications
+    flows = flow.solve_all(*bodies, allow_unsteady=True).green_applications
     seconds = (time.perf_counter() - start) / np.sum(flows)
-    both = flow.solve_all(*bodies, gradients=True).green_applications
+    both = flow.solve_all(*bodies, gradients=True, allow_unsteady=True).green_applications
     shape = flow.domain.lattice.shape
     convolution = float(np.median([convolution_seconds(shape) for _ in range(REPEATS)]))
-    queries = query_stream(rough, 0, max(count // 6, 1))
+    queries = query_stream(rough, 0, max(count // 3, 1))
     designs = [optimise(problem, Flow(rough)) for problem in queries]
     return Convolutions(
         flow=float(np.mean(flows)),
         adjoint=float(np.mean(both) - np.mean(flows)),
-        renewal=float(flow.domain.assembly_cost if scene.dimension == 3 else 0),
+        renewal=0.0 if flow.domain.operators_are_small else float(flow.domain.assembly_cost),
         design_flows=float(np.mean([design.flows for design in designs])),
         overhead=seconds / convolution,
     )
@@ -141,7 +149,7 @@ def _averages(scene: Scene, rough: Scene, count: int) -> Convolutions:
 
 def show_averages(rows: list[Row]) -> str:
     """Return the table of mean costs, with the quantities in words."""
-    form = "dimension {dimension} | average {quantity} | measured {measured:.1f}"
+    form = "dimension {dimension} | bodies {bodies} | average {quantity} | measured {measured:.1f}"
     return columns(form)([row | {"quantity": QUANTITIES[row["name"]]} for row in rows])
 
 
@@ -154,5 +162,7 @@ WORK = lines("cases", "work", "way", ("flows per objective", "convolutions with 
 STUDIES = {
     "designs": Study([], many_text, many_designs, draw_sheet),
     "scenarios": Study([Table(COUNTS, robust, ROBUST)], draw=WORK),
-    "foreseen": Study([Table(cases(dimension=tuple(CONVOLUTIONS)), averages, show_averages)]),
+    "foreseen": Study(
+        [Table(cases(dimension=(2, 3), bodies=(SYMMETRIC, LIFTING)), averages, show_averages)]
+    ),
 }

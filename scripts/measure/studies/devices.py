@@ -166,7 +166,7 @@ def training(run: Run, way: str, devices: int = 1, cores: int | None = None) -> 
         "seconds": seconds,
         "flows_and_steps_s": record["setup_s"] + record["train_s"],
         "compile_s": record["compile_s"],
-        "waiting": record["waiting"] / record["green_applications"],
+        "waiting": record["idle_work"] / record["green_applications"],
         "error_mean": said["drag_error_mean"],
         "weights": np.asarray(trained.network.weights),
     }

@@ -111,7 +111,7 @@ def _pays(result: Result) -> str:
 
 
 def _break_even(result: Result) -> dict[str, str]:
-    """In words, after how many designs the training pays against each rival."""
+    """Return, in words, after how many designs the training pays against each rival."""
     work = {line["way"]: line["work"] for line in strategies(result)}
     own = work.pop(LED)
     return {way: _after(break_even(result["training_g"], own, g)) for way, g in work.items()}

@@ -95,7 +95,7 @@ def line(quantity: str, ours: float, published: float, tolerance: float, why: st
 
 
 def _lens(where: str, aspect: float, start: Solution, found: Solution, why: str) -> Iterator[Row]:
-    """Aspect to a quarter, the gain to half a percent of the drag, drags to 5 %."""
+    """Yield the lens beside the published one, with the differences that count as agreement."""
     gain = 100 * (1 - sum(LENS) / sum(CYLINDER))
     yield line(f"{where}: aspect", aspect, ASPECT, 0.25, FLAT)
     yield line(f"{where}: gain, %", 100 * (1 - found.drag / start.drag), gain, 0.5, SMALL)

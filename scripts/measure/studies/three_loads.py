@@ -36,6 +36,7 @@ from surrogate.training.methods.method import adam
 from surrogate.training.plan import make_plan
 
 SCRIPTS = Path(__file__).parents[2]
+ALL = {"allow_unsteady": True, "partial": True}  # flows, whatever becomes of them
 COUNTS = {"particle": (16, 32, 64, 128, 256), "lift": (64, 256, 1024, 4096)}
 HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
@@ -94,13 +95,13 @@ def bodies_of(name: str, tiny: bool) -> tuple[Flow, Samples, Samples]:
 def solve_flows(run: Run, flow: Flow, samples: Samples, unseen: Samples) -> SolvedFlows:
     """Solve the flows of bodies on one device, in batches of the option ``--device-batch``."""
     devices = choose_devices(device_batch=run.options.get("device_batch"))
-    truth = flow.solve_all(*unseen, devices, partial=True)
+    truth = flow.solve_all(*unseen, devices, **ALL)
     size, solved, seconds = max(8, 4 * devices.device_batch), [], []
     for start in range(0, samples.count, size):
         run.progress(start / samples.count, f"flow {start} of {samples.count}")
         rows = np.minimum(np.arange(start, start + size), samples.count - 1)
         begin = time.perf_counter()
-        solved.append(flow.solve_all(*samples.at(rows), devices, gradients=True, partial=True))
+        solved.append(flow.solve_all(*samples.at(rows), devices, gradients=True, **ALL))
         seconds.append((time.perf_counter() - begin) / size)
     found = jax.tree.map(lambda *leaves: np.concatenate(leaves)[: samples.count], *solved)
     each = np.median(seconds[1:] or seconds)  # the first compiles
@@ -227,7 +228,7 @@ def _trained(ground: Ground, method: str, count: int, run: Run):
     """A network trained by the updates of a method on labels that are known."""
     plan = make_plan(ground.scene, method, "full", count)
     samples, known = ground.samples.head(count), ground.observations[:count]
-    modes = traction_modes(ground.scene.family, ground.scene.fidelity).count
+    modes = traction_modes(ground.scene).count
     tractions, outputs = -np.ones((count, modes)), ground.known.outputs[:count]
     network = make_network(ground.scene, network_key(0), *samples, tractions, outputs)
     slopes, found = np.stack([one.slopes for one in known]), np.ones(count, bool)

@@ -143,7 +143,7 @@ def compared(
       exact: Cd, if known.
       in_scene: Whether the body is solved on its scene's grid.
     """
-    row = {"parameters": shape.parameters, "reach": shape.extent, "tolerance": level.tolerance}
+    row = {"parameters": shape.parameters, "tolerance": level.tolerance}
     try:
         coarse, fine = (
             Flow(Scene(stream, dimension=shape.dimension, fidelity=fidelity))

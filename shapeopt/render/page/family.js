@@ -17,17 +17,17 @@ function makeFamily(data) {
   // The least ratio of thickness to the ellipse's, y / (b sin t), and the modes' values there.
   function thinnest(parameters) {
     const betas = betasOf(parameters);
-    let [opening, place] = [Infinity, waves[0]];
+    let [ratio, place] = [Infinity, waves[0]];
     for (const wave of waves) {
       const here = 1 + dot(wave, betas);
-      if (here < opening) [opening, place] = [here, wave];
+      if (here < ratio) [ratio, place] = [here, wave];
     }
-    return { opening, place };
+    return { ratio, place };
   }
 
-  const opening = (parameters) => thinnest(parameters).opening;
-  const valid = (parameters) => opening(parameters) >= data.leastOpening;
-  const roomy = (parameters) => opening(parameters) >= data.roomy;
+  const thicknessRatio = (parameters) => thinnest(parameters).ratio;
+  const valid = (parameters) => thicknessRatio(parameters) >= data.leastThicknessRatio;
+  const clear = (parameters) => thicknessRatio(parameters) >= data.clearThicknessRatio;
 
   const within = (parameters) =>
     parameters.map((x, k) => Math.min(Math.max(x, bounds[k][0]), bounds[k][1]));
@@ -36,10 +36,10 @@ function makeFamily(data) {
   function nearest(parameters) {
     let body = within(parameters);
     for (let n = 0; n < 40; n++) {
-      const { opening, place } = thinnest(body);
-      if (opening >= data.roomy) break;
+      const { ratio, place } = thinnest(body);
+      if (ratio >= data.clearThicknessRatio) break;
       const slope = place.map((wave, k) => wave * width[k + ratios]);
-      const stride = (data.roomy + 1e-4 - opening) / dot(slope, slope);
+      const stride = (data.clearThicknessRatio + 1e-4 - ratio) / dot(slope, slope);
       const share = (k) => slope[k - ratios] || 0; // of the sine modes only
       body = within(body.map((x, k) => x + stride * share(k) * width[k]));
     }
@@ -74,15 +74,21 @@ function makeFamily(data) {
     };
   }
 
-  // 3-D: points of the surface and outward normals, at t from nose to tail and azimuth phi.
+  // 3-D: points of the surface as the body lies, and outward normals, at t from nose to tail and
+  // azimuth phi.
   function skin(parameters) {
     const [betas, { length, width, height, centre }] = [betasOf(parameters), solid(parameters)];
+    const turned = noseUp(parameters);
+    const rotated = ([x, y, z]) => {
+      const [along, up] = turned([x, z]);
+      return [along, y, up];
+    };
     return (t, phi) => {
       const [r, sine, cosine] = [radius(betas, t), Math.sin(phi), Math.cos(phi)];
       const slope = betas.reduce((s, b, k) => s + b * modes[k] * Math.cos(modes[k] * t), Math.cos(t));
       const point = [-length * (Math.cos(t) - centre), width * r * cosine, height * r * sine];
       const across = [length * height * Math.sin(t) * cosine, length * width * Math.sin(t) * sine];
-      return { point, normal: [-width * height * slope, ...across] };
+      return { point: rotated(point), normal: rotated([-width * height * slope, ...across]) };
     };
   }
 
@@ -116,17 +122,19 @@ function makeFamily(data) {
     return points.map(([x, y]) => [x - along / area, y - lift]);
   }
 
-  // Contour as the body lies in the stream: its outline turned nose up by the incidence.
-  function contour(parameters, nodes) {
+  // The rotation nose up by the incidence of a body.
+  function noseUp(parameters) {
     const turn = (incidenceOf(parameters) * Math.PI) / 180;
-    if (!turn) return outline(parameters, nodes);
     const [c, s] = [Math.cos(turn), Math.sin(turn)];
-    return outline(parameters, nodes).map(([x, y]) => [x * c + y * s, y * c - x * s]);
+    return ([x, y]) => [x * c + y * s, y * c - x * s];
   }
+
+  // Contour as the body lies in the stream: its outline turned nose up by the incidence.
+  const contour = (parameters, nodes) => outline(parameters, nodes).map(noseUp(parameters));
 
   const { reference } = data;
   return {
     ...{ names, bounds, width, dimension, reference, incidenceOf },
-    ...{ opening, valid, roomy, within, nearest, outline, contour, skin },
+    ...{ thicknessRatio, valid, clear, within, nearest, outline, contour, skin },
   };
 }

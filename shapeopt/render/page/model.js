@@ -1,7 +1,7 @@
 // The model: network and family of bodies, and the search for the best body.
 function makeModel(data) {
   const [network, family] = [makeNetwork(data), makeFamily(data)];
-  const { bounds, width, nearest, roomy, reference, names } = family;
+  const { bounds, width, nearest, clear, reference, names } = family;
   const { outputs } = network;
 
   // What is minimised, with its gradient: log Cd, or the glide ratio Cl / Cd with its sign changed.
@@ -21,7 +21,7 @@ function makeModel(data) {
     for (let n = 0; n < iterations && step > 1e-10; n++) {
       const trial = nearest(here.map((x, k) => x - step * gradient[k] * width[k] ** 2));
       const found = goal(trial, re);
-      if (found.value < value && roomy(trial)) {
+      if (found.value < value && clear(trial)) {
         [here, { value, gradient }, step] = [trial, found, step * 1.7];
       } else {
         step /= 2.3;
@@ -50,7 +50,7 @@ function makeModel(data) {
     const goal = goals[name];
     return [current, ...starts()]
       .map(nearest)
-      .filter(roomy)
+      .filter(clear)
       .map((parameters) => ({ parameters, value: goal(parameters, re).value }))
       .sort((a, b) => a.value - b.value)
       .slice(0, kept)

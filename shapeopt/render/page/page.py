@@ -85,8 +85,8 @@ def page_data(surrogate: Surrogate) -> JsonObject:
         "bounds": family.bounds.tolist(),
         "reynolds": list(surrogate.scene.reynolds),
         "reference": reference_body(family).tolist(),
-        "leastOpening": MIN_THICKNESS_RATIO,
-        "roomy": CLEAR_THICKNESS_RATIO,
+        "leastThicknessRatio": MIN_THICKNESS_RATIO,
+        "clearThicknessRatio": CLEAR_THICKNESS_RATIO,
     }
 
 
@@ -148,11 +148,13 @@ def _provenance(surrogate: Surrogate) -> str:
     square = "\N{SUPERSCRIPT TWO}"
     rho = f"\N{GREEK SMALL LETTER RHO}U{square}"
     over = f"drag per unit span over {rho}D / 2, D the diameter of the cylinder of the same area"
-    if not scene.family.body_class.symmetric:
-        over += f"; lift likewise; moment about the centroid, nose up, over {rho}D{square} / 2"
+    reference = f"D{square} / 2"
     if scene.dimension == 3:
         area = f"\N{GREEK SMALL LETTER PI}D{square} / 8"
         over = f"drag over {rho}{area}, D the diameter of the sphere of the same volume"
+        reference = "\N{GREEK SMALL LETTER PI}D\N{SUPERSCRIPT THREE} / 8"
+    if not scene.family.body_class.symmetric:
+        over += f"; lift likewise; moment about the centroid, nose up, over {rho}{reference}"
     return (
         f"Steady laminar flow in {describe_stream(scene.stream)}; {over}, "
         "Re = U D / \N{GREEK SMALL LETTER NU}. Trained by the method "

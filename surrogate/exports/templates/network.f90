@@ -6,6 +6,7 @@ $card
 ! Inputs: $inputs.
 ! Loads: $loads.
 module $prefix
+    use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none
     private
     public :: ${prefix}_loads, ${prefix}_loads_batch
@@ -21,7 +22,7 @@ $data
 contains
 
     !> Loads of one case. status: 0 inside the trained ranges, 1 outside of them (extrapolated), 2 if
-    !> an input is not finite or beyond what the flow solver accepts; the loads are 0 then.
+    !> an input is not finite or beyond what the flow solver accepts; loads and jacobian are NaN then.
     !> jacobian(load, input) = d loads / d inputs.
     pure subroutine ${prefix}_loads(inputs, loads, status, jacobian)
         real(rk), intent(in) :: inputs(inputs_)
@@ -35,7 +36,11 @@ contains
         loads = 0
         if (present(jacobian)) jacobian = 0
         status = status_of(inputs)
-        if (status == 2) return
+        if (status == 2) then
+            loads = ieee_value(loads, ieee_quiet_nan)
+            if (present(jacobian)) jacobian = ieee_value(jacobian, ieee_quiet_nan)
+            return
+        end if
         do k = 1, inputs_
             step(k) = scale_(k)
             s(k) = scale_(k) * inputs(k) + shift_(k)

@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from surrogate.body.body_class import drawn_outline
-from surrogate.body.family import Family
 from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import FamilyShape, Shape
 from surrogate.errors import InvalidInput
@@ -58,9 +57,9 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     return kind.around(stream, fidelity, extent, shape)
 
 
-def traction_modes(family: Family, fidelity: Fidelity) -> Modes2D | Modes3D:
-    """Return the traction modes of a family's bodies on its scene's grid."""
-    return DOMAINS[family.dimension].modes_of(family.names, fidelity)
+def traction_modes(scene: Scene) -> Modes2D | Modes3D:
+    """Return the traction modes of a scene's bodies on its grid."""
+    return DOMAINS[scene.dimension].modes_of(scene.family.names, scene.fidelity_for_bodies)
 
 
 def check_resolution(kind: type[Domain], fidelity: Fidelity, shape: Shape) -> None:

@@ -48,8 +48,8 @@ class Domain3D(Domain):
     @classmethod
     def of_scene(cls, scene: Scene) -> "Domain3D":
         """Discretise a scene on one grid that holds all of its bodies."""
-        modes = cls.modes_of(scene.family.names, scene.fidelity)
-        return cls.make(scene.fidelity_for_bodies, scene.extent, modes)
+        fidelity = scene.fidelity_for_bodies
+        return cls.make(fidelity, scene.extent, cls.modes_of(scene.family.names, fidelity))
 
     @classmethod
     def around(

@@ -190,8 +190,9 @@ def _record(s: Solution) -> JsonObject:
         "kind": "flow",
         "dimension": s.shape.dimension,
         **found,
+        "onset": s.onset,
         "parameters": body,
-        "incidence": getattr(s.shape, "incidence", None),
+        "incidence": s.shape.incidence,
         "tunnel_height": s.domain.height,
         "cells": dataclasses.astuple(s.domain.lattice.unfolded)[0],
     }

@@ -164,7 +164,7 @@ class Inversion(Evaluator):
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _slopes_where(self, converged, sample, operators, state):
-        """(d outputs / d(parameters, log Re), whether found, convolutions) by the loads' adjoints.
+        """Return (d outputs / d(parameters, log Re), whether found, convolutions) by the adjoints.
 
         Zeros where the flow has not converged, or where ``slopes`` is false.
         """
