@@ -7,17 +7,22 @@ import pickle
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import TINY
 
 import shapeopt
-from shapeopt import Design, LogNormal, Problem, Robust, load_run, optimise, save_run, verify
+from shapeopt import Design, Glide, LogNormal, Problem, Robust, load_run, optimise, save_run, verify
+from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
 from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values
+from shapeopt.search.evaluated import EvaluatedDesign, best_design
 from surrogate import Family, Flow, InvalidInput, Scene, Tunnel, load
 from surrogate.flow.output.meshes import pv
+
+LIFTING = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 
 
 @pytest.fixture(scope="module")
@@ -221,3 +226,57 @@ def test_payoff_plot_is_not_blank(tmp_path, capfd):
     pixels = pv.read(path).active_scalars
     assert len(np.unique(pixels, axis=0)) > 50
     assert capfd.readouterr().err == ""
+
+
+def test_a_nearly_optimal_body_is_preferred_to_one_of_lower_drag():
+    """Which may violate a bound on the lift; local optima come first in any case."""
+
+    def evaluated(value, residual):
+        none = np.zeros(0)
+        return EvaluatedDesign(np.ones(2), value, np.zeros(2), residual, none, np.zeros((0, 2)))
+
+    wrong, near, optimum = evaluated(1.0, 0.3), evaluated(2.0, 4e-3), evaluated(3.0, 1e-4)
+    assert best_design([wrong, near]) is near
+    assert best_design([wrong, near, optimum]) is optimum
+    assert best_design([wrong, evaluated(2.0, 0.2)]) is wrong
+
+
+def test_a_run_that_is_not_verified_has_the_surrogates_drag_and_no_flow(tmp_path, monkeypatch):
+    """Also where the objective is not Cd itself."""
+    net = load("pretrained:lift")
+    design = optimise(Problem(net.scene, Glide(np.float32(40)), max_length=2.0), net)
+    monkeypatch.setattr(Flow, "solve", None)
+    record = save_run(tmp_path / "run", design, net, "pretrained:lift", verify=False)
+    assert record["cd_surrogate"] == pytest.approx(design.drag)
+    assert record["cd_verified"] is None
+    assert load_run(tmp_path / "run")["reynolds"] == 40.0
+
+
+def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path):
+    """Not those of one of the cases; each case says to which Re its flow is steady."""
+    scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))
+    problem = Problem(scene, Robust(10.0, LogNormal(0.3), tolerance=0.02, cases=2))
+    body = np.array([2.0, 0.1, 5.0])
+    design = Design(problem, body, 1.0, (2.0, 0.0, 0.0), 1e-4, 2.0, body[None], 0, 1, 100, 1.0)
+    record = save_run(tmp_path / "run", design)
+    found = Flow(scene).solve(body, 10.0, estimate=False)
+    assert record["cl_verified"] == pytest.approx(found.lift, rel=1e-6)
+    assert record["cm_verified"] == pytest.approx(found.moment, rel=1e-6)
+    assert record["cl_verified"] not in [case["cl_verified"] for case in record["cases"]]
+    assert all(case["onset"] > 20 for case in record["cases"])
+
+
+def test_weights_without_several_reynolds_numbers_are_refused(tmp_path):
+    words = ["--surrogate", "pretrained:lift", "--reynolds", "40", "--weights", "1,2"]
+    with pytest.raises(InvalidInput, match="--weights: --objective glide has none"):
+        optimize_shape([*words, "--objective", "glide", "--out", str(tmp_path / "run")])
+
+
+def test_a_design_beyond_its_onset_says_so(tmp_path, capsys):
+    """The steady flow past the best wide body at Re 45 is unstable."""
+    scene = Scene(family=Family(aspect=(0.5, 0.6)), reynolds=(1, 45), fidelity=TINY)
+    scene.write(tmp_path / "wide.toml")
+    words = ["--surrogate", "none", "--scene", str(tmp_path / "wide.toml"), "--reynolds", "45"]
+    record = optimize_shape([*words, "--until", "flow", "--out", str(tmp_path / "run")])
+    assert record["cases"][0]["onset"] < 45
+    assert "Re 45 is beyond the estimated onset of instability, Re 2" in capsys.readouterr().out
