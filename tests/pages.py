@@ -115,7 +115,7 @@ def expression(name):
     return (
         f"{bodies}.map((body, k) => ({{loads: model.loads(body, {reynolds}[k]), mirrored: "
         f"model.loads(body.map((x, j) => {mirror}[j] * x), {reynolds}[k]), "
-        "opening: model.opening(body), valid: model.valid(body), "
+        "thickness_ratio: model.thicknessRatio(body), valid: model.valid(body), "
         "outline: model.outline(body, 64), contour: model.contour(body, 64)}))"
     )
 

@@ -97,7 +97,7 @@ def test_every_element_the_script_asks_for_exists(name):
 
 @every
 def test_numbers_of_the_page_agree_with_python(name):
-    """Loads, gradients and opening to 1e-9, contours to 1e-8."""
+    """Loads, gradients and thickness ratio to 1e-9, contours to 1e-8."""
     network, family = surrogate_of(name).network, surrogate_of(name).scene.family
     loads = jax.jit(lambda *at: (network.loads(*at), jax.jacrev(network.loads)(*at)))
     outline = jax.jit(functools.partial(family.outline, nodes=64))
@@ -108,10 +108,10 @@ def test_numbers_of_the_page_agree_with_python(name):
         np.testing.assert_allclose(found, values, rtol=1e-9, atol=1e-12)
         gradients = [load["gradient"] for load in row["loads"]]
         np.testing.assert_allclose(gradients, jacobian, rtol=1e-9, atol=1e-9)
-        assert row["opening"] == pytest.approx(
+        assert row["thickness_ratio"] == pytest.approx(
             float(family.body_class.min_thickness_ratio(body)), abs=1e-9
         )
-        assert row["valid"] == (row["opening"] >= 0.02)
+        assert row["valid"] == (row["thickness_ratio"] >= 0.02)
         np.testing.assert_allclose(row["outline"], outline(body), rtol=0, atol=1e-8)
         np.testing.assert_allclose(row["contour"], contour(body), rtol=0, atol=1e-8)
 

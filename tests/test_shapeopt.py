@@ -279,4 +279,4 @@ def test_a_design_beyond_its_onset_says_so(tmp_path, capsys):
     words = ["--surrogate", "none", "--scene", str(tmp_path / "wide.toml"), "--reynolds", "45"]
     record = optimize_shape([*words, "--until", "flow", "--out", str(tmp_path / "run")])
     assert record["cases"][0]["onset"] < 45
-    assert "Re 45 is beyond the estimated onset of instability, Re 2" in capsys.readouterr().out
+    assert "Re 45 is beyond the estimated onset of instability, Re 30" in capsys.readouterr().out

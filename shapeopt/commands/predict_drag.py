@@ -77,7 +77,9 @@ def _predict(
     def coefficients(body):
         by = length(body) if reference == CHORD else 1.0
         of_moment = by**2  # over the square of the reference length
-        return surrogate.loads(body, reynolds, extrapolate) / jnp.stack([by, by, of_moment])
+        return surrogate.loads(body, reynolds, extrapolate=extrapolate) / jnp.stack(
+            [by, by, of_moment]
+        )
 
     loads = coefficients(parameters)
     gradients = map(family.named, jax.jacrev(coefficients)(jnp.asarray(parameters)))

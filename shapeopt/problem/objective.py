@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from shapeopt.problem.scenarios import Scenarios
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, Number
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
@@ -68,7 +68,7 @@ class Objective(abc.ABC):
 class AtReynolds(Objective):
     """The objective Cd at one Reynolds number."""
 
-    reynolds: float
+    reynolds: Number
 
     def __post_init__(self):
         object.__setattr__(self, "reynolds", finite_number("Reynolds number", self.reynolds))

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from surrogate.arrays import AnyArray, Body, Number
+from surrogate.arrays import AnyArray, Body, Number, Numbers
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.body.validity import is_valid
@@ -202,7 +202,7 @@ class Flow:
     def solve_all(
         self,
         parameters: Float[AnyArray, "bodies parameters"],
-        reynolds: Float[AnyArray, " bodies"],
+        reynolds: Numbers,
         devices: Devices | None = None,
         *,
         gradients: bool = False,
