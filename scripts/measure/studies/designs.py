@@ -122,7 +122,8 @@ def averages(run: Run, dimension: int, bodies: str) -> list[Row]:
             scene = Scene.read(Path(__file__).parents[2] / SCENES[dimension])
         coarse = dataclasses.replace(scene.fidelity, cells=NAMED[dimension]["draft"].cells)
         rough = dataclasses.replace(scene, fidelity=coarse)
-    found = _averages(scene, rough, run.pick(1, 24 if dimension == 2 else 12))._asdict()
+    many = {2: 24, 3: 12 if bodies == SYMMETRIC else 6}[dimension]
+    found = _averages(scene, rough, run.pick(1, many))._asdict()
     return [{"name": name, "measured": found[name]} for name in QUANTITIES]
 
 
