@@ -23,8 +23,9 @@ class Convolutions(NamedTuple):
       renewal: of assembling the operators of a training's body at every evaluation, where they are
         too large to be stored.
       design_flows: flows, each with its adjoint, of a design without a surrogate.
-      overhead: seconds of a whole flow over those of its convolutions alone; the rest is
-        convection, Krylov vectors, and in 3-D double precision.
+      overhead: seconds of a whole flow over those of its convolutions alone, as
+        ``convolution_seconds`` has them. It depends on the processor: in 3-D it was 1.7 on an Intel
+        Xeon, and half of that on an AMD EPYC.
     """
 
     flow: float
@@ -36,10 +37,10 @@ class Convolutions(NamedTuple):
 
 # By the dimension, and whether bodies have the mirror plane y = 0, in 3-D z = 0.
 CONVOLUTIONS = {
-    (2, True): Convolutions(34.0, 8.4, 0.0, 10.8, 1.7),
-    (2, False): Convolutions(54.0, 51.0, 19.0, 9.5, 1.8),
-    (3, True): Convolutions(47.0, 7.6, 33.0, 5.0, 1.8),
-    (3, False): Convolutions(70.0, 60.0, 25.0, 5.0, 1.8),
+    (2, True): Convolutions(34.0, 8.4, 0.0, 11.0, 1.8),
+    (2, False): Convolutions(56.0, 50.0, 19.0, 8.0, 1.7),
+    (3, True): Convolutions(47.0, 7.4, 33.0, 5.0, 1.0),
+    (3, False): Convolutions(83.0, 26.0, 54.0, 6.5, 1.0),
 }
 
 
