@@ -9,9 +9,8 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from correlations import Ellipsoid, ellipsoid, oberbeck
+from correlations import Ellipsoid, bagheri_bonadonna, ellipsoid, oberbeck
 from correlations_at_incidence import (
-    bagheri_bonadonna,
     froehlich,
     ganser,
     hoelzer_sommerfeld,
@@ -132,21 +131,21 @@ def test_golden_gansers_correlation():
 def test_golden_correlation_over_random_orientations(net):
     """The sphere in figures; Oberbeck's mean drag; the surrogate's mean over orientations."""
     sphere = 2.4 * (1 + 0.125 * 100 ** (1 / 3)) + 0.46 / 534
-    assert bagheri_bonadonna(1.0, 1.0, 10.0).cd == pytest.approx(sphere, rel=1e-12)
+    assert bagheri_bonadonna(ellipsoid(1.0), 10.0) == pytest.approx(sphere, rel=1e-12)
     cosines, weights = np.polynomial.legendre.leggauss(8)
     angles = np.degrees(np.arccos((cosines + 1) / 2))
     for aspect in (0.5, 2.0, 4.0):
         axes = ellipsoid(aspect)
         sideways = Ellipsoid(axes.height, axes.width, axes.length)
         along, across = (oberbeck(one, 1e-9) for one in (axes, sideways))
-        found = bagheri_bonadonna(aspect, 1.0, 1e-9).cd
+        found = bagheri_bonadonna(axes, 1e-9)
         assert found == pytest.approx((along + 2 * across) / 3, rel=0.02)
         for re in (1.0, 40.0):
             mean = sum(
                 weight / 2 * float(net.loads([aspect, 1.0, 0.0, angle], re)[0])
                 for weight, angle in zip(weights, angles, strict=True)
             )
-            assert bagheri_bonadonna(aspect, 1.0, re).cd == pytest.approx(mean, rel=0.15)
+            assert bagheri_bonadonna(axes, re) == pytest.approx(mean, rel=0.15)
 
 
 @pytest.mark.parametrize("name", ["hoelzer_sommerfeld", "ganser", "bagheri_bonadonna"])
@@ -162,9 +161,10 @@ def test_correlations_in_c_are_those_in_python(name, tmp_path):
     function(ctypes.c_size_t(len(bodies)), *(ctypes.c_void_p(a.ctypes.data) for a in arrays))
     python = {"hoelzer_sommerfeld": hoelzer_sommerfeld, "ganser": ganser}.get(name)
     for (aspect, flatness, _, incidence, re), loads in zip(bodies, arrays[-1], strict=True):
-        shape = aspect, flatness
-        right = python(*shape, incidence, re) if python else bagheri_bonadonna(*shape, re)
-        assert loads[0] == pytest.approx(right.cd, rel=1e-12)
+        right = bagheri_bonadonna(ellipsoid(aspect, flatness), re)
+        if python:
+            right = python(aspect, flatness, incidence, re).cd
+        assert loads[0] == pytest.approx(right, rel=1e-12)
 
 
 class StokesLoads(eqx.Module):

@@ -29,7 +29,7 @@ SECTION = Elements(wall=0.06, near=0.2, wake=1.0)
 AXIS = 1e-9  # of the wake parabola k (r - x), so that quotients by it are finite on the x axis
 
 
-class Loads(NamedTuple):
+class ElementLoads(NamedTuple):
     """The loads of a body: Cd, Cl and Cm (about the centroid, nose up)."""
 
     cd: float
@@ -39,7 +39,7 @@ class Loads(NamedTuple):
 
 def unbounded_loads(
     body: Shape | Mapping[str, float], reynolds: float, elements: Elements = SECTION
-) -> Loads:
+) -> ElementLoads:
     """Return the loads of a 2-D body in an unbounded stream, extrapolated as ``unbounded_cd``.
 
     Raises:
@@ -50,12 +50,12 @@ def unbounded_loads(
     small, large = (
         np.array(loads_by_elements(body, reynolds, elements._replace(box=box))) for box in boxes
     )
-    return Loads(*(large + (large - small) * BOX_RATIO / (1 - BOX_RATIO)).tolist())
+    return ElementLoads(*(large + (large - small) * BOX_RATIO / (1 - BOX_RATIO)).tolist())
 
 
 def loads_by_elements(
     body: Shape | Mapping[str, float], reynolds: float, elements: Elements = SECTION
-) -> Loads:
+) -> ElementLoads:
     """Return the loads of a 2-D body in one box.
 
     Raises:
@@ -64,10 +64,12 @@ def loads_by_elements(
     """
     ng, shape = ngsolve(), body if isinstance(body, Shape) else family_shape(body)
     flow = section_at_rest(ng, shape, elements)
-    return Loads(*(2 * raise_reynolds(ng, flow, continuation(reynolds))).tolist())
+    return ElementLoads(*(2 * raise_reynolds(ng, flow, continuation(reynolds))).tolist())
 
 
-def loads_in_space(body: Mapping[str, float], reynolds: float, elements: Elements = BOX) -> Loads:
+def loads_in_space(
+    body: Mapping[str, float], reynolds: float, elements: Elements = BOX
+) -> ElementLoads:
     """Return the loads of a 3-D body in one box, whose far field is that of its force.
 
     Elements of third degree start from the flow in elements of second degree on the same mesh,
@@ -88,7 +90,7 @@ def loads_in_space(body: Mapping[str, float], reynolds: float, elements: Element
             to.Set(known)
         flow, loads = finer, raise_reynolds(ng, finer, numbers, loads)
         numbers = (reynolds,)
-    return Loads(*(8 / np.pi * loads).tolist())
+    return ElementLoads(*(8 / np.pi * loads).tolist())
 
 
 def section_at_rest(ng: Any, shape: Shape, elements: Elements) -> Any:

@@ -47,6 +47,12 @@ def solved(
     return flow.solve(shape, reynolds, **{"estimate": False, "allow_unsteady": True} | options)
 
 
+def bounds_of(found: Solution) -> tuple[float | None, float | None, float | None]:
+    """Return the bounds of the errors of Cd, Cl and Cm of a flow, None where there is none."""
+    drag = found.estimated_error and found.estimated_error * found.drag
+    return drag, found.estimated_lift_error, found.estimated_moment_error
+
+
 def relative_error(cd: float | None, exact: float | None) -> float | None:
     """Return the relative error, or None where one of the two is unknown."""
     return None if cd is None or exact is None else cd / exact - 1

@@ -8,7 +8,7 @@ import functools
 
 from figures import draw_maps
 from study import TINY, Result, Row, Run, Study, Table, cases, maps, panel, words
-from tools import SILENT, relative_error, solved
+from tools import SILENT, bounds_of, relative_error, solved
 
 from surrogate import FIDELITIES, Fidelity, InvalidInput, NotConverged
 
@@ -108,12 +108,7 @@ def loads_of_section(run: Run, incidence: float, aspect: float, reynolds: float,
         return {"outcome": "not converged"}
     truth = flow(fine)
     row = {"outcome": found.status}
-    bounds = (
-        found.estimated_error and found.estimated_error * found.drag,
-        found.estimated_lift_error,
-        found.estimated_moment_error,
-    )
-    for load, bound in zip(("drag", "lift", "moment"), bounds, strict=True):
+    for load, bound in zip(("drag", "lift", "moment"), bounds_of(found), strict=True):
         error = getattr(found, load) - getattr(truth, load)
         row[f"{load}_error"] = error / truth.drag
         row[f"{load}_bound"] = None if bound is None else bound / truth.drag

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 import numpy as np
 from correlations import Ellipsoid, ellipsoid, oberbeck
 from elements import BOX
-from lifting_elements import Loads, loads_in_space
+from lifting_elements import ElementLoads, loads_in_space
 from studies.accuracy_3d import SPHERE
 from study import Result, Row, Run, Study, Table, cases, columns
-from tools import mean_and_most, medians, name_of, relative_error
+from tools import bounds_of, mean_and_most, medians, name_of, relative_error
 
 from surrogate import Flow, Scene, family_shape
 
@@ -54,13 +54,8 @@ def measure(run: Run, parameters: Mapping[str, float], reynolds: float, fidelity
     found = flow.solve(shape, reynolds, allow_unsteady=True)
     truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
     loads = found.drag, found.lift, found.moment
-    bounds = (
-        found.estimated_error and found.estimated_error * found.drag,
-        found.estimated_lift_error,
-        found.estimated_moment_error,
-    )
     row: Row = {"status": found.status, "green_applications": found.green_applications}
-    for name, load, true, bound in zip(LOADS, loads, truth, bounds, strict=True):
+    for name, load, true, bound in zip(LOADS, loads, truth, bounds_of(found), strict=True):
         row |= {name: load, f"{name}_error": (load - true) / truth.cd}
         row |= {f"{name}_bound": None if bound is None else bound / truth.cd}
     return row
@@ -92,7 +87,7 @@ def elements(run: Run, parameters: Mapping[str, float], reynolds: float, degree:
 
 
 @functools.cache
-def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
+def _by_elements(body: tuple, reynolds: float, tiny: bool) -> ElementLoads:
     return loads_in_space(dict(body), reynolds, COARSE if tiny else USUAL)
 
 

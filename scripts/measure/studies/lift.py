@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from lifting_elements import SECTION, Loads, unbounded_loads
+from lifting_elements import SECTION, ElementLoads, unbounded_loads
 from studies.trust import FLOOR
 from study import Result, Row, Run, Study, Table, columns
-from tools import name_of
+from tools import bounds_of, name_of
 
 from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
 from surrogate.scene.samples import held_out_samples
@@ -80,11 +80,6 @@ def measure(
     found = Flow(Scene(fidelity=run.fidelity(fidelity))).solve(shape, reynolds, allow_unsteady=True)
     truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
     loads = found.drag, found.lift, found.moment
-    bounds = (
-        found.estimated_error and found.estimated_error * found.drag,
-        found.estimated_lift_error,
-        found.estimated_moment_error,
-    )
     row: Row = {
         "drag": found.drag,
         "status": found.status,
@@ -92,7 +87,7 @@ def measure(
         "green_applications": found.green_applications,
         "seconds": found.seconds,
     }
-    for name, load, true, bound in zip(LOADS, loads, truth, bounds, strict=True):
+    for name, load, true, bound in zip(LOADS, loads, truth, bounds_of(found), strict=True):
         error = (load - true) / truth.cd
         bound = None if bound is None else bound / truth.cd
         row |= {name: load, f"{name}_error": error, f"{name}_bound": bound}
@@ -116,7 +111,7 @@ def measure_drawn(run: Run, draw: int, fidelity: str) -> Row:
 
 
 @functools.cache
-def _by_elements(body: tuple, reynolds: float, tiny: bool) -> Loads:
+def _by_elements(body: tuple, reynolds: float, tiny: bool) -> ElementLoads:
     return unbounded_loads(dict(body), reynolds, COARSE if tiny else SECTION)
 
 
