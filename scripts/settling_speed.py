@@ -8,24 +8,30 @@ Ar = (rho_body / rho - 1) g D^3 / nu^2. The fastest body has the least drag at i
 
 import sys
 from collections.abc import Sequence
-
-try:
-    from shapeopt.openmdao import LoadsComponent, om
-except ImportError as reason:
-    sys.exit(f"settling_speed.py: {reason}")
+from typing import TYPE_CHECKING
 
 from shapeopt import Problem, optimise
 from shapeopt.commands.cli import Parser, emit, run
 from surrogate import InvalidInput, NotConverged, load
 from surrogate.files import JsonObject
 
+if TYPE_CHECKING:
+    import openmdao.api as om
 
-def fastest(archimedes: float) -> om.Problem:
+BALANCED = 1e-8  # relative difference of weight and drag at the end
+
+
+def fastest(archimedes: float) -> "om.Problem":
     """Return the solved problem, whose outputs are the shape, ``cd`` and ``reynolds``.
 
     Raises:
-      NotConverged: SLSQP found no optimum.
+      InvalidInput: OpenMDAO is not installed, or a body leaves the trained ranges.
+      NotConverged: SLSQP found no optimum, or weight and drag do not balance.
     """
+    try:
+        from shapeopt.openmdao import LoadsComponent, om
+    except ImportError as reason:
+        raise InvalidInput(str(reason)) from None
     problem, surrogate = om.Problem(reports=False), load("pretrained:space")
     body, model = LoadsComponent(model=surrogate), problem.model
     cycle = model.add_subsystem("cycle", om.Group(), promotes=["*"])
@@ -33,17 +39,20 @@ def fastest(archimedes: float) -> om.Problem:
     balance = "reynolds = (4 * weight / (3 * cd)) ** 0.5"
     fall = om.ExecComp(balance, weight=archimedes, reynolds=20.0, cd=2.0)
     cycle.add_subsystem("fall", fall, promotes=["*"])
-    solver = om.NonlinearBlockGS(maxiter=60, rtol=1e-12, iprint=-1)
-    solver.options["err_on_non_converge"] = True
-    cycle.nonlinear_solver = solver
+    cycle.nonlinear_solver = om.NonlinearBlockGS(maxiter=60, rtol=1e-12, iprint=-1)
     cycle.linear_solver = om.DirectSolver()
     for name in surrogate.scene.family.names:
         model.add_design_var(name, *body.ranges[name])
     model.add_objective("reynolds", scaler=-0.05)
     problem.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", tol=1e-9, disp=False)
     problem.setup()
-    if not problem.run_driver().success:
-        raise NotConverged(f"Archimedes number {archimedes:g}: SLSQP found no fastest body")
+    try:
+        found = problem.run_driver().success
+    except om.AnalysisError as reason:
+        raise InvalidInput(f"Archimedes number {archimedes:g}: {reason}") from None
+    cd, reynolds = (problem.get_val(name).item() for name in ("cd", "reynolds"))
+    if not found or abs(3 * cd * reynolds**2 / (4 * archimedes) - 1) > BALANCED:
+        raise NotConverged(f"Archimedes number {archimedes:g}: no fastest body was found")
     return problem
 
 
@@ -52,10 +61,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     parser = Parser(__doc__)
     parser.add_argument("--archimedes", type=float, default=1000.0, help="number, above 0 (1000)")
     arguments = parser.parse_args(argv)
-    try:
-        found, surrogate = fastest(arguments.archimedes), load("pretrained:space")
-    except om.AnalysisError as reason:
-        raise InvalidInput(f"Archimedes number {arguments.archimedes:g}: {reason}") from None
+    found, surrogate = fastest(arguments.archimedes), load("pretrained:space")
     reynolds, drag = (found.get_val(name).item() for name in ("reynolds", "cd"))
     least = optimise(Problem(surrogate.scene, reynolds), surrogate).drag
     body = {name: found.get_val(name).item() for name in surrogate.scene.family.names}

@@ -43,8 +43,8 @@ def save_run(
 ) -> dict[str, Any]:
     """Write a design into a folder: run.json, contour.csv, contour.vtp and body.stl.
 
-    contour.vtp carries the flow's surface loads. In 3-D contour.csv is the outline seen from the
-    side, and contour.vtp the surface.
+    contour.vtp carries the flow's surface loads if it is verified. In 3-D contour.csv is the
+    outline seen from the side, and contour.vtp the surface.
 
     Args:
       folder: new, empty, or of an earlier run; other files in it stay.
@@ -59,7 +59,7 @@ def save_run(
       The record, as in run.json. cd_* are values of the problem's objective: Cd where that is the
       drag at one Reynolds number; of the glide ratio and of a settling speed Cd itself, and the
       ratio is under "glide". cl_verified and cm_verified are those of the body itself at the
-      nominal Reynolds number.
+      nominal Reynolds number, None where that flow does not converge.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.

@@ -70,6 +70,20 @@ def test_tables_of_parameters_can_be_traced(net, tiny_scene):
             jax.jit(drag(net, 20.0))({"aspect": 2.0} | jax.tree.map(jnp.asarray, wrong))
 
 
+def test_lists_of_tables_are_batches(net, tiny_scene):
+    named = [{"aspect": 2.0}, {"aspect": 3.0, "beta2": 0.1}]
+    rows = np.array([[2.0, 0, 0, 0], [3.0, 0.1, 0, 0]])
+    np.testing.assert_array_equal(net.drag(named, 20.0), net.drag(rows, 20.0))
+    traced = jax.jit(lambda aspect: net.drag([{"aspect": aspect}, named[1]], 20.0))(2.0)
+    np.testing.assert_allclose(traced, net.drag(rows, 20.0), rtol=1e-12)
+    flow = Flow(tiny_scene)
+    bodies = [{"aspect": 1.5}, {"aspect": 2.0}]
+    np.testing.assert_array_equal(
+        flow.solve_all(bodies, 10.0).drag,
+        flow.solve_all(flow.scene.family.array(bodies), [10.0, 10.0]).drag,
+    )
+
+
 def test_batches_and_sections_have_hints(net, tiny_scene, unchecked):
     points, flow = naca4("0012"), Flow(tiny_scene)
     for call in (net.drag, lambda points, re: flow.solve_all(points, np.full(len(points), re))):

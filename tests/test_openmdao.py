@@ -1,12 +1,14 @@
 """The component of OpenMDAO: its values and derivatives, refusals, and the coupled example."""
 
+import sys
+
 import jax
 import numpy as np
 import pytest
 from conftest import TINY
 
 from shapeopt import Problem, optimise
-from surrogate import Family, Flow, Scene, load
+from surrogate import Family, Flow, InvalidInput, Scene, load
 
 om = pytest.importorskip("openmdao.api")
 from settling_speed import fastest  # noqa: E402
@@ -67,6 +69,12 @@ def test_coupled_with_its_weight_the_fastest_body_has_the_least_drag_at_its_own_
     assert cd * reynolds**2 == pytest.approx(4 / 3 * 1000.0, rel=1e-8)
     design = optimise(Problem(net.scene, reynolds), net)
     assert cd == pytest.approx(design.drag, rel=1e-5)
+
+
+def test_without_openmdao_the_command_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "shapeopt.openmdao", None)
+    with pytest.raises(InvalidInput, match="openmdao"):
+        fastest(1000.0)
 
 
 def test_models_of_another_kind_are_refused():

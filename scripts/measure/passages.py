@@ -86,10 +86,12 @@ def _space(result):
     paid = [row for row in rows if row["training_g"] and row["break_even_g"] is not None]
     first = min(paid, key=lambda row: row["break_even_g"])
     over = min(_over_kriging(rows), key=lambda row: row["beats_kriging_g"], default=None)
-    kriging = "never" if over is None else f"from design {over['beats_kriging_g']} on"
+    kriging = "no training pays"
+    if over is not None:
+        kriging = f"`{over['method']}` pays from design {over['beats_kriging_g']} on"
     form = (
         "Drag in 3-D: `{method}` pays against `direct` after {break_even_g:.1f} designs ({queries} "
-        "queries), against kriging with memory {kriging}."
+        "queries); against kriging with memory {kriging}."
     )
     return words(form, kriging=kriging, queries=len(result("payoff_space")["queries"]), **first)
 

@@ -130,7 +130,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
-    if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
+    known = [case for case in r["cases"] if "onset" in case]  # older runs do not have it
+    if late := [case for case in known if case["reynolds"] > case["onset"]]:
         lines.append(
             f"  Re {late[0]['reynolds']:g} is beyond the estimated onset of instability, Re "
             f"{late[0]['onset']:.3g}: the steady flow is not observed there"

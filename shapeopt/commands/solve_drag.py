@@ -139,7 +139,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     particle = Particle(*values)
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
-    held = getattr(shape, "incidence", 0.0)
+    held = shape.incidence
     row = Case(shape, held, settled.solution.reynolds).record | _row(settled.solution)
     row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
@@ -190,6 +190,7 @@ def _row(s: Solution) -> JsonObject:
         "sufficient": s.sufficient,
         "status": s.status,
         "accuracy": s.accuracy,
+        "onset": s.onset,
     }
 
 
@@ -222,6 +223,8 @@ def _line(r: JsonObject) -> str:
         f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "
         f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
     )
+    if r["reynolds"] > r["onset"]:
+        line += f"\n  steady flow unstable beyond about Re {r['onset']:.3g}"
     if r.get("forces_N"):
         line += f"\n  {forces_line(r)}"
     for load, slopes in _by_load(r["gradient"]).items():

@@ -79,7 +79,7 @@ def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
             except NotConverged as reason:
                 raise NotConverged(
                     f"designs: {name}: query {k + 1} of {len(queries)}, {problem.objective}: "
-                    f"{reason}; what is trained is kept, and another --seed has other queries"
+                    f"{reason}; what is trained is kept"
                 ) from reason
             progress((k + 1) / len(queries), f"{k + 1} of {len(queries)} queries")
     return designs

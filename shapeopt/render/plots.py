@@ -94,7 +94,7 @@ def _draw_reduction(axis: plt.Axes, records: list[JsonObject], colours: np.ndarr
 
 def _draw_glide(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) -> None:
     """Plot the glide ratio."""
-    ratios = [r.get("cl_verified", 0.0) / r["cd_verified"] for r in records]
+    ratios = [(r.get("cl_verified") or 0.0) / r["cd_verified"] for r in records]
     words = [f"Cl/Cd {ratio:.3f}" for ratio in ratios]
     _draw_over_reynolds(axis, records, ratios, words, colours)
     room = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points

@@ -149,7 +149,8 @@ class Family:
     def array(self, body: Bodies) -> Bodies:
         """Return one or several tables of parameters as an array, and anything else as it is."""
         if isinstance(body, list | tuple) and body and all(isinstance(b, Mapping) for b in body):
-            return np.array([self.parameters(one) for one in body])
+            rows = [self.parameters(one) for one in body]
+            return jnp.stack(rows) if traced(*rows) else np.array(rows)
         return self.parameters(body) if isinstance(body, Mapping) else body
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
@@ -236,15 +237,13 @@ class Family:
             raise InvalidInput(f"body: an array of shape {values.shape}; {self._wanted}")
         return values
 
-    def check_all(
-        self, bodies: Float[AnyArray, "bodies parameters"]
-    ) -> Float[np.ndarray, "bodies parameters"]:
+    def check_all(self, bodies: Bodies) -> Float[np.ndarray, "bodies parameters"]:
         """Check many bodies and return their parameters as floats.
 
         Raises:
           InvalidInput: they are not one row a body, or one describes no body.
         """
-        values = real_numbers(bodies)
+        values = real_numbers(self.array(bodies))
         if values is None:
             raise InvalidInput(f"bodies: must be arrays of real numbers; of each {self._wanted}")
         self._refuse_contour(values)

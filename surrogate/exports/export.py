@@ -32,8 +32,8 @@ def export(
     """Write a surrogate to one file in another language, with weights, derivatives and ranges.
 
     All files evaluate the loads and their exact derivatives in the inputs (parameters, then Re),
-    and say whether the inputs are within the trained ranges (0), outside (1) or invalid (2); the
-    loads of invalid inputs are NaN.
+    and say whether the inputs are within the trained ranges (0), outside (1) or invalid (2). The
+    loads of invalid inputs are NaN; C leaves what was there.
     Contours that cross themselves are not found out.
 
     Args:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from surrogate.arrays import AnyArray, Body, Number, Numbers
+from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.body.validity import is_valid
@@ -159,7 +159,10 @@ class Flow:
         found = loads_and_gradients(self.bodies, *at)
         if not traced(parameters, reynolds):
             if not partial and not bool(found.converged):
-                raise NotConverged(f"flow or adjoint at Re {float(reynolds):g} did not converge")
+                raise NotConverged(
+                    f"flow or adjoint at Re {float(reynolds):g} did not converge; flow.solve "
+                    "approaches it by lower Re, partial=True returns NaN"
+                )
             return found
         known = self._covers(*at, allow_unsteady)
         parts = (jnp.where(known, part, jnp.nan) for part in found[:3])
@@ -201,7 +204,7 @@ class Flow:
 
     def solve_all(
         self,
-        parameters: Float[AnyArray, "bodies parameters"],
+        parameters: Bodies,
         reynolds: Numbers,
         devices: Devices | None = None,
         *,
@@ -220,7 +223,8 @@ class Flow:
           partial: return where some flows did not converge, too; ``converged`` says which did.
 
         Raises:
-          InvalidInput: one is no body, or no Reynolds number of the scene.
+          InvalidInput: one is no body, or no Reynolds number of the scene, or its steady flow is
+            unstable and ``allow_unsteady`` is not set.
           NotConverged: a flow did not converge, unless ``partial``.
         """
         parameters = self.scene.family.check_all(parameters)
@@ -282,7 +286,7 @@ class Flow:
         return body, self._check_reynolds(reynolds, allow_unsteady, float(found.onset[0]))
 
     def _checked_numbers(self, reynolds, count):
-        """Return the Reynolds numbers of so many bodies, refusing those that the scene has not."""
+        """Return ``count`` Reynolds numbers, checked against the scene."""
         given = real_numbers(reynolds)
         if given is None or given.shape not in ((), (count,)):
             raise InvalidInput(

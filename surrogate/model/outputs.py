@@ -1,4 +1,4 @@
-"""What drag models predict of a body's loads: log Cd, and where there is lift Cl / Cd and Cm / Cd.
+"""What models predict of a body's loads: log Cd, and where there is lift Cl / Cd and Cm / Cd.
 
 Drag spans decades over Re while its logarithm is smooth; lift and moment change their sign, and
 over the drag they are of order one at most.

@@ -73,6 +73,7 @@ def explain_scene(
     sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
     takes = convolutions(dimension, symmetric)
+    training = bodies * (takes.flow + takes.renewal)
     design = takes.design_flows * (takes.flow + takes.adjoint)
 
     def cost(work):
@@ -93,10 +94,10 @@ def explain_scene(
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
             f"On this machine a flow takes {1e3 * seconds:.2g} ms per convolution with G, so "
-            f"{bodies} bodies of a training cost {cost(bodies * takes.flow)}, their shape "
-            f"gradients {cost(bodies * takes.adjoint)}; a design by the flow's adjoint "
-            f"alone {cost(design)}; one flow to verify a surrogate's design "
-            f"{cost(takes.flow)}. Compilation and the network's own steps come on top.",
+            f"{bodies} bodies of a training cost {cost(training)}, their shape gradients "
+            f"{cost(bodies * takes.adjoint)}; a design by the flow's adjoint alone {cost(design)}; "
+            f"one flow to verify a surrogate's design {cost(takes.flow)}. Compilation and the "
+            "network's own steps come on top.",
         ]
     )
 

@@ -109,11 +109,9 @@ def _slopes_once(fidelity: Fidelity, count: int) -> np.ndarray:
 
 def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
     """Return the shape gradients of the drag; NaN where flow or adjoint did not converge."""
+    every = {"allow_unsteady": True, "partial": True}
     return np.array(
-        [
-            flow.loads_and_gradients(*query, allow_unsteady=True).gradient
-            for query in zip(*bodies, strict=True)
-        ]
+        [flow.loads_and_gradients(*one, **every).gradient for one in zip(*bodies, strict=True)]
     )
 
 

@@ -85,7 +85,8 @@ def when_to_train(result: Result) -> str:
     led = lines.pop(LED)
     paid = _break_even(result)
     flows = ", ".join(
-        f"{line['flows']:.1f} by {RIVALS[way]} (pays {paid[way]})" for way, line in lines.items()
+        f"{line['flows']:.1f} by {RIVALS[way]} (training pays {paid[way]})"
+        for way, line in lines.items()
     )
     return (
         f"Sections at incidence: {led['asked']} unseen queries, least drag at a lift or best glide "

@@ -22,7 +22,7 @@ extern "C" {
 #endif
 /* Loads of one case. jacobian[load][input] = d loads / d inputs may be NULL.
  * Returns 0 inside the trained ranges, 1 outside of them (extrapolated), 2 if an input is not finite
- * or beyond what the flow solver accepts; loads and jacobian are NaN then. */
+ * or beyond what the flow solver accepts; loads and jacobian are untouched then. */
 int ${prefix}_loads(const ${prefix}_real *inputs, ${prefix}_real *loads, ${prefix}_real *jacobian);
 
 /* Loads of count cases: inputs[case][input], loads[case][load], jacobian[case][load][input] or NULL,
@@ -81,12 +81,7 @@ static int ${prefix}_status(const real *inputs)
 int ${prefix}_loads(const real *inputs, real *loads, real *jacobian)
 {
     const int status = ${prefix}_status(inputs);
-    if (status < 2) {
-        ${prefix}_cases_1(inputs, loads, jacobian);
-        return status;
-    }
-    for (int k = 0; k < LOADS; k++) loads[k] = (real)NAN;
-    for (int k = 0; jacobian != NULL && k < LOADS * INPUTS; k++) jacobian[k] = (real)NAN;
+    if (status < 2) ${prefix}_cases_1(inputs, loads, jacobian);
     return status;
 }
 
@@ -110,7 +105,9 @@ int ${prefix}_loads_batch(size_t count, const real *inputs, real *loads, real *j
             ${prefix}_cases_$block(x, y, by);
         else
             for (int v = 0; v < size; v++)
-                ${prefix}_loads(x + v * INPUTS, y + v * LOADS, by ? by + v * LOADS * INPUTS : NULL);
+                if (each[v] < 2)
+                    ${prefix}_cases_1(x + v * INPUTS, y + v * LOADS,
+                                      by ? by + v * LOADS * INPUTS : NULL);
     }
     return worst;
 }
