@@ -82,6 +82,7 @@ def test_solve_drag(capsys):
             "cd_extrapolated",
             "expected_error",
             "accuracy",
+            "onset",
         ),
         *("incidence", "chord", "chord_reynolds", "reference"),
     }
