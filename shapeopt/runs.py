@@ -193,12 +193,11 @@ def _verification_record(
       surrogate: by which the design was found, if by one.
     """
     scenarios, network = design.problem.scenarios, surrogate and surrogate.network
-    blank = dict.fromkeys(("cd_start", "cd_surrogate", "cd_verified"))
-    record: dict[str, Any] = {**blank, "verify_s": 0.0, "cases": []}
+    record: dict[str, Any] = {**dict.fromkeys(DRAGS), "verify_s": 0.0, "cases": []}
+    drags = [None] * len(scenarios.weight)
+    if network is not None:
+        drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
     if verified is not None:
-        drags = [None] * len(verified.solutions)
-        if network is not None:
-            drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
         rows = zip(
             *(scenarios.shift, scenarios.weight, verified.cylinder, drags, verified.solutions),
             strict=True,
@@ -233,11 +232,9 @@ def _verification_record(
             "cases": cases,
         }
     one_drag = bool(scenarios.glide | scenarios.force)  # the objective is not, or no mean of, Cd
-    if network is not None:
-        loads, objective = (
-            of(network, design.parameters, scenarios) for of in (model_loads, model_objective)
-        )
-        record["cd_surrogate"] = float(loads[0][0, 0] if one_drag else objective)
+    record["cd_surrogate"] = drags[0]
+    if network is not None and not one_drag:
+        record["cd_surrogate"] = float(model_objective(network, design.parameters, scenarios))
     if one_drag and verified is not None:
         record |= {name: cases[0][name] for name in ("cd_start", "cd_verified")}
     if bool(scenarios.glide) and verified is not None:

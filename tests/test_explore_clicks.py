@@ -203,11 +203,9 @@ def test_best_glide_over_the_incidence_is_marked():
 
 def test_3d_bodies_are_drawn_at_their_incidence():
     """The outline is as wide and as high as that of the turned ellipsoid in the page's view."""
-    state, family = (
-        visited("at any angle")["states"]["opened"],
-        surrogate_of("at any angle").scene.family,
-    )
-    named = family.named(body_of("at any angle", state))
+    name = "at any angle"
+    state, family = visited(name)["states"]["opened"], surrogate_of(name).scene.family
+    named = family.named(body_of(name, state))
     assert named["beta2"] == 0
     assert named["incidence"] > 1
     values = np.array(list(named.values()))

@@ -139,14 +139,14 @@ def _flow(result):
 def _shipped():
     """Return mean and largest errors of the shipped surrogates on their held-out bodies."""
 
-    def errors(net):
-        record = net.record
+    def errors(name):
+        record = load(name).record
         loads = [load for load in ("drag", "lift", "moment") if f"{load}_error_mean" in record]
         mean = "/".join(f"{100 * record[f'{load}_error_mean']:.2f}" for load in loads)
         most = max(record[f"{load}_error_max"] for load in loads)
-        return f"`{{name}}` {mean}, {100 * most:.1f}"
+        return f"`{name}` {mean}, {100 * most:.1f}"
 
-    each = "; ".join(errors(load(name)).format(name=name) for name in SHIPPED)
+    each = "; ".join(map(errors, SHIPPED))
     return (
         "The surrogates against the flow, mean (Cd/Cl/Cm) and largest errors on held-out bodies in "
         f"% of Cd: {each}."

@@ -29,6 +29,7 @@ from collections.abc import Sequence
 from shapeopt.commands.arguments import add_problem_arguments, problem_of, surrogate_of
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
+from shapeopt.commands.sections import unsteady_remark
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
@@ -132,10 +133,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     ]
     known = [case for case in r["cases"] if "onset" in case]  # older runs do not have it
     if late := [case for case in known if case["reynolds"] > case["onset"]]:
-        lines.append(
-            f"  Re {late[0]['reynolds']:g} is beyond the estimated onset of instability, Re "
-            f"{late[0]['onset']:.3g}: the steady flow is not observed there"
-        )
+        lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
         lines.append(f"  at the end of its range: {', '.join(ends)}; a wider one may have better")
     if relative:

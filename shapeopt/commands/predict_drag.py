@@ -24,6 +24,7 @@ from shapeopt.commands.sections import (
     reference_line,
     reference_record,
     reynolds_of,
+    unsteady_remark,
 )
 from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
@@ -151,8 +152,7 @@ def _line(r: JsonObject) -> str:
         line += f", which {r['accuracy']}"
         line += f", error {100 * r['error']:.3f} %"
     line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
-    late = r["reynolds"] > r["onset"]
-    return line + late * f"  (steady flow unstable beyond about Re {r['onset']:.3g})"
+    return line + (f"\n  {unsteady_remark(r)}" if r["reynolds"] > r["onset"] else "")
 
 
 def _parser() -> Parser:

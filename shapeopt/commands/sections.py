@@ -88,3 +88,11 @@ def reference_line(row: JsonObject) -> str:
     if row["reference"] == CHORD:
         by = "the chord c (Cm by its square)"
     return f"chord {row['chord']:.4f} D; coefficients by {by}; Re = U D / nu"
+
+
+def unsteady_remark(row: JsonObject) -> str:
+    """Return the remark on an answer at a Reynolds number beyond the onset of instability."""
+    return (
+        f"Re {row['reynolds']:g} is beyond the estimated onset of instability, Re "
+        f"{row['onset']:.3g}: the steady flow is not observed there"
+    )

@@ -32,6 +32,7 @@ from shapeopt.commands.sections import (
     check_reference,
     reference_line,
     reynolds_of,
+    unsteady_remark,
 )
 from shapeopt.commands.sweep import Case, check_converged, solve_cases, text_table, write_table
 from shapeopt.render.polar import plot_polar
@@ -224,7 +225,7 @@ def _line(r: JsonObject) -> str:
         f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
     )
     if r["reynolds"] > r["onset"]:
-        line += f"\n  steady flow unstable beyond about Re {r['onset']:.3g}"
+        line += f"\n  {unsteady_remark(r)}"
     if r.get("forces_N"):
         line += f"\n  {forces_line(r)}"
     for load, slopes in _by_load(r["gradient"]).items():
