@@ -217,6 +217,14 @@ def test_figures_are_filled_in_and_missing_ones_left_out(tmp_path):
     assert report.filled(filled, passage, tmp_path) == filled
 
 
+def test_the_accuracy_is_the_mean_and_the_largest_error_of_the_record(tmp_path):
+    kept = shutil.copytree(run.RESULTS, tmp_path / "kept")
+    line = {"panel": "accuracy", "row": "standard, x", "column": "y"}
+    rows = [line | {"error": error} for error in (0.001, -0.003)]
+    run.keep("flow", {"rows": rows}, "command", out=kept)
+    assert "differs by 0.20 % on average and 0.30 % at most" in passage("accuracy", kept)
+
+
 def test_payoff_is_kept_with_its_pictures(tmp_path):
     source, kept = tmp_path / "out" / "payoff.json", tmp_path / "kept"
     source.parent.mkdir()
