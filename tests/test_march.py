@@ -14,8 +14,8 @@ CYLINDER = family_shape({"aspect": 1.0})
 def test_march_settles_on_the_steady_drag():
     """Re 20 in a narrow, coarse box; the steady flow between the same walls."""
     box = Box(cells=10, upstream=6, downstream=12, height=8, sponge=4)
-    marcher = make_marcher(box, jnp.asarray(CYLINDER.draw(128)))
-    velocity, record = march(box, marcher, start(box), jnp.asarray(20.0), 2000)
+    marcher = make_marcher(box, jnp.asarray(CYLINDER.draw(128)), 20.0)
+    velocity, record = march(box, marcher, start(box), 2000)
     steady = Flow(Scene(stream="tunnel:8")).solve(CYLINDER, 20.0, estimate=False)
     assert float(record.drag[-1]) == pytest.approx(steady.drag, rel=0.02)
     assert float(jnp.abs(record.lift[-1])) < 1e-9
@@ -36,8 +36,8 @@ def test_exact_strouhal_number_of_a_known_signal():
 def test_golden_cylinder_sheds_vortices_at_re_100():
     """Strouhal number 0.164-0.166 unbounded, a little more at a blockage of 1/16."""
     box = Box()
-    marcher = make_marcher(box, jnp.asarray(CYLINDER.draw(200)))
-    velocity, _ = march(box, marcher, start(box, 0.5), jnp.asarray(100.0), 4000)
-    _, record = march(box, marcher, velocity, jnp.asarray(100.0), 4000)
+    marcher = make_marcher(box, jnp.asarray(CYLINDER.draw(200)), 100.0)
+    velocity, _ = march(box, marcher, start(box, 0.5), 4000)
+    _, record = march(box, marcher, velocity, 4000)
     assert strouhal(record.lift, box.step) == pytest.approx(0.168, rel=0.03)
     assert float(record.drag.mean()) == pytest.approx(1.35, rel=0.03)

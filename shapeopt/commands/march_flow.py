@@ -87,12 +87,12 @@ def _march(
     box: Box, markers: AnyArray, re: float, duration: float, kick: float
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Histories of drag and lift at all time steps, and the velocity at every frame."""
-    marcher, velocity = make_marcher(box, markers), start(box, kick)
+    marcher, velocity = make_marcher(box, markers, re), start(box, kick)
     steps = max(1, round(duration / box.step / FRAMES))
     drags, lifts, frames = [], [], []
     with progress_bar("marching") as progress:
         for k in range(FRAMES):
-            velocity, record = march(box, marcher, velocity, jnp.asarray(re), steps)
+            velocity, record = march(box, marcher, velocity, steps)
             drags.append(np.asarray(record.drag))
             lifts.append(np.asarray(record.lift))
             if not np.all(np.isfinite(drags[-1])):

@@ -206,8 +206,8 @@ def marched(run: Run, body: str, parameters: Mapping[str, float], share: float) 
     reynolds = share * onset_of(shape)
     by_elements = Disturbance(shape, run.pick(COARSE, MESH)).growth(reynolds)
     box, steps = run.pick((TINY_BOX, 400), (BOX, round(DURATION / BOX.step)))
-    marcher = make_marcher(box, shape.draw(200))
-    _, force = march(box, marcher, start(box, KICK), jnp.asarray(reynolds), steps)
+    marcher = make_marcher(box, shape.draw(200), reynolds)
+    _, force = march(box, marcher, start(box, KICK), steps)
     rate = envelope_rate(np.asarray(force.lift), box.step)
     return {"reynolds": reynolds, "by_elements": by_elements, "marched": rate}
 

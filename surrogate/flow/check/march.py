@@ -3,7 +3,8 @@
 Of the steady solver only the body's traction modes are used: no Green's function, no far field, no
 Newton. The box is periodic; a sponge layer before its end brings the flow back to the free stream,
 so rows of bodies H apart stand in the same stream (a tunnel of height H with slip walls, for a
-symmetric flow). Each step projects the slip on the body away, and that impulse is the force.
+symmetric flow). Each step removes the slip on the body, but for that of the slip law on the wall; the impulse that
+does so is the force.
 """
 
 import dataclasses
@@ -68,12 +69,14 @@ class Marcher(NamedTuple):
     Attributes:
       markers: of the body.
       body: the spread modes.
+      reynolds: U D / nu, on which the slip law on the wall depends.
       impulse: velocity that a unit impulse of every mode causes.
-      inverse: matrix from a slip to the impulses that remove it, but for their sign.
+      inverse: matrix from a slip to the impulses that bring it to the slip law, but for their sign.
     """
 
     markers: Float[Array, "nodes 2"]
     body: Spreading
+    reynolds: Float[Array, ""]
     impulse: Float[Array, "modes 2 nx ny"]
     inverse: Float[Array, "modes modes"]
 
@@ -98,19 +101,28 @@ def start(box: Box, kick: float = 0.0) -> Float[Array, "2 nx ny"]:
     return _project(box, jnp.asarray(velocity), flux=1.0)
 
 
-def make_marcher(box: Box, markers: Float[AnyArray, "nodes 2"]) -> Marcher:
+def make_marcher(
+    box: Box, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float
+) -> Marcher:
     """Return the arrays that all steps of a march share, for a body with these markers.
 
-    The impulse of every mode is projected once; their slips make the matrix that removes the slip.
+    The impulse of every mode is projected once; their slips make the matrix that removes the slip,
+    but for what the slip law allows: it is implicit in time.
+
+    Args:
+      box: size and resolution.
+      markers: of the body, in D.
+      reynolds: U D / nu.
     """
     extent = 2 * np.abs(np.asarray(markers)).max(axis=0)
-    wall = wall_2d(box.lattice, box.modes, jnp.asarray(markers), reynolds=1.0, slip_share=0.0)
+    wall = wall_2d(box.lattice, box.modes, jnp.asarray(markers), reynolds)
     body = spread_modes(box.lattice, box_around(tuple(extent.tolist()), box.cells), wall)
     impulse = jax.lax.map(lambda mode: _project(box, body.spread(mode)), jnp.eye(box.modes.count))
     matrix = jax.vmap(body.slip)(impulse).T
     null = NULL_MODE_COMPLIANCE * jnp.trace(matrix) / box.modes.count
     null = null * jnp.outer(body.null_mode, body.null_mode)
-    return Marcher(jnp.asarray(markers), body, impulse, jnp.linalg.inv(matrix + null))
+    inverse = jnp.linalg.inv(matrix + body.slip_law / box.step + null)
+    return Marcher(jnp.asarray(markers), body, jnp.asarray(reynolds), impulse, inverse)
 
 
 @functools.partial(jax.jit, static_argnames=("box", "steps"))
@@ -118,7 +130,6 @@ def march(
     box: Box,
     marcher: Marcher,
     velocity: Float[AnyArray, "2 nx ny"],
-    reynolds: Float[AnyArray, ""],
     steps: int,
 ) -> tuple[Float[Array, "2 nx ny"], ForceHistory]:
     """Advance a flow by ``steps`` of midpoint Runge-Kutta, and return it with its force history.
@@ -127,10 +138,9 @@ def march(
       box: size and resolution.
       marcher: from ``make_marcher`` for this box.
       velocity: on the faces, the stream included, over U.
-      reynolds: U D / nu.
       steps: number of steps, each of ``box.step`` D / U.
     """
-    advance = _navier_stokes(box, reynolds)
+    advance = _navier_stokes(box, marcher.reynolds)
 
     def one(velocity, _):
         velocity = _hold_flux(_arrays(advance(_variables(box, velocity))), 1.0)

@@ -104,6 +104,11 @@ class Domain(abc.ABC):
         return False
 
     @property
+    def far_order(self) -> int:
+        """The order of the far field's momentum flux in the body's force."""
+        return 2
+
+    @property
     def far_combinations(self) -> int | None:
         """The number of combinations of modes in the response far away; None where all are kept."""
         return None
@@ -132,9 +137,13 @@ class Domain(abc.ABC):
 
         One a mode or combination of modes, those of all modes near the body by their share of the
         lattice, and those of the far field, whose coarse grids are counted as one each: a unit
-        force and a source per grid, for drag alone; two forces and three sources with lift.
+        force and a source per grid, for drag alone; two forces and three sources with lift. The
+        third order takes one for every second-order velocity and for every source, on one grid.
         """
-        far = len(self.far) * (2 if self.modes.symmetric else 5)
+        forces = 1 if self.modes.symmetric else 2
+        quadratic, cubic = math.comb(forces + 1, 2), math.comb(forces + 2, 3)
+        far = len(self.far) * (forces + quadratic)
+        far += quadratic + cubic if self.far_order > 2 else 0
         if self.far_combinations is None:
             return self.modes.count + far
         share = math.prod(self.near[1].shape) / math.prod(self.lattice.shape)

@@ -24,8 +24,8 @@ from surrogate.scene.stream import Stream, Tunnel, domain_height
 
 FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
 # Of flows without a mirror plane (study ``lift``). Seven harmonics miss up to 9 % of Cd of the lift
-# of slender sections at Re 100; retraction instead of the slip law costs up to 1 % of Cd.
-LIFTING_HARMONICS, SLIP_SHARE = 12 / 7, 1.0
+# of slender sections at Re 100.
+LIFTING_HARMONICS = 12 / 7
 # Of the modes of lifting bodies: a choice. Beyond, singular values on the edge of the box of known
 # responses are below 2 % of the largest, and flows take as many Krylov vectors as with all modes.
 FAR_COMBINATIONS = 8
@@ -35,14 +35,9 @@ MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no g
 
 @dataclasses.dataclass(frozen=True)
 class Domain2D(Domain):
-    """A 2-D discrete flow; flows past bodies symmetric about y = 0 are solved on the upper half.
-
-    Attributes:
-      slip_share: of the slip law on the wall; the rest is retraction.
-    """
+    """A 2-D discrete flow; flows past bodies symmetric about y = 0 are solved on the upper half."""
 
     slip_compliance: float = 1e-5
-    slip_share: float = 0.0
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
@@ -126,13 +121,21 @@ class Domain2D(Domain):
             )
             box, extent = tuple(min(side) for side in sides), box_extent
         nodes = 2 * math.ceil(max(extent) * math.pi * cells / MARKER_SPACING)
-        share = 0.0 if symmetric else SLIP_SHARE
-        return cls(lattice, far, _modes(fidelity, symmetric), box, nodes, height, slip_share=share)
+        return cls(lattice, far, _modes(fidelity, symmetric), box, nodes, height)
 
     @property
     def mirrored(self) -> bool:
         """Whether G must carry the images of the body in the tunnel's walls explicitly."""
         return self.height is not None and not self.modes.symmetric
+
+    @property
+    def far_order(self) -> int:
+        """The order of the far field's flux in the force: 3, or 2 with lift, to save convolutions.
+
+        The third order takes one more convolution a coarse force and source, with lift three and
+        four. It changes Cd by up to 0.2 % at Re 5 to 50 (study ``constants``).
+        """
+        return 3 if self.modes.symmetric else 2
 
     @property
     def operators_are_small(self) -> bool:
@@ -154,7 +157,7 @@ class Domain2D(Domain):
         self, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float
     ) -> Spreading:
         """Spread all traction modes from a body's contour to the grid; see ``wall_2d``."""
-        wall = wall_2d(self.lattice, self.modes, markers, reynolds, self.slip_share)
+        wall = wall_2d(self.lattice, self.modes, markers, reynolds)
         return spread_modes(self.lattice, self.box, wall)
 
     def each_mode(

@@ -1,13 +1,18 @@
-"""The far field: the non-linear momentum flux outside the computational domain, to second order.
+"""The far field: the non-linear momentum flux outside the computational domain, as a power series.
 
-Far from the body the perturbation is the Oseenlet of the total force, u' ~ Fx u_x + Fy u_y, so the
-momentum flux outside the domain is quadratic in the force and its response inside is
-``Fx^2 Phi_xx + Fx Fy Phi_xy + Fy^2 Phi_yy``: smooth fields, computed on coarse grids. Forces are in
-the units of the traction modes; Fy stands for the lift, in 3-D along z; flows without lift have
-Phi_xx alone.
+Far from the body the perturbation is a series in the total force F: the Oseenlets F_i u_i, then the
+velocity F_i F_j u_ij that their momentum flux causes, and so on. So the flux outside the domain is
+a polynomial of F, and so is its response Phi inside,
+
+    Phi(F) = F_i F_j Phi_ij + F_i F_j F_k Phi_ijk + ...,
+
+whose coefficients are smooth fields, computed on coarse grids. Forces are in the units of the
+traction modes; F has a drag, and a lift along the last axis where there is no mirror plane.
 """
 
 import functools
+import itertools
+import math
 from collections.abc import Callable
 
 import jax.numpy as jnp
@@ -22,49 +27,95 @@ from surrogate.flow.grid.lattice import Lattice
 
 BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
 
+Powers = tuple[int, ...]  # of every force in a term of a polynomial
+Polynomial = dict[Powers, Float[Array, "axes ..."]]  # of the forces, with fields as coefficients
+
 
 def far_response(
     domain: Domain, reynolds: Float[AnyArray, ""]
 ) -> Float[AnyArray, "terms axes ..."]:
-    """Return Phi_xx (and Phi_xy, Phi_yy where there is lift) on the domain's faces.
+    """Return the coefficients of Phi on the domain's faces, in the order of ``far_powers``.
 
     Each of the nested lattices, ever coarser and larger, adds what lies outside the one before.
+    The terms of the highest order fall off fastest and are taken from the first lattice alone.
     """
-    inside, band, total = domain.lattice, 1.0, 0.0
-    for coarse in domain.far:
+    inside, band, total = domain.lattice, 1.0, {}
+    for level, coarse in enumerate(domain.far):
         inner = inside.profile(coarse.faces(), band)
-        total += _ring(domain, coarse, inner, reynolds)
+        order = domain.far_order if level == 0 else 2
+        for powers, field in _ring(domain, coarse, inner, reynolds, order).items():
+            total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
-    return total
+    return jnp.stack([total[powers] for powers in far_powers(domain)])
 
 
-def _ring(domain, coarse, inner, reynolds):
+def far_powers(domain: Domain) -> list[Powers]:
+    """Return the powers of the forces in the terms of Phi: of second order, then of third."""
+    forces = len(_force_axes(domain))
+    return [
+        powers
+        for order in range(2, domain.far_order + 1)
+        for powers in itertools.product(range(order, -1, -1), repeat=forces)
+        if sum(powers) == order
+    ]
+
+
+def _force_axes(domain):
+    """Return the axes of the forces: the first for the drag, the last for the lift."""
+    return (0,) if domain.modes.lift_index is None else (0, domain.lattice.dimension - 1)
+
+
+def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
     """Return the response to the flux between the domain ``inner`` and the edge of ``coarse``."""
     green = domain.green_function(coarse, reynolds)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 
-    def flux_outside(u):
-        """-div((W^2 - w^2) u u), W and w the blending functions outside and inside."""
-        return coarse.convect(outer * u) - coarse.convect(inner * u)
+    def flux(u):
+        """-div(W^2 u u), W the blending function of the coarse lattice."""
+        return coarse.convect(outer * u)
 
-    u_x = green(_unit_force(coarse, 0, domain.FORCE_UNIT))
-    sources = [flux_outside(u_x)]
-    if domain.modes.lift_index is not None:
-        u_y = green(_unit_force(coarse, coarse.dimension - 1, domain.FORCE_UNIT))
-        sources += [
-            (flux_outside(u_x + u_y) - flux_outside(u_x - u_y)) / 2,
-            flux_outside(u_y),
-        ]
+    def flux_outside(u):
+        """-div((W^2 - w^2) u u), w the blending function of the domain."""
+        return flux(u) - coarse.convect(inner * u)
+
+    axes = _force_axes(domain)
+    powers = [tuple(int(own == axis) for own in axes) for axis in axes]
+    first = {
+        power: green(_unit_force(coarse, axis, domain.FORCE_UNIT))
+        for power, axis in zip(powers, axes, strict=True)
+    }
+    sources = _products(flux_outside, first, first)
+    if order > 2:
+        second = {power: green(source) for power, source in _products(flux, first, first).items()}
+        cross = _products(flux_outside, first, second)
+        sources |= {power: 2 * source for power, source in cross.items()}
     refine = refinement(domain.lattice, coarse)
-    return jnp.stack([refine(green(source)) for source in sources])
+    return {power: refine(green(source)) for power, source in sources.items()}
+
+
+def _products(flux, a: Polynomial, b: Polynomial) -> Polynomial:
+    """Return the symmetric bilinear form of a quadratic ``flux``, for two polynomials."""
+    total: Polynomial = {}
+    for (p, u), (q, v) in itertools.product(a.items(), b.items()):
+        power = tuple(map(sum, zip(p, q, strict=True)))
+        total[power] = total.get(power, 0.0) + (flux(u + v) - flux(u - v)) / 4
+    return total
 
 
 def far_velocity(
-    response: Float[AnyArray, "terms axes ..."], force: Float[AnyArray, " 2"]
+    response: Float[AnyArray, "terms axes ..."],
+    force: Float[AnyArray, " forces"],
+    powers: list[Powers],
 ) -> Float[AnyArray, "axes ..."]:
-    """Return the velocity in the domain due to the flux outside it, for a total force."""
-    products = jnp.stack([force[0] ** 2, force[0] * force[1], force[1] ** 2])
-    return jnp.tensordot(products[: response.shape[0]], response, axes=1)
+    """Return the velocity Phi in the domain due to the flux outside it, for a total force.
+
+    Args:
+      response: coefficients from ``far_response``.
+      force: drag, and lift where the powers have two.
+      powers: from ``far_powers``.
+    """
+    terms = [math.prod(f**p for f, p in zip(force, power, strict=False)) for power in powers]
+    return jnp.tensordot(jnp.stack(terms), response, axes=1)
 
 
 def _unit_force(coarse, own, unit):

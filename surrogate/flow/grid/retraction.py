@@ -1,7 +1,7 @@
-"""Retraction: how far inside the body markers must lie for the fluid to rest on the wall.
+"""Retraction: how far inside a smeared wall the fluid rests.
 
 A force on the grid is smeared over a few cells. The smeared sheet of force at a wall lets the fluid
-slip there, unless its markers are moved into the body by a fraction R of a cell. ``retraction``
+slip there, as if the wall were further inside the body by a fraction R of a cell. ``retraction``
 derives R from the lattice; ``surrogate/flow/README.md`` has the derivation.
 """
 
@@ -72,12 +72,25 @@ def retract(
     Returns:
       The retracted markers in D, and R in cells where they are.
     """
-    step, h = np.array(lattice.step), mean_step(lattice)
+    h = mean_step(lattice)
 
     def moved(cells):
         return points - share * h * (cells + cells**2 * h * second_order) * unit
 
-    mean = retraction(unit)[:, None]
-    offset = moved(mean) / step - 0.5  # faces of the tangential velocity: half a cell off 0
-    cells = mean + jnp.sum(offset_correction(offset) * unit**2, axis=1, keepdims=True)
+    cells = retraction_at(lattice, moved(retraction(unit)[:, None]), unit)
     return moved(cells), cells
+
+
+def retraction_at(
+    lattice: Lattice, points: Float[AnyArray, "nodes axes"], unit: Float[AnyArray, "nodes axes"]
+) -> Float[Array, "nodes 1"]:
+    """Return R in cells at points of the grid, with its deviation from the mean.
+
+    Args:
+      lattice: the grid.
+      points: on the sheet, in D.
+      unit: its unit normals.
+    """
+    offset = points / np.array(lattice.step) - 0.5  # tangential velocity: half a cell off 0
+    correction = offset_correction(offset) * unit**2
+    return retraction(unit)[:, None] + jnp.sum(correction, axis=1, keepdims=True)

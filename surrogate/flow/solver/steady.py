@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import Domain, GreenFunction
-from surrogate.flow.grid.far import far_response, far_velocity
+from surrogate.flow.grid.far import far_powers, far_response, far_velocity
 from surrogate.flow.grid.immersed import Markers, Spreading
 from surrogate.flow.solver.newton import (
     Identity,
@@ -91,7 +91,7 @@ def flow_residual(
     velocity, amplitude = state
     blending = domain.lattice.cutoff().astype(velocity.dtype)
     source = operators.body.spread(amplitude) + domain.lattice.convect(blending * velocity)
-    far = far_velocity(operators.far, domain.forces(amplitude))
+    far = far_velocity(operators.far, domain.forces(amplitude), far_powers(domain))
     return velocity - operators.green(source) - far
 
 
