@@ -160,22 +160,22 @@ def errors_of(grid, domain):
 
 
 def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_up_are_not():
-    cancel, add = errors_of(0.005, -0.002), errors_of(0.005, 0.002)
+    cancel, add = errors_of(0.006, -0.002), errors_of(0.006, 0.002)
     assert (cancel.status, add.status) == ("accurate", "degraded")
-    assert cancel.expected_error == pytest.approx(0.0027, rel=0.01)  # 0.9 root of 2^2 + 2^2 + 1^2
-    assert add.expected_error == pytest.approx(0.00576, rel=0.01)  # of 6^2 + 2^2 + 1^2
-    bound = MODEL.SAFETY.drag / MODEL.EXPECTED * add.expected_error
-    assert add.estimated_error == pytest.approx(bound)
-    # in per mille, 1.3 root of 6^2 + 2^2 + 2.1^2, the last for the layer; and of 6^2 + 2^2, half of
-    # that again, as the lift's error means a moment, and 1.1^2
-    assert add.estimated_lift_error == pytest.approx(0.0087, rel=0.01)
-    assert add.estimated_moment_error == pytest.approx(0.0102, rel=0.01)
+    # in per mille, roots of 1^2 + 1^2 and of 5^2 + 1^2, and of 0.5^2 and 0.28^2, for the layer
+    assert cancel.expected_error == pytest.approx(0.00152, rel=0.01)
+    assert add.expected_error == pytest.approx(0.00513, rel=0.01)
+    assert add.estimated_error == pytest.approx(2 * add.expected_error)
+    # twice the root of 5^2 + 1^2 + 1.12^2, at Cd 2; and of 5^2 + 1^2, a quarter of that again, as
+    # the lift's error means a moment, and 0.56^2
+    assert add.estimated_lift_error == pytest.approx(0.01045, rel=0.01)
+    assert add.estimated_moment_error == pytest.approx(0.01146, rel=0.01)
     assert add.sufficient == "fine"
 
 
 def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_tolerance():
     def solve(fidelity):
-        return Loads(1 + 0.03 * (10 / fidelity.cells) ** 2, 0.0, 0.0)
+        return Loads(1 + 0.06 * (10 / fidelity.cells) ** 2, 0.0, 0.0)
 
     found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2, 0.5)
     assert (found.status, found.sufficient) == ("degraded", "standard")

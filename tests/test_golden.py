@@ -28,13 +28,13 @@ def solve(shape, reynolds, fidelity="standard", stream="unbounded"):
 
 @pytest.mark.parametrize("reynolds", UNBOUNDED)
 def test_golden_unbounded_cylinder(reynolds):
-    assert solve(CYLINDER, reynolds).drag == pytest.approx(UNBOUNDED[reynolds], rel=0.0025)
+    assert solve(CYLINDER, reynolds).drag == pytest.approx(UNBOUNDED[reynolds], rel=0.002)
 
 
 @pytest.mark.parametrize(("height", "reynolds"), TUNNEL)
 def test_golden_tunnel_cylinder(height, reynolds):
     drag = solve(CYLINDER, reynolds, "draft", Tunnel(height)).drag
-    assert drag == pytest.approx(TUNNEL[height, reynolds], rel=0.012)
+    assert drag == pytest.approx(TUNNEL[height, reynolds], rel=0.004)
 
 
 def test_golden_pressure_and_friction_drag_of_the_cylinder():
@@ -52,30 +52,30 @@ def test_golden_fine_grid_is_within_a_thousandth(reynolds):
 
 
 def test_order_of_the_drag_in_a_tunnel():
-    """Second order: between walls the domain is cut off along the stream only."""
-    cells = (8, 12, 18)
-    errors = [
-        solve(CYLINDER, 1.0, Fidelity("", n, 3, 5, 8), Tunnel(8.0)).drag / 18.412 - 1 for n in cells
-    ]
-    coarse, fine = np.array(errors[:2]), np.array(errors[1:])
-    limit = np.mean((fine * 1.5**2 - coarse) / (1.5**2 - 1))
-    rates = np.log(np.abs(coarse - limit) / np.abs(fine - limit)) / np.log(1.5)
-    assert abs(limit) < 5e-4, f"errors {errors}, limit {limit}"
-    assert min(rates) > 1.8, f"errors {errors}, limit {limit}, rates {rates}"
+    """With the slip law on the wall errors at low Re are of third order."""
+
+    def drag(cells):
+        return solve(CYLINDER, 1.0, Fidelity("", cells, 3, 5, 8), Tunnel(8.0)).drag
+
+    exact = drag(40)
+    errors = [abs(drag(cells) / exact - 1) for cells in (8, 12, 18)]
+    rates = [np.log(a / b) / np.log(1.5) for a, b in itertools.pairwise(errors)]
+    assert exact == pytest.approx(18.412, rel=3e-4)
+    assert min(rates) > 2.8, f"errors {errors}, rates {rates}"
 
 
 @pytest.mark.slow
 def test_order_of_the_drag_of_a_slender_body():
-    """Errors against a fine grid of the same domain."""
+    """At least second order, from a fine grid of the same domain."""
     body = family_shape({"aspect": 3.0, "beta2": -0.2, "beta3": 0.1, "beta4": 0.05})
 
     def drag(cells):
         return solve(body, 5.0, Fidelity("", cells, 2.5, 3.5, 4)).drag
 
     exact = drag(40)
-    errors = [abs(drag(cells) / exact - 1) for cells in (8, 12, 18)]
-    rates = [np.log(a / b) / np.log(1.5) for a, b in itertools.pairwise(errors)]
-    assert min(rates) > 1.6, f"errors {errors}, rates {rates}"
+    for cells in (8, 12, 18):  # beside a smooth error, one of where the sides lie in the grid
+        error = drag(cells) / exact - 1
+        assert abs(error) < 2e-3 * (8 / cells) ** 2, f"{cells} cells: {error}"
 
 
 def test_drag_is_smooth_in_the_tunnel_height():

@@ -36,6 +36,7 @@ LONG = {
     "extrapolated",
     "extremes",
     "extremes_lift",
+    "far_field",
     "flow_3d",
     "foreseen",
     "gradients",

@@ -46,6 +46,7 @@ MODULES = {  # the studies of every module
     "exports": "exports",
     "extremes": "extremes extremes_lift",
     "falls": "falls",
+    "far_field": "far_field",
     "incidence": "incidence incidence_elements elements_in_space",
     "infill": "infill",
     "lift": "lift random_sections",

@@ -292,17 +292,17 @@ def constants(run: Run) -> Iterator[Row]:
     yield from sweep("Fidelity.wake", (0.0, 0.1, 0.2, 0.4), what, wake_errors)
     what = "share of domain errors beyond SAFETY times their estimate: standard, "
     what += "aspect 0.5 to 2, Re 1 to 40"
-    for dimension, values in ((2, (0.3, 0.5, 0.7)), (3, (2.0, 3.0, 5.0, 8.0))):
+    for dimension, values in ((2, (0.2, 0.4, 0.6)), (3, (2.0, 3.0, 5.0, 8.0))):
         name, errors = f"DOMAIN_ERROR, {dimension}-D", partial(domains_uncovered, dimension)
         yield from sweep(name, values, what, errors)
     what = "error of Cd that the estimated errors of grid and domain leave, 2-D"
     for name, key, values in (
-        ("DOMAIN_ERROR, 2-D", "DOMAIN_ERROR", (0.0, 0.3, 0.5, 0.6)),
-        ("GRID_SHARE", "GRID_SHARE", (0.6, 0.8, 1.0)),
+        ("DOMAIN_ERROR, 2-D", "DOMAIN_ERROR", (0.0, 0.2, 0.4, 0.6)),
+        ("GRID_SHARE", "GRID_SHARE", (0.25, 0.5, 0.75, 1.0)),
     ):
         yield from sweep(name, values, what, partial(parts_left, key))
     what = "share of errors beyond their bound, 2-D"
-    yield from sweep("SPREAD", (2.5e-4, 5e-4, 1e-3, 2e-3), what, spread_uncovered)
+    yield from sweep("SPREAD", (1.25e-4, 2.5e-4, 5e-4, 1e-3), what, spread_uncovered)
     for dimension in (2, 3):
         what = "share of errors beyond it times the likely error"
         values, errors = (1.0, 1.25, 1.5, 2.0, 2.25, 2.5), partial(uncovered, dimension)

@@ -102,21 +102,21 @@ class ErrorModel2D(ErrorModel):
     """The error model in 2-D: a scheme of second order, and a larger domain for the domain's error.
 
     A larger domain shows the domain's error with its sign. The two parts partly cancel, so they are
-    added with their signs; to their sum's square are added those of the domain's part, which is
-    uncertain, and of a spread that neither part shows. The spread grows with the cell size over the
-    thickness of the thinnest boundary layer. Lift that goes wrong at the tail means a moment.
+    added with their signs; to their sum's square are added those of half the domain's part, which
+    is uncertain, and of a spread that neither part shows. The spread grows with the cell size over
+    the thickness of the thinnest boundary layer. Lift that goes wrong at the tail means a moment.
     """
 
-    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.5, 1.5
-    SAFETY = Loads(2.0, 1.3, 1.3)
-    GRID_SHARE = 0.8  # of the grid's error by its order: on half the cells it is not asymptotic
-    SPREAD, SPREAD_CELLS = 1e-3, 16  # of the drag over Cd, on grids of SPREAD_CELLS cells per D
-    LAYERS = Loads(0.8e-3, 3.8e-3, 2e-3)  # spreads over Cd on cells as large as the layer is thick
-    TAIL = 0.7  # D from the centroid, where an error of the lift acts
-    EXPECTED = 0.9  # over the likely error: with 1, more good flows are degraded (study ``trust``)
+    COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.4, 1.75
+    SAFETY = Loads(2.0, 2.0, 2.0)
+    GRID_SHARE = 0.5  # of the grid's error by its order, as the slip law's is of third order
+    DOMAIN_SPREAD = 0.5  # of the domain's error, by which it is uncertain
+    SPREAD, SPREAD_CELLS = 0.5e-3, 16  # of the drag over Cd, on grids of SPREAD_CELLS cells per D
+    LAYERS = Loads(1e-3, 2e-3, 1e-3)  # spreads over Cd on cells as large as the layer is thick
+    TAIL = 0.5  # D from the centroid, where an error of the lift acts
 
     def order(self, reynolds: float) -> float:
-        """Return 2, the order of the scheme."""
+        """Return 2, the order of the scheme where boundary layers are thin."""
         return 2.0
 
     def spreads(self, cells: int, reynolds: float, nose: float) -> Loads:
@@ -129,14 +129,15 @@ class ErrorModel2D(ErrorModel):
     def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
         """Return the likely errors by equation (9) of ``surrogate/flow/README.md``."""
         drag, lift, moment = (
-            math.hypot(self.GRID_SHARE * g + d, d) for g, d in zip(grid, domain, strict=True)
+            math.hypot(self.GRID_SHARE * g + d, self.DOMAIN_SPREAD * d)
+            for g, d in zip(grid, domain, strict=True)
         )
         seen = drag, lift, math.hypot(moment, self.TAIL * lift)
         return Loads(*map(math.hypot, seen, spreads))
 
     def margin(self, cells: int, reynolds: float) -> float:
-        """Return ``EXPECTED``, whatever the grid and Re."""
-        return self.EXPECTED
+        """Return 1: the likely error is the expected one."""
+        return 1.0
 
 
 class ErrorModel3D(ErrorModel):

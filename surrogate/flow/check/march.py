@@ -3,8 +3,8 @@
 Of the steady solver only the body's traction modes are used: no Green's function, no far field, no
 Newton. The box is periodic; a sponge layer before its end brings the flow back to the free stream,
 so rows of bodies H apart stand in the same stream (a tunnel of height H with slip walls, for a
-symmetric flow). Each step removes the slip on the body, but for that of the slip law on the wall; the impulse that
-does so is the force.
+symmetric flow). Each step removes the slip on the body, but for that of the slip law on the wall;
+the impulse that does so is the force.
 """
 
 import dataclasses

@@ -23,6 +23,9 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream, Tunnel, domain_height
 
 FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
+# Of the far field's flux in the force. The third order takes 2 convolutions more, with lift, where
+# it changes the loads less, 7 (study ``far_field``).
+FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
 # Of flows without a mirror plane (study ``lift``). Seven harmonics miss up to 9 % of Cd of the lift
 # of slender sections at Re 100.
 LIFTING_HARMONICS = 12 / 7
@@ -35,9 +38,14 @@ MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no g
 
 @dataclasses.dataclass(frozen=True)
 class Domain2D(Domain):
-    """A 2-D discrete flow; flows past bodies symmetric about y = 0 are solved on the upper half."""
+    """A 2-D discrete flow; flows past bodies symmetric about y = 0 are solved on the upper half.
+
+    Attributes:
+      far_order: order of the far field's momentum flux in the body's force, 2 or 3.
+    """
 
     slip_compliance: float = 1e-5
+    far_order: int = 2
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
@@ -121,21 +129,14 @@ class Domain2D(Domain):
             )
             box, extent = tuple(min(side) for side in sides), box_extent
         nodes = 2 * math.ceil(max(extent) * math.pi * cells / MARKER_SPACING)
-        return cls(lattice, far, _modes(fidelity, symmetric), box, nodes, height)
+        order = FAR_ORDER if symmetric else LIFTING_FAR_ORDER
+        modes = _modes(fidelity, symmetric)
+        return cls(lattice, far, modes, box, nodes, height, far_order=order)
 
     @property
     def mirrored(self) -> bool:
         """Whether G must carry the images of the body in the tunnel's walls explicitly."""
         return self.height is not None and not self.modes.symmetric
-
-    @property
-    def far_order(self) -> int:
-        """The order of the far field's flux in the force: 3, or 2 with lift, to save convolutions.
-
-        The third order takes one more convolution a coarse force and source, with lift three and
-        four. It changes Cd by up to 0.2 % at Re 5 to 50 (study ``constants``).
-        """
-        return 3 if self.modes.symmetric else 2
 
     @property
     def operators_are_small(self) -> bool:
