@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from elements import continuation, ngsolve
 from lifting_elements import raise_reynolds, section_at_rest
