@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from run import RESULTS
-from studies import accelerator, lift_designs, particle, training
+from studies import accelerator, lift_designs, particle, training, trust
 from study import Result, words
 from tools import mean_and_most
 
@@ -121,9 +121,10 @@ def _flow(result):
 
     sections = [row for row in result("random_sections")["rows"] if row["fidelity"] == "standard"]
     form = (
-        "The flow, standard grid, against body-fitted finite elements: Cd of the cylinder differs "
-        "by {cylinder[0]:.2%} on average and {cylinder[1]:.2%} at most (Re 1 to 40; also in "
-        "tunnels), that of {count} random sections at incidence by {cd[0]:.2%} and {cd[1]:.2%}, "
+        "The flow, standard grid, against body-fitted finite elements: Cd of the cylinder (Re 1 to "
+        "40, also in tunnels) differs by {cylinder[0]:.2%} on average and {cylinder[1]:.2%} at "
+        "most, of {symmetric} random symmetric bodies by {random[0]:.2%} and {random[1]:.2%}, of "
+        "{count} random sections at incidence by {cd[0]:.2%} and {cd[1]:.2%}, "
         "their Cl by {cl[0]:.2%} and {cl[1]:.2%} of Cd; in 3-D Cd of the sphere by {sphere[1]:.2%} "
         "at most (Re 0.1 to 100), of {revolved} other bodies of revolution by {aspect[1]:.2%}, of "
         "ellipsoids in Stokes flow (Oberbeck, exact) by {ellipsoids[1]:.2%}."
@@ -132,8 +133,11 @@ def _flow(result):
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
     off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in ("cd", "cl")}
     off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
+    bodies = trust.against_elements(result("trust"))
+    off["random"] = mean_and_most(row["error"] for row in bodies)
     revolved = len(standard("flow_3d", "aspect"))
-    return words(form, count=len(sections), revolved=revolved, **off)
+    numbers = {"count": len(sections), "revolved": revolved, "symmetric": len(bodies)}
+    return words(form, **numbers, **off)
 
 
 def _shipped():

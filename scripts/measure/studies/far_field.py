@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from run import RESULTS
 from studies.lift import BODIES
-from studies.trust import rows_of
+from studies.trust import against_elements
 from study import TINY, Row, Run, Study, Table, cases, columns
 from tools import name_of
 
@@ -29,10 +29,9 @@ CASES = cases(kind=KINDS, order=(2, 3))
 
 def symmetric_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
     """Yield the symmetric bodies of ``trust`` with their Re and loads, by elements."""
-    for row in rows_of(_record("trust")):
-        if row["kind"] == "symmetric" and row.get("error") is not None:
-            truth = row["drag"] / (1 + row["error"])
-            yield family_shape(row["parameters"]), row["reynolds"], np.array([truth, 0.0, 0.0])
+    for row in against_elements(_record("trust")):
+        truth = row["drag"] / (1 + row["error"])
+        yield family_shape(row["parameters"]), row["reynolds"], np.array([truth, 0.0, 0.0])
 
 
 def lifting_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:

@@ -201,6 +201,12 @@ def rows_of(result: Result) -> list[Row]:
     ]
 
 
+def against_elements(result: Result) -> list[Row]:
+    """Return the rows of ``trust`` whose error is against elements, each body once."""
+    rows = [row for row in rows_of(result) if row["kind"] == "symmetric"]
+    return [row for row in rows if row.get("error") is not None]
+
+
 def _old(row: Row) -> Row:
     likely, lift = row.get("likely"), row.get("lift_likely")
     if likely is None:
