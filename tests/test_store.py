@@ -197,24 +197,24 @@ def test_the_shipped_surrogate_is_the_best_of_those_that_ship():
 
 def test_a_surrogate_of_another_plan_is_not_taken_for_it():
     record = load("pretrained:sip").record | {"held_out": 128}  # measured on more since
-    assert plan_differences(make_plan(None, "sip", seed=2), record) == ""
+    assert plan_differences(make_plan(None, "sip", seed=0), record) == ""
     narrow = Scene(family=Family(**dict(Family().ranges) | {"aspect": (1, 3)}))
     others = {
         "samples 256, not 64; held-out bodies 128, not 48; iterations 400, not 160": make_plan(
-            None, "sip", "quick", seed=2
+            None, "sip", "quick", seed=0
         ),
-        "method sip, not hig; iterations 400, not 100": make_plan(None, "hig", seed=2),
-        "seed 2, not 1": make_plan(None, "sip", seed=1),
-        "samples 256, not 64": make_plan(None, "sip", samples=64, seed=2),
-        "published False, not True": make_plan(None, "sip", published=True, seed=2),
-        "budget in seconds none, not 9": make_plan(None, "sip", budget_seconds=9, seed=2),
-        "family aspect 1 to 5, not 1 to 3": make_plan(narrow, "sip", seed=2),
-        "reynolds 1 to 40, not 1 to 20": make_plan(Scene(reynolds=(1, 20)), "sip", seed=2),
+        "method sip, not hig; iterations 400, not 100": make_plan(None, "hig", seed=0),
+        "seed 0, not 1": make_plan(None, "sip", seed=1),
+        "samples 256, not 64": make_plan(None, "sip", samples=64, seed=0),
+        "published False, not True": make_plan(None, "sip", published=True, seed=0),
+        "budget in seconds none, not 9": make_plan(None, "sip", budget_seconds=9, seed=0),
+        "family aspect 1 to 5, not 1 to 3": make_plan(narrow, "sip", seed=0),
+        "reynolds 1 to 40, not 1 to 20": make_plan(Scene(reynolds=(1, 20)), "sip", seed=0),
     }
     for words, plan in others.items():
         assert plan_differences(plan, record) == words
     unfinished = {**record, "iterations": 7}
-    assert "7, not 400" in plan_differences(make_plan(None, "sip", seed=2), unfinished)
+    assert "7, not 400" in plan_differences(make_plan(None, "sip", seed=0), unfinished)
 
 
 def test_a_surrogate_of_large_error_says_so_when_it_is_loaded(folder):
