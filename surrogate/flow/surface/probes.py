@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 
 # Cells off the wall at which a field is probed and from which it is extrapolated to the wall.
-# Vorticity is probed clear of the smeared force (two cells, less the retraction), where it is
-# smooth; pressure, which is smoother, from 1.5 cells (study ``constants``).
+# Vorticity is probed clear of the smeared force (two cells), where it is smooth; pressure, which is
+# smoother, from 1.5 cells (study ``constants``).
 VORTICITY_PROBES = (2.5, 3.5, 4.5)
 PRESSURE_PROBES = (1.5, 2.5, 3.5)
 
