@@ -86,10 +86,10 @@ def explain_scene(
             f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
             f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a domain "
             f"{sides} D ({cells} cells{f' in its {part}' if part else ''}), where "
-            "the flow is non-linear; outside it the Oseen Green's function G and the far field's "
-            f"momentum flux are exact to F^2. Made for drags within {100 * f.tolerance:g} % over "
-            f"{words.tested}; every solved flow says whether it meets this, with its expected "
-            "error and a bound that is made to cover 95 % of the errors.",
+            "the flow is non-linear; outside it are the Oseen Green's function G and the momentum "
+            "flux of the far field, a power series in the body's force. Made for drags within "
+            f"{100 * f.tolerance:g} % over {words.tested}; every solved flow says whether it meets "
+            "this, with its expected error and a bound that is made to cover 95 % of the errors.",
             f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",

@@ -22,7 +22,7 @@ from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.loads import drag, lift, moment
 from surrogate.flow.solver.steady import assemble, body_flow
 
-RANGES = ((0.0, 1.0), (1.0, 5.0), (5.0, 20.0), (20.0, 45.0))  # of Re
+RANGES = ((0.0, 1.0), (1.0, 5.0), (5.0, 20.0), (20.0, 45.0), (45.0, 200.0))  # of Re
 KINDS = ("symmetric", "with lift")
 CASES = cases(kind=KINDS, order=(2, 3))
 

@@ -13,7 +13,6 @@ from tools import bounds_of, name_of
 from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
 from surrogate.scene.samples import held_out_samples
 
-# no constant of the flow itself is fitted to them
 BODIES: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
     ({"aspect": 1.5, "beta2": 0.15, "gamma2": 0.15, "incidence": 8.0}, (1.0, 40.0)),
     ({"aspect": 2.0, "incidence": 10.0}, (1.0, 20.0)),

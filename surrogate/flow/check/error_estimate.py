@@ -29,8 +29,9 @@ class ErrorEstimate(NamedTuple):
       estimated_lift_error: bound of the error of Cl itself, made to cover 95 % of the errors.
       estimated_moment_error: bound of the error of Cm itself, as that of Cl.
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
-      extrapolated_drag: limit of the two grids' drags (Richardson 1911); None where the coarser
-        grid has too few cells. Of the named fidelities only fine has one.
+      extrapolated_drag: limit of the two grids' drags (Richardson 1911), by the fitted share of
+        the grid's error; None where the coarser grid has too few cells. Of the named fidelities
+        only fine has one.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -62,6 +63,7 @@ class ErrorModel(abc.ABC):
     OTHER_DOMAIN: ClassVar[float]  # sides of the other domain, as a multiple of the own
     DOMAIN_ERROR: ClassVar[float]  # the domain's error there over that in the own one
     SAFETY: ClassVar[Loads]  # bound over likely error of each load
+    GRID_SHARE: ClassVar[float]  # of the grid's error by its order that is left on average
     TALLEST: ClassVar[float]  # D across the stream, the tallest body of the tests of tolerances
 
     @abc.abstractmethod
@@ -99,7 +101,7 @@ class ErrorModel(abc.ABC):
 
 
 class ErrorModel2D(ErrorModel):
-    """The error model in 2-D: a scheme of second order, and a larger domain for the domain's error.
+    """The error model in 2-D: the errors of grid and domain with their signs, and a spread.
 
     A larger domain shows the domain's error with its sign. The two parts partly cancel, so they are
     added with their signs; to their sum's square are added those of half the domain's part, which
@@ -109,7 +111,7 @@ class ErrorModel2D(ErrorModel):
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.4, 1.75
     SAFETY = Loads(2.0, 2.0, 2.0)
-    GRID_SHARE = 0.5  # of the grid's error by its order, as the slip law's is of third order
+    GRID_SHARE = 0.5  # fitted; errors of third order, as at low Re, would leave 3/7
     DOMAIN_SPREAD = 0.5  # of the domain's error, by which it is uncertain
     SPREAD, SPREAD_CELLS = 0.5e-3, 16  # of the drag over Cd, on grids of SPREAD_CELLS cells per D
     LAYERS = Loads(1e-3, 2e-3, 1e-3)  # spreads over Cd on cells as large as the layer is thick
@@ -148,7 +150,7 @@ class ErrorModel3D(ErrorModel):
     """
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 2 / 3, 5 / 6, 5.0, 1.65
-    SAFETY = Loads(2.25, 2.25, 2.25)
+    SAFETY, GRID_SHARE = Loads(2.25, 2.25, 2.25), 1.0
     FEW_CELLS = 1.25  # margin on grids of few cells: with 1, errors exceed the tolerance by a sixth
     THIN_LAYERS = 2.5  # margin where boundary layers are thin: errors reach 2.2 times the likely
 
@@ -213,7 +215,8 @@ def estimate_error(
     margin = model.margin(coarser.cells, reynolds)
     expected = margin * likely.drag
     bounds = [safety * each for safety, each in zip(model.SAFETY, likely, strict=True)]
-    limit = loads.drag * (1 - of_grid[0]) if coarser.cells >= ASYMPTOTIC_CELLS else None
+    resolved = coarser.cells >= ASYMPTOTIC_CELLS
+    limit = loads.drag * (1 - model.GRID_SHARE * of_grid[0]) if resolved else None
     size = loads.drag if loads.lift else 0.0  # of symmetric bodies lift and moment are exact
     known = expected, max(expected, bounds[0]), *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:

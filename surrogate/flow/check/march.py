@@ -1,10 +1,10 @@
 """An independent check: jax-cfd marches the same immersed 2-D body in time, in a periodic box.
 
-Of the steady solver only the body's traction modes are used: no Green's function, no far field, no
-Newton. The box is periodic; a sponge layer before its end brings the flow back to the free stream,
-so rows of bodies H apart stand in the same stream (a tunnel of height H with slip walls, for a
-symmetric flow). Each step removes the slip on the body, but for that of the slip law on the wall;
-the impulse that does so is the force.
+Of the steady solver only the traction modes and the slip law are used: no Green's function, no far
+field, no Newton. The box is periodic; a sponge layer before its end brings the flow back to the
+free stream, so rows of bodies H apart stand in the same stream (a tunnel of height H with slip
+walls, for a symmetric flow). Each step brings the slip on the wall to that of the slip law; the
+impulse that does so is the force.
 """
 
 import dataclasses
@@ -69,7 +69,7 @@ class Marcher(NamedTuple):
     Attributes:
       markers: of the body.
       body: the spread modes.
-      reynolds: U D / nu, on which the slip law on the wall depends.
+      reynolds: U D / nu, of the flow and of the slip law in ``inverse``.
       impulse: velocity that a unit impulse of every mode causes.
       inverse: matrix from a slip to the impulses that bring it to the slip law, but for their sign.
     """
@@ -106,8 +106,8 @@ def make_marcher(
 ) -> Marcher:
     """Return the arrays that all steps of a march share, for a body with these markers.
 
-    The impulse of every mode is projected once; their slips make the matrix that removes the slip,
-    but for what the slip law allows: it is implicit in time.
+    The impulse of every mode is projected once; their slips make the matrix that brings the slip to
+    that of the slip law, which is taken at the end of the step (implicit in time).
 
     Args:
       box: size and resolution.

@@ -23,8 +23,8 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream, Tunnel, domain_height
 
 FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
-# Of the far field's flux in the force. The third order takes 2 convolutions more, with lift, where
-# it changes the loads less, 7 (study ``far_field``).
+# Orders of the far field's momentum flux in the body's force. The third takes 2 convolutions, and 7
+# with lift, where it changes Cd half as much (study ``far_field``).
 FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
 # Of flows without a mirror plane (study ``lift``). Seven harmonics miss up to 9 % of Cd of the lift
 # of slender sections at Re 100.
@@ -45,7 +45,7 @@ class Domain2D(Domain):
     """
 
     slip_compliance: float = 1e-5
-    far_order: int = 2
+    far_order: int = LIFTING_FAR_ORDER
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)

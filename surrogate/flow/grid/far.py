@@ -1,6 +1,7 @@
 """The far field: the non-linear momentum flux outside the computational domain, as a power series.
 
-Far from the body the perturbation is a series in the total force F: the Oseenlets F_i u_i, then the
+Far from the body the perturbation is, but for the moments of the force, a series in the total force
+F: the Oseenlets F_i u_i, then the
 velocity F_i F_j u_ij that their momentum flux causes, and so on. So the flux outside the domain is
 a polynomial of F, and so is its response Phi inside,
 
@@ -71,11 +72,11 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
 
     def flux(u):
-        """-div(W^2 u u), W the blending function of the coarse lattice."""
+        """Return -div(W^2 u u), W the blending function of the coarse lattice."""
         return coarse.convect(outer * u)
 
     def flux_outside(u):
-        """-div((W^2 - w^2) u u), w the blending function of the domain."""
+        """Return -div((W^2 - w^2) u u), w the blending function of the domain."""
         return flux(u) - coarse.convect(inner * u)
 
     axes = _force_axes(domain)
@@ -94,7 +95,7 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
 
 
 def _products(flux, a: Polynomial, b: Polynomial) -> Polynomial:
-    """Return the symmetric bilinear form of a quadratic ``flux``, for two polynomials."""
+    """Return B(a, b), where B(u, u) = flux(u), as a polynomial of the forces."""
     total: Polynomial = {}
     for (p, u), (q, v) in itertools.product(a.items(), b.items()):
         power = tuple(map(sum, zip(p, q, strict=True)))
@@ -104,14 +105,14 @@ def _products(flux, a: Polynomial, b: Polynomial) -> Polynomial:
 
 def far_velocity(
     response: Float[AnyArray, "terms axes ..."],
-    force: Float[AnyArray, " forces"],
+    force: Float[AnyArray, " 2"],
     powers: list[Powers],
 ) -> Float[AnyArray, "axes ..."]:
     """Return the velocity Phi in the domain due to the flux outside it, for a total force.
 
     Args:
       response: coefficients from ``far_response``.
-      force: drag, and lift where the powers have two.
+      force: drag and lift; the lift is unused where the powers have that of the drag alone.
       powers: from ``far_powers``.
     """
     terms = [math.prod(f**p for f, p in zip(force, power, strict=False)) for power in powers]

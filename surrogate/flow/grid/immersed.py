@@ -25,7 +25,7 @@ class Wall(NamedTuple):
     """The discretised surface of a body: markers, the traction of every mode there, and slip law.
 
     Attributes:
-      points: where forces are spread, in D: the markers, retracted into the body.
+      points: where forces are spread, in D: the markers, in 3-D at high Re moved into the body.
       values: traction of every mode at the markers.
       weights: quadrature weights of the markers.
       normal: outward area vectors per unit surface parameter.
@@ -171,7 +171,7 @@ def slip_law(
 
     A sheet of traction t on the wall itself moves the fluid there as if the wall were R h further
     in: the spline-weighted mean of a true flow's velocity, which does not slip, is -R h Re t.
-    Unlike retraction this leaves the fluid inside the body at rest and the wall tight.
+    Unlike retracted markers this leaves the fluid inside the body at rest and the wall tight.
 
     Args:
       values: traction of every mode at the markers, per unit surface parameter.

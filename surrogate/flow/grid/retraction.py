@@ -58,7 +58,7 @@ def retract(
     points: Float[AnyArray, "nodes axes"],
     unit: Float[AnyArray, "nodes axes"],
     second_order: Float[AnyArray, ""] | float,
-    share: Float[AnyArray, ""] | float = 1.0,
+    share: Float[AnyArray, ""] | float,
 ) -> tuple[Float[Array, "nodes axes"], Float[Array, "nodes 1"]]:
     """Move markers into the body by R h (1 + R h c), of which only a share is taken.
 

@@ -39,7 +39,8 @@ class Operators(eqx.Module):
 
     Attributes:
       green: the Green's function G.
-      far: responses Phi_xx, ... to the momentum flux outside the domain.
+      far: coefficients of Phi, the response to the momentum flux outside the domain; their order
+        is that of ``far_powers``.
       body: the spreading operator B and its transpose S.
       response: G B, which preconditions and starts the solvers only.
       markers: the body's surface markers, on which loads are evaluated.
