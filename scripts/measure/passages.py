@@ -43,7 +43,7 @@ def duration(result: Callable[[str], Result]) -> str:
 def payoff(result: Callable[[str], Result]) -> str:
     """Return the table of strategies, with the errors of rivals that are fitted to flows."""
     form = (
-        "Means over {count} designs, each a local optimum of the flow itself; trainings on "
+        "Means over {count} designs, each a local optimum of the flow; trainings on "
         "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
         "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to {bodies} "
         "flows, gradient-enhanced kriging errs by {off[gradient-enhanced kriging]} on average, "
@@ -121,13 +121,13 @@ def _flow(result):
 
     sections = [row for row in result("random_sections")["rows"] if row["fidelity"] == "standard"]
     form = (
-        "The flow, standard grid, against body-fitted finite elements: Cd of the cylinder (Re 1 to "
-        "40, also in tunnels) differs by {cylinder[0]:.2%} on average and {cylinder[1]:.2%} at "
-        "most, of {symmetric} random symmetric bodies by {random[0]:.2%} and {random[1]:.2%}, of "
-        "{count} random sections at incidence by {cd[0]:.2%} and {cd[1]:.2%}, "
+        "The flow, standard grid, against body-fitted finite elements: Cd of the cylinder (also in "
+        "tunnels) differs by {cylinder[0]:.2%} on average and {cylinder[1]:.2%} at most, of "
+        "{symmetric} random symmetric bodies by {random[0]:.2%} and {random[1]:.2%}, of {count} "
+        "random sections at incidence by {cd[0]:.2%} and {cd[1]:.2%}, "
         "their Cl by {cl[0]:.2%} and {cl[1]:.2%} of Cd; in 3-D Cd of the sphere by {sphere[1]:.2%} "
-        "at most (Re 0.1 to 100), of {revolved} other bodies of revolution by {aspect[1]:.2%}, of "
-        "ellipsoids in Stokes flow (Oberbeck, exact) by {ellipsoids[1]:.2%}."
+        "at most, of {revolved} other bodies of revolution by {aspect[1]:.2%}, of "
+        "ellipsoids in Stokes flow (Oberbeck) by {ellipsoids[1]:.2%}."
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
