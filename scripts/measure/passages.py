@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from run import RESULTS
-from studies import accelerator, lift_designs, particle, training, trust
+from studies import accelerator, far_field, lift_designs, particle, training
 from study import Result, words
 from tools import mean_and_most
 
@@ -133,10 +133,9 @@ def _flow(result):
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
     off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in ("cd", "cl")}
     off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
-    bodies = trust.against_elements(result("trust"))
-    off["random"] = mean_and_most(row["error"] for row in bodies)
+    bodies, *off["random"] = far_field.symmetric_errors(result("far_field"))
     revolved = len(standard("flow_3d", "aspect"))
-    numbers = {"count": len(sections), "revolved": revolved, "symmetric": len(bodies)}
+    numbers = {"count": len(sections), "revolved": revolved, "symmetric": bodies}
     return words(form, **numbers, **off)
 
 

@@ -14,11 +14,12 @@ import numpy as np
 from run import RESULTS
 from studies.lift import BODIES
 from studies.trust import against_elements
-from study import TINY, Row, Run, Study, Table, cases, columns
+from study import TINY, Result, Row, Run, Study, Table, cases, columns
 from tools import name_of
 
 from surrogate import FIDELITIES, Fidelity, NotConverged, Shape, Unbounded, family_shape
 from surrogate.flow.grid.discretise import fitted_domain
+from surrogate.flow.grid.domain_2d import FAR_ORDER
 from surrogate.flow.loads import drag, lift, moment
 from surrogate.flow.solver.steady import assemble, body_flow
 
@@ -97,6 +98,14 @@ def measure(run: Run, kind: str, order: int) -> list[Row]:
             row |= {name: errors[:, k].mean(), f"{name}_most": errors[:, k].max()}
         found.append(row)
     return found
+
+
+def symmetric_errors(result: Result) -> tuple[int, float, float]:
+    """Return the number of symmetric bodies, and the mean and the largest error of their Cd."""
+    rows = [row for row in result["rows"] if row["kind"] == KINDS[0] and row["order"] == FAR_ORDER]
+    flows = [row["flows"] for row in rows]
+    mean = np.average([row["cd"] for row in rows], weights=flows)
+    return sum(flows), float(mean), max(row["cd_most"] for row in rows)
 
 
 COLUMNS = columns(
