@@ -19,8 +19,11 @@ from studies import onset_2d, optima, three_loads
 from studies.designs import SYMMETRIC
 from study import Run, Study, Table, columns
 
-from surrogate import Family, InvalidInput
+from surrogate import Family, InvalidInput, Scene
+from surrogate.model.inputs import scene_inputs
+from surrogate.model.kriging import Observation
 from surrogate.scene.cost import CONVOLUTIONS
+from surrogate.scene.samples import held_out_samples
 
 LONG = {
     "accelerator",
@@ -325,3 +328,20 @@ def test_comparison_with_the_literature():
     assert cylinder == pytest.approx(sum(optima.CYLINDER), rel=1e-3)
     for name in (f"{where}: aspect", "Re 40, body-fitted adjoint: gain, %"):
         assert rows[name]["agrees"] == "yes"
+
+
+@pytest.mark.parametrize("name", rivals.rivals())
+def test_rivals_fitted_to_known_drags_return_them(name):
+    """Of 64 bodies, whose log Cd is linear in the parameters and in log Re."""
+    scene = Scene()
+    samples = held_out_samples(scene, 0, 64)
+    inputs, slopes = scene_inputs(scene), np.array([[-0.2, 0.05, 0.0, 0.02, -0.7]])
+    at = np.column_stack([samples.parameters, np.log(samples.reynolds)])
+    drags = np.exp(2.0 + at @ slopes[0])
+    flows = [
+        Observation(*body, np.array([drag]), slopes)
+        for *body, drag in zip(*samples, drags, strict=True)
+    ]
+    z = np.asarray(jax.vmap(inputs)(*samples))
+    predict = rivals.rivals()[name](rivals.Solved(inputs, z, flows))
+    np.testing.assert_allclose(predict(z), np.log(drags), atol=0.02)

@@ -64,7 +64,7 @@ def rivals() -> dict[str, Fit]:
 def _with_slopes(solved: Solved) -> Predictor:
     """Return the predictions of gradient-enhanced kriging, which leads designs without training."""
     model = kriging(solved.observations, solved.inputs)
-    predict = jax.jit(jax.vmap(model.log_drag))
+    predict = jax.jit(jax.vmap(lambda z: model.outputs(z)[0]))
     return lambda z: np.asarray(predict(jnp.asarray(z)))
 
 
