@@ -4,14 +4,13 @@ The bodies and their elements are those of the records of ``trust`` (symmetric) 
 """
 
 import dataclasses
-import json
 from collections.abc import Iterator
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from run import RESULTS
+from studies.constants import record
 from studies.lift import BODIES
 from studies.trust import against_elements
 from study import TINY, Result, Row, Run, Study, Table, cases, columns
@@ -30,7 +29,7 @@ CASES = cases(kind=KINDS, order=(2, 3))
 
 def symmetric_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
     """Yield the symmetric bodies of ``trust`` with their Re and loads, by elements."""
-    for row in against_elements(_record("trust")):
+    for row in against_elements(record("trust")):
         truth = row["drag"] / (1 + row["error"])
         yield family_shape(row["parameters"]), row["reynolds"], np.array([truth, 0.0, 0.0])
 
@@ -38,16 +37,12 @@ def symmetric_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
 def lifting_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
     """Yield the bodies of ``lift`` with their Re and loads, by elements."""
     parameters = {name_of(body): body for body, _ in BODIES}
-    for row in _record("lift")["rows"]:
+    for row in record("lift")["rows"]:
         if row["fidelity"] == "standard":
             drag = row["cd"] / (1 + row["cd_error"])
             loads = (row[name] - row[f"{name}_error"] * drag for name in ("cd", "cl", "cm"))
             body = family_shape(parameters[row["body"]])
             yield body, row["reynolds"], np.array([*loads])
-
-
-def _record(name):
-    return json.loads((RESULTS / f"{name}.json").read_text())["result"]
 
 
 @partial(jax.jit, static_argnames="domain")
