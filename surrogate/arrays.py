@@ -1,11 +1,11 @@
-"""Types of arguments: arrays of JAX or NumPy, numbers, parameters of one body or many."""
+"""Types of arguments (arrays, numbers, bodies), and operations that several packages need."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float, Int
+from jaxtyping import ArrayLike, Bool, Float, Int, PyTree
 
 AnyArray = jax.Array | np.ndarray
 Number = float | np.number | AnyArray  # one number; an array of shape () as well
@@ -28,3 +28,16 @@ def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _
     """
     size = 2 ** (max(len(bodies), 1) - 1).bit_length()
     return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))
+
+
+def compute_where(wanted: Bool[AnyArray, ""], compute: Callable, otherwise: PyTree) -> PyTree:
+    """Return ``compute()`` where ``wanted``, else ``otherwise``.
+
+    It is not computed if no body of the batch wants it: a loop of one iteration or none, since
+    under ``vmap`` ``lax.cond`` would compute both branches.
+    """
+
+    def step(_):
+        return jnp.zeros_like(wanted), compute()
+
+    return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]

@@ -189,19 +189,6 @@ def _sum_over_devices(leaf):
     return total.astype(leaf.dtype)
 
 
-def compute_where(wanted: Bool[Array, ""], compute: Callable, otherwise: PyTree) -> PyTree:
-    """Return ``compute()`` where ``wanted``, else ``otherwise``.
-
-    It is not computed if no body of the batch wants it: a loop of one iteration or none, since
-    under ``vmap`` ``lax.cond`` would compute both branches.
-    """
-
-    def step(_):
-        return jnp.zeros_like(wanted), compute()
-
-    return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]
-
-
 def partition_bodies(devices: Devices, estimated_cost: Float[AnyArray, " bodies"]) -> Partition:
     """Assign bodies to devices in descending order of estimated cost, in alternating direction.
 

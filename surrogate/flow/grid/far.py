@@ -1,9 +1,8 @@
 """The far field: the non-linear momentum flux outside the computational domain, as a power series.
 
 Far from the body the perturbation is, but for the moments of the force, a series in the total force
-F: the Oseenlets F_i u_i, then the
-velocity F_i F_j u_ij that their momentum flux causes, and so on. So the flux outside the domain is
-a polynomial of F, and so is its response Phi inside,
+F: the Oseenlets F_i u_i, then the velocity F_i F_j u_ij that their momentum flux causes, and so on.
+So the flux outside the domain is a polynomial of F, and so is its response Phi inside,
 
     Phi(F) = F_i F_j Phi_ij + F_i F_j F_k Phi_ijk + ...,
 
@@ -15,7 +14,9 @@ import functools
 import itertools
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -29,7 +30,13 @@ from surrogate.flow.grid.lattice import Lattice
 BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
 
 Powers = tuple[int, ...]  # of every force in a term of a polynomial
-Polynomial = dict[Powers, Float[Array, "axes ..."]]  # of the forces, with fields as coefficients
+
+
+class Polynomial(NamedTuple):
+    """A polynomial of the forces: the powers of its terms, and the fields that they multiply."""
+
+    powers: list[Powers]
+    fields: Float[Array, "terms axes ..."]
 
 
 def far_response(
@@ -44,7 +51,7 @@ def far_response(
     for level, coarse in enumerate(domain.far):
         inner = inside.profile(coarse.faces(), band)
         order = domain.far_order if level == 0 else 2
-        for powers, field in _ring(domain, coarse, inner, reynolds, order).items():
+        for powers, field in zip(*_ring(domain, coarse, inner, reynolds, order), strict=True):
             total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
     return jnp.stack([total[powers] for powers in far_powers(domain)])
@@ -70,37 +77,52 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
     """Return the response to the flux between the domain ``inner`` and the edge of ``coarse``."""
     green = domain.green_function(coarse, reynolds)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
-
-    def flux(u):
-        """Return -div(W^2 u u), W the blending function of the coarse lattice."""
-        return coarse.convect(outer * u)
-
-    def flux_outside(u):
-        """Return -div((W^2 - w^2) u u), w the blending function of the domain."""
-        return flux(u) - coarse.convect(inner * u)
-
-    axes = _force_axes(domain)
-    powers = [tuple(int(own == axis) for own in axes) for axis in axes]
-    first = {
-        power: green(_unit_force(coarse, axis, domain.FORCE_UNIT))
-        for power, axis in zip(powers, axes, strict=True)
-    }
-    sources = _products(flux_outside, first, first)
-    if order > 2:
-        second = {power: green(source) for power, source in _products(flux, first, first).items()}
-        cross = _products(flux_outside, first, second)
-        sources |= {power: 2 * source for power, source in cross.items()}
     refine = refinement(domain.lattice, coarse)
-    return {power: refine(green(source)) for power, source in sources.items()}
+    axes = _force_axes(domain)
+    forces = jnp.stack([_unit_force(coarse, axis, domain.FORCE_UNIT) for axis in axes])
+    first = Polynomial([tuple(int(own == axis) for own in axes) for axis in axes], forces)
+    first = _each(green, first)
+    flux, outside = _fluxes(coarse, outer, inner, first, first)
+    sources = [outside]
+    if order > 2:
+        _, cross = _fluxes(coarse, outer, inner, first, _each(green, flux))
+        sources.append(Polynomial(cross.powers, 2 * cross.fields))
+    fields = jnp.concatenate([source.fields for source in sources])
+    powers = [power for source in sources for power in source.powers]
+    return _each(lambda source: refine(green(source)), Polynomial(powers, fields))
 
 
-def _products(flux, a: Polynomial, b: Polynomial) -> Polynomial:
-    """Return B(a, b), where B(u, u) = flux(u), as a polynomial of the forces."""
-    total: Polynomial = {}
-    for (p, u), (q, v) in itertools.product(a.items(), b.items()):
-        power = tuple(map(sum, zip(p, q, strict=True)))
-        total[power] = total.get(power, 0.0) + (flux(u + v) - flux(u - v)) / 4
-    return total
+def _each(function, polynomial) -> Polynomial:
+    """Return the polynomial with a linear function applied to each field, one after the other.
+
+    As everywhere here a loop is compiled once, while a call for each field takes seconds more.
+    """
+    return Polynomial(polynomial.powers, jax.lax.map(function, polynomial.fields))
+
+
+def _fluxes(coarse, outer, inner, a, b) -> tuple[Polynomial, Polynomial]:
+    """Return the momentum flux of the product of two velocities, in all and outside the domain.
+
+    Products are those of B(u, v), the symmetric form with B(u, u) = -div(W^2 u u), W the blending
+    function ``outer`` of the coarse lattice; outside the domain it has W^2 - w^2 in place of W^2, w
+    being ``inner``.
+    """
+
+    def fluxes(pair):
+        u, v = pair
+        parts = [weight * velocity for weight in (outer, inner) for velocity in (u + v, u - v)]
+        flux = jax.lax.map(coarse.convect, jnp.stack(parts))
+        whole, inside = (flux[0] - flux[1]) / 4, (flux[2] - flux[3]) / 4
+        return whole, whole - inside
+
+    pairs = list(itertools.product(zip(*a, strict=True), zip(*b, strict=True)))
+    first, second = (jnp.stack([pair[k][1] for pair in pairs]) for k in (0, 1))
+    powers = [tuple(map(sum, zip(p, q, strict=True))) for (p, _), (q, _) in pairs]
+    distinct = list(dict.fromkeys(powers))
+    matrix = np.array([[power == own for power in powers] for own in distinct], float)
+    collect = functools.partial(jnp.tensordot, matrix, axes=1)
+    flux, outside = map(collect, jax.lax.map(fluxes, (first, second)))
+    return Polynomial(distinct, flux), Polynomial(distinct, outside)
 
 
 def far_velocity(

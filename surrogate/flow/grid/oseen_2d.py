@@ -40,18 +40,19 @@ class SymmetricKernel(eqx.Module):
 
     Across, u is transformed to cosines and v to sines, by small matrices. In these wave numbers psi
     an even u and an odd v have real spectra, so half the rows and half the complex numbers suffice.
+    Wave numbers across come first, so that the Fourier transforms run along the last axis.
     """
 
-    spectrum: Complex[Array, "2 2 kx ky"]
+    spectrum: Complex[Array, "2 2 ky kx"]
 
     def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
         nx, ny = force.shape[1:]
         forward, backward = (m.astype(force.dtype) for m in _cosines_and_sines(ny))
-        lateral = jnp.einsum("cxj,cjk->cxk", force, forward)
-        spectrum = _multiply(self.spectrum, jnp.fft.rfft(lateral, n=2 * nx, axis=1))
-        lateral = jnp.fft.irfft(spectrum, n=2 * nx, axis=1)[:, :nx]
-        return jnp.einsum("cxk,ckj->cxj", lateral, backward)
+        lateral = jnp.einsum("cjk,cxj->ckx", forward, force)
+        spectrum = _multiply(self.spectrum, jnp.fft.rfft(lateral, n=2 * nx))
+        lateral = jnp.fft.irfft(spectrum, n=2 * nx)[..., :nx]
+        return jnp.einsum("ckx,ckj->cxj", lateral, backward)
 
 
 def _cosines_and_sines(ny):
@@ -160,8 +161,10 @@ def _half_spectrum(lattice, reynolds, theta, weight):
     even = np.cos(np.outer(theta, whole)) * weight[:, None] @ np.cos(np.outer(whole, psi))
     odd = np.sin(np.outer(theta, half)) * weight[:, None] @ np.sin(np.outer(half, psi))
     xx, xy, yx, yy = _columns(lattice, reynolds, theta)
-    kernel = jnp.stack([jnp.stack([xx @ even, -xy @ odd]), jnp.stack([yx @ odd, yy @ even])])
-    return jnp.fft.rfft(jnp.fft.ifftshift(kernel, axes=2), axis=2)
+    pairs = (even, xx), (odd, -xy), (odd, yx), (even, yy)
+    kernel = jnp.stack([jnp.einsum("wp,nw->pn", waves, column) for waves, column in pairs])
+    kernel = jnp.fft.rfft(jnp.fft.ifftshift(kernel, axes=-1))
+    return kernel.reshape(2, 2, *kernel.shape[1:])
 
 
 def _columns(lattice, reynolds, theta):

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, compute_where
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import Load
@@ -133,36 +133,34 @@ def adjoint_solver(
         precondition = jax.linear_transpose(inverse, state)
         return lambda z: precondition(adjoint(z)[0])[0], lambda b: precondition(b)[0]
 
-    matvec, precondition = system(*single((operators, state, inverse)))
-    exact, renewed = system(operators, state, inverse)
+    matvec, _ = system(*single((operators, state, inverse)))
+    exact, precondition = system(operators, state, inverse)
 
     def solve(by_amplitude):
         goal = FlowState(jnp.zeros_like(state.velocity), -by_amplitude)
-        first = gmres(matvec, precondition(single(goal)), *effort)
-        enough = first.converged & (effort.tolerance >= SINGLE_SUFFICES)
-        target = renewed(goal)
+        target = precondition(goal)
         size = optax.tree.norm(target)
 
         def remainder(x):
             return jax.tree.map(jnp.subtract, target, exact(x))
 
         def unfinished(carry):
-            _, left, _, renewals = carry
-            return (optax.tree.norm(left) > effort.tolerance * size) & (renewals < MAX_RENEWALS)
+            _, left, _, passes = carry
+            return (optax.tree.norm(left) > effort.tolerance * size) & (passes <= MAX_RENEWALS)
 
         def improve(carry):
-            x, left, steps, renewals = carry
-            needed = RENEWAL_MARGIN * effort.tolerance * size / optax.tree.norm(left)
+            x, left, steps, passes = carry
+            margin = jnp.where(passes == 0, 1.0, RENEWAL_MARGIN)
+            needed = margin * effort.tolerance * size / optax.tree.norm(left)
             needed = jnp.maximum(needed, SINGLE).astype(jnp.float32)
             change = gmres(matvec, single(left), needed, effort.max_vectors)
             x = jax.tree.map(jnp.add, x, change.x)
-            return x, remainder(x), steps + change.steps + 1, renewals + 1
+            enough = (passes == 0) & change.converged & (effort.tolerance >= SINGLE_SUFFICES)
+            left = compute_where(~enough, lambda: remainder(x), nothing)
+            return x, left, steps + change.steps + jnp.where(enough, 0, 1), passes + 1
 
-        x = jax.tree.map(lambda leaf: leaf.astype(float), first.x)
-        left = jax.lax.cond(
-            enough, lambda: jax.tree.map(jnp.zeros_like, target), lambda: remainder(x)
-        )
-        start = (x, left, first.steps + jnp.where(enough, 0, 1), jnp.array(0))
+        nothing = jax.tree.map(jnp.zeros_like, target)
+        start = nothing, target, jnp.array(0), jnp.array(0)
         x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
         return x, Work(steps, optax.tree.norm(left) <= effort.tolerance * size)
 

@@ -92,16 +92,16 @@ def root(
         b = system.precondition(system.residual(system.data, x))
         return b, norm(b) / norm(x)
 
-    def direction(x, b, size, previous):
+    def direction(x, b, size, reduction):
         jacobian = _jacobian(system.residual, rough, single(x))
         target = jnp.maximum(0.5 * settings.tolerance / size, SINGLE)
-        forcing = jnp.clip(FULL_FORCING * (size / previous) ** 2, target, settings.forcing)
+        forcing = jnp.clip(FULL_FORCING * reduction**2, target, settings.forcing)
         forcing = forcing.astype(jnp.float32)
         return gmres(lambda v: precondition(jacobian(v)), single(b), forcing, settings.max_vectors)
 
     def advance(state):
-        x, b, size, previous, steps, products = state
-        change = direction(x, b, size, previous)
+        x, b, size, reduction, steps, products = state
+        change = direction(x, b, size, reduction)
 
         def attempt(trial):
             damping, _, _, _, products = trial
@@ -112,17 +112,19 @@ def root(
             damping, _, _, new, _ = trial
             return ~(new < size) & (damping > LEAST_DAMPING)
 
-        trial = attempt((jnp.array(1.0), x, b, size, products + change.steps))
+        trial = jnp.array(1.0), x, b, jnp.inf, products + change.steps
         _, x, b, new, products = jax.lax.while_loop(rejected, attempt, trial)
-        return x, b, new, size, steps + 1, products
+        reduction = jnp.where(steps < 0, 1.0, new / size)
+        return x, b, new, reduction, steps + 1, products
 
     def unfinished(state):
-        _, _, size, previous, steps, _ = state
-        improving = (size < previous) | (steps == 0)
+        _, _, size, reduction, steps, _ = state
+        improving = (reduction < 1) | (steps <= 0)
         return (size > settings.tolerance) & (steps < settings.max_steps) & improving
 
-    b, size = preconditioned(guess)
-    start = (guess, b, size, size, jnp.array(0), jnp.array(1))
+    # The first pass, from a residual of zeros, evaluates the residual at the guess and is no step.
+    nothing = jax.tree.map(jnp.zeros_like, guess)
+    start = guess, nothing, jnp.inf, 1.0, jnp.array(-1), jnp.array(0)
     x, _, size, _, steps, products = jax.lax.while_loop(unfinished, advance, start)
     return x, NewtonInfo(size <= settings.tolerance, steps, products, size)
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, compute_where
 from surrogate.devices import Sharded
 from surrogate.flow.derivatives import QUICK_ADJOINT
 from surrogate.flow.loads import drag_coefficient
@@ -25,7 +25,6 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import coupled_step
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
-from surrogate.partition import compute_where
 from surrogate.scene.samples import Samples
 from surrogate.training.methods.method import (
     Batch,
