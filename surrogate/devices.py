@@ -52,7 +52,7 @@ class Devices:
         return self.mesh.size
 
     @property
-    def options(self) -> dict[str, str]:
+    def options(self) -> dict[str, str | int]:
         """Compiler options that make the results independent of the number of devices.
 
         XLA runs its algebraic simplifier once more on partitioned programs, which changes the
@@ -61,7 +61,8 @@ class Devices:
         pass that calls it, ``dot-library-rewriter``, is disabled too.
         """
         on_cpu = self.mesh.devices.flat[0].platform == "cpu"
-        return {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"} if on_cpu else {}
+        same = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"} if on_cpu else {}
+        return quick_options() | same
 
     def place(self, tree: PyTree) -> PyTree:
         """Put a pytree on the mesh: ``Sharded`` arrays split by body, all else replicated."""

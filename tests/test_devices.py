@@ -15,8 +15,9 @@ from tools import free_port
 
 from shapeopt import Designer, Problem
 from surrogate import InvalidInput
+from surrogate.arrays import compute_where
 from surrogate.devices import choose_devices
-from surrogate.partition import compute_where, partition_bodies
+from surrogate.partition import partition_bodies
 from surrogate.processes import join, scheduled
 
 HERE = Path(__file__).parent
