@@ -158,4 +158,4 @@ def _mapped(devices, function):
 
         return devices.shard_map(local, (model, rows), Sharded(()))(model, rows)
 
-    return jax.jit(mapped, compiler_options=quick_options() | devices.options)
+    return jax.jit(mapped, compiler_options=devices.options)

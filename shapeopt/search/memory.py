@@ -16,7 +16,14 @@ from surrogate.files import check_file, json_digest, strict_json, whole_file
 from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.flow import Flow
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import Hyper, Kriging, Observation, kriging, likeliest
+from surrogate.model.kriging import (
+    Hyper,
+    Kriging,
+    Observation,
+    kriging,
+    likeliest,
+    uncorrected,
+)
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
 from surrogate.scene.limits import REYNOLDS
@@ -96,16 +103,18 @@ class Memory:
             found = self.flow.solve_all(*bodies, self.devices, **kinds)
             yield from (jax.tree.map(lambda leaf, k=k: leaf[k], found) for k in range(len(queries)))
 
-    def model(self, tightness: int = 0) -> Kriging | LoadNetwork | None:
+    def model(self, tightness: int = 0) -> Kriging | None:
         """Return the base model corrected by kriging through all observations.
 
-        Without observations it is the base itself, which is None where the search starts from the
-        flow alone. Each unit of ``tightness`` divides the assumed noise of the observations by e,
-        so that the model interpolates the observed gradients more closely.
+        Without observations the correction is zero; without a base network too, where the search
+        starts from the flow alone, there is no model. Each unit of ``tightness`` divides the
+        assumed noise of the observations by e, so that the model interpolates the observed
+        gradients more closely.
         """
-        if not self.observations:
-            return self.base
         inputs = scene_inputs(self.flow.scene)
+        if not self.observations:
+            loads = len(self.flow.bodies.loads)
+            return None if self.base is None else uncorrected(inputs, self.base, loads)
         if self._hyper is None or len(self.observations) >= REFIT * self._fitted:
             self._hyper = likeliest(self.observations, inputs, self.base)
             self._fitted = len(self.observations)

@@ -144,6 +144,26 @@ def kriging(
     return Kriging(base, inputs, data, hyper, mean, np.array(coefficients))
 
 
+def uncorrected(inputs: Inputs, base: LoadNetwork, loads: int) -> Kriging:
+    """Return a base network as kriging of its residual before the first observation: by zero.
+
+    Its arrays have the shapes of kriging through a few observations, so that what uses the model is
+    not compiled anew when the first is made.
+
+    Args:
+      inputs: the scaling of bodies and Reynolds numbers.
+      base: network whose loads are returned unchanged.
+      loads: number of its outputs.
+    """
+    size, zeros = len(inputs.mirror), np.zeros
+    rows = zeros((loads, MIN_CAPACITY, 1 + size))
+    data = Data(
+        zeros((MIN_CAPACITY, size)), rows, zeros(MIN_CAPACITY, bool), _parity(loads), inputs.mirror
+    )
+    hyper = Hyper(zeros(loads), zeros(loads), zeros((loads, size)))
+    return Kriging(base, inputs, data, hyper, zeros(loads), rows)
+
+
 def likeliest(
     observations: Sequence[Observation], inputs: Inputs, base: LoadNetwork | None
 ) -> Hyper:
@@ -258,8 +278,12 @@ def _data(observations, inputs, base):
     padded = [observations[min(k, count - 1)] for k in range(capacity)]
     arrays = [np.array(part, float) for part in zip(*padded, strict=True)]
     z, rows = map(np.asarray, _residuals(inputs, base, *arrays))
-    parity = np.append(1.0, -np.ones(len(rows) - 1))
-    return Data(z, rows, np.arange(capacity) < count, parity, inputs.mirror)
+    return Data(z, rows, np.arange(capacity) < count, _parity(len(rows)), inputs.mirror)
+
+
+def _parity(loads):
+    """The outputs' factors under mirroring: log Cd is even, the others are odd."""
+    return np.append(1.0, -np.ones(loads - 1))
 
 
 @jax.jit
