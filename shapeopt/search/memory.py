@@ -15,15 +15,9 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, strict_json, whole_file
 from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.flow import Flow
+from surrogate.model.gaussian_process import Hyper
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import (
-    Hyper,
-    Kriging,
-    Observation,
-    kriging,
-    likeliest,
-    uncorrected,
-)
+from surrogate.model.kriging import Kriging, Observation, kriging, likeliest, uncorrected
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
 from surrogate.scene.limits import REYNOLDS

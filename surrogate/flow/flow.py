@@ -7,17 +7,17 @@ import re
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
-from surrogate.body.validity import is_valid
-from surrogate.checks import expect, one_body, real_numbers, shown, traced
+from surrogate.checks import expect, one_body, traced
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
 from surrogate.flow.continuation import not_converged_message
+from surrogate.flow.coverage import check_steady, checked, checked_numbers, covers
 from surrogate.flow.derivatives import (
     LoadsAndGradients,
     loads_and_gradients,
@@ -31,7 +31,7 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.solve_shape import solve_shape
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.partition import partition_bodies
-from surrogate.scene.limits import REYNOLDS, ROUNDING, check_reynolds, onset_of
+from surrogate.scene.limits import check_reynolds, onset_of
 from surrogate.scene.scene import Scene
 
 
@@ -121,7 +121,8 @@ class Flow:
         re = jnp.asarray(reynolds, float)
         values, info = loads_and_status(self.bodies, loads, jnp.asarray(parameters, float), re)
         if traced(parameters, reynolds):
-            known = info.converged & self._covers(parameters, re, allow_unsteady)
+            covered = covers(self.scene, self.bodies, parameters, re, allow_unsteady)
+            known = info.converged & covered
             return values * jnp.where(known, 1.0, jnp.nan)  # so are their gradients
         if not bool(info.converged):
             raise NotConverged(not_converged_message(float(reynolds), info))
@@ -164,7 +165,7 @@ class Flow:
                     "approaches it by lower Re, partial=True returns NaN"
                 )
             return found
-        known = self._covers(*at, allow_unsteady)
+        known = covers(self.scene, self.bodies, *at, allow_unsteady)
         parts = (jnp.where(known, part, jnp.nan) for part in found[:3])
         return LoadsAndGradients(*parts, found.green_applications, found.converged & known)
 
@@ -228,11 +229,10 @@ class Flow:
           NotConverged: a flow did not converge, unless ``partial``.
         """
         parameters = self.scene.family.check_all(parameters)
-        reynolds = self._checked_numbers(reynolds, len(parameters))
+        reynolds = checked_numbers(self.scene, reynolds, len(parameters))
         onset = self.bodies.check(parameters).onset
-        if not allow_unsteady and np.any(late := reynolds > onset * (1 + ROUNDING)):
-            first = int(np.argmax(late))
-            self._check_reynolds(reynolds[first], False, float(onset[first]))
+        if not allow_unsteady:
+            check_steady(reynolds, onset, self.scene.dimension)
         devices = devices or choose_devices()
         partition = partition_bodies(
             devices, estimated_cost(self.scene.family, parameters, reynolds)
@@ -246,7 +246,10 @@ class Flow:
 
     def _on_its_own_grid(self, shape, reynolds, allow_unsteady):
         """Return a shape and its Re, checked, with a domain that fits it and its fidelity."""
-        self._check_dimension(shape)
+        if shape.dimension != self.scene.dimension:
+            raise InvalidInput(
+                f"body: of dimension {shape.dimension}, in a scene of {self.scene.dimension}"
+            )
         reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset_of(shape))
         fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.nose)
         domain = fitted_domain(self.scene.stream, self.scene.fidelity, shape, reynolds)
@@ -258,50 +261,10 @@ class Flow:
         named = self.scene.family.named(parameters)
         shape = family_shape(named, dimension=self.scene.dimension)
         if not self.scene.family.body_class.symmetric:
-            shape = (
-                shape.differentiable()
-            )  # as the domain is, also where camber and incidence are 0
+            # as the domain is, also where camber and incidence are 0
+            shape = shape.differentiable()
         return shape, reynolds, self.domain, self.scene.fidelity_for_bodies
-
-    def _check_dimension(self, shape):
-        if shape.dimension != self.scene.dimension:
-            raise InvalidInput(
-                f"body: of dimension {shape.dimension}, in a scene of {self.scene.dimension}"
-            )
-
-    def _covers(self, parameters, reynolds, allow_unsteady) -> Bool[Array, ""]:
-        """Return whether ``_checked`` would accept a body and Re, for traced values."""
-        found = self.bodies.coverage(parameters)
-        onset = jnp.inf if allow_unsteady else found.onset
-        lowest, highest = REYNOLDS[self.scene.dimension][0], self.scene.reynolds[1]
-        body = is_valid(self.scene.family.body_class, parameters)
-        steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
-        return body & found.fits & found.resolved & (reynolds >= lowest * (1 - ROUNDING)) & steady
 
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Return a body and Re as numbers, refusing what the scene's grid does not cover."""
-        body = self.scene.family.check(parameters)
-        self._check_reynolds(reynolds, True)
-        found = self.bodies.check(body[None])
-        return body, self._check_reynolds(reynolds, allow_unsteady, float(found.onset[0]))
-
-    def _checked_numbers(self, reynolds, count):
-        """Return ``count`` Reynolds numbers, checked against the scene."""
-        given = real_numbers(reynolds)
-        if given is None or given.shape not in ((), (count,)):
-            raise InvalidInput(
-                f"Reynolds numbers {shown(reynolds)}: {count} numbers are needed, or one for all"
-            )
-        for extreme in (given.min(), given.max()) if given.size else ():
-            self._check_reynolds(extreme, True)
-        return np.broadcast_to(given, (count,))
-
-    def _check_reynolds(self, reynolds, allow_unsteady, onset=None):
-        value = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset)
-        highest = self.scene.reynolds[1]
-        if value > highest * (1 + ROUNDING):
-            raise InvalidInput(
-                f"Reynolds number {value:g}: the scene's grid is made for wakes up to Re "
-                f"{highest:g}; a Scene with a wider range of Reynolds numbers would do"
-            )
-        return value
+        return checked(self.scene, self.bodies, parameters, reynolds, allow_unsteady)

@@ -1,42 +1,36 @@
 """Gradient-enhanced kriging (GEK): outputs interpolated from loads and slopes of solved flows.
 
 The outputs are log Cd, and where there is lift Cl / Cd and Cm / Cd (``model/outputs.py``).
-Each is a Gaussian process of its own, or its residual over a base network is: constant mean,
-rational quadratic covariance with one length scale per scaled input,
-
-    k(z, y) = s^2 (1 + r^2 / (2 alpha))^-alpha,   r^2 = sum_i ((z_i - y_i) / l_i)^2.
-
-With y' the scaled inputs of a body's mirror image, k(z, y) + k(z, y') makes log Cd even and
-k(z, y) - k(z, y') the others odd, exactly. Slopes are observations too: their covariances are the
-derivatives of k. Amplitude s, noise and lengths l maximise the posterior. Rasmussen and Williams
-2006, chapters 2, 4.2, 5 and 9.4.
+Each is a Gaussian process of its own, or its residual over a base network is, with constant mean
+(``gaussian_process``). Amplitude, noise and lengths maximise the posterior.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
 from surrogate.arrays import AnyArray
+from surrogate.model.gaussian_process import (
+    AMPLITUDE,
+    BOUNDS,
+    LENGTH,
+    RESIDUAL_AMPLITUDE,
+    Data,
+    Hyper,
+    covariance,
+    hyper_of,
+    negative_log_posterior,
+    solve,
+)
 from surrogate.model.inputs import Inputs
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import OutputModel, load_gradients, outputs_of
 
-# Priors and bounds in logs. They were set on the default scene, where a likelihood alone fits few
-# flows too closely; no study of them is kept.
-ALPHA = 2.0  # a mixture of length scales that differ by a factor of about two
-VALUE_NOISE, SLOPE_NOISE = 2e-5, 2e-4  # of outputs and their slopes: their grid-offset error
-LENGTH, LENGTH_DEVIATION = 1.5, 0.7  # prior median of lengths, deviation of their log
-AMPLITUDE = (-1.0, 3.0)  # prior mean and deviation of log s, for outputs
-RESIDUAL_AMPLITUDE = (-7.0, 1.5)  # the same for the residual of a trained base
-NOISE_DEVIATION = 0.5  # prior deviation of the log of the noise over VALUE_NOISE, SLOPE_NOISE
-BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of amplitude, noise, lengths
 FITTED = 64  # observations at most from which hyperparameters are fitted: bounds the cost
 MIN_CAPACITY, GROWTH = 16, 4  # of the padded arrays, so that few sizes are compiled
 
@@ -63,36 +57,6 @@ class Observation(NamedTuple):
         return np.asarray(load_gradients(self.loads, self.slopes))
 
 
-class Data(eqx.Module):
-    """Observations in scaled inputs: rows of (value, slopes), padded where not ``valid``.
-
-    ``parity`` of an output, and ``mirror`` of the inputs, are their factors under mirroring.
-    """
-
-    z: Float[AnyArray, "flows inputs"]
-    rows: Float[AnyArray, "*loads flows rows"]
-    valid: Bool[AnyArray, " flows"]
-    parity: Float[AnyArray, "*loads"]
-    mirror: Float[AnyArray, " inputs"]
-
-    def of_load(self, index: int) -> "Data":
-        """Return the observations of one output."""
-        parity = self.parity[index, ...]  # an array, where NumPy would give a scalar
-        return dataclasses.replace(self, rows=self.rows[index], parity=parity)
-
-
-class Hyper(NamedTuple):
-    """Hyperparameters of every output as logs: amplitude, noise over its usual size, lengths.
-
-    The amplitude is s, the lengths are l_i of the covariance k; the usual sizes of the noise are
-    ``VALUE_NOISE`` and ``SLOPE_NOISE``.
-    """
-
-    amplitude: Float[AnyArray, "*loads"]
-    noise: Float[AnyArray, "*loads"]
-    lengths: Float[AnyArray, "*loads inputs"]
-
-
 class Kriging(OutputModel):
     """Fitted Gaussian processes of the outputs, or of their residuals over a base network."""
 
@@ -108,7 +72,7 @@ class Kriging(OutputModel):
 
         def one(hyper, parity, mean, coefficients):
             def with_observation(y):
-                return _covariance(hyper, z, y, parity, self.inputs.mirror)[0]
+                return covariance(hyper, z, y, parity, self.inputs.mirror)[0]
 
             return mean + jnp.sum(jax.vmap(with_observation)(self.data.z) * coefficients)
 
@@ -137,7 +101,7 @@ def kriging(
     hyper = likeliest(observations, inputs, base) if hyper is None else hyper
     coefficients = [
         np.asarray(
-            _solve(data.of_load(k), mean[k], jax.tree.map(lambda leaf, k=k: leaf[k, ...], hyper))
+            solve(data.of_load(k), mean[k], jax.tree.map(lambda leaf, k=k: leaf[k, ...], hyper))
         )
         for k in range(len(mean))
     ]
@@ -187,17 +151,13 @@ def likeliest(
         own = data.of_load(load)
 
         def objective(theta):
-            value, gradient = _negative_log_posterior(theta, own, mean[load], amplitude)
+            value, gradient = negative_log_posterior(theta, own, mean[load], amplitude)
             return float(value), np.asarray(gradient)
 
         settings = {"jac": True, "method": "L-BFGS-B", "bounds": bounds, "options": options}
         return minimize(objective, start, **settings).x
 
-    return _hyper(np.array([fitted(load) for load in range(len(mean))]).T)
-
-
-def _hyper(theta):
-    return Hyper(theta[0], theta[1], theta[2:].T)
+    return hyper_of(np.array([fitted(load) for load in range(len(mean))]).T)
 
 
 def _mean(observations, base):
@@ -206,68 +166,6 @@ def _mean(observations, base):
     if base is None:
         mean[0] = np.mean([np.log(flow.drag) for flow in observations])
     return mean
-
-
-def _centred(data, mean):
-    """The rows minus the mean; zero in the padding."""
-    return jnp.where(data.valid[:, None], data.rows.at[:, 0].add(-mean), 0.0)
-
-
-def _matrix(data, hyper):
-    """Covariance of all rows with noise; padding is independent of all else, of variance 1."""
-    count, size = data.rows.shape
-
-    def covariance(z, y):
-        return _covariance(hyper, z, y, data.parity, data.mirror)
-
-    blocks = jax.vmap(jax.vmap(covariance, (None, 0)), (0, None))(data.z, data.z)
-    full = blocks.transpose(0, 2, 1, 3).reshape(count * size, count * size)
-    valid = jnp.repeat(data.valid, size)
-    noise = jnp.exp(hyper.noise) * jnp.array([VALUE_NOISE, *[SLOPE_NOISE] * (size - 1)])
-    diagonal = jnp.where(valid, jnp.tile(noise**2, count), 1.0)
-    return jnp.where(valid[:, None] & valid, full, 0.0) + jnp.diag(diagonal)
-
-
-def _covariance(hyper, z, y, parity, mirror):
-    """Covariance matrix of (value, slopes) at z with (value, slopes) at y, even or odd."""
-    direct = _free_covariance(hyper, z, y)
-    image = _free_covariance(hyper, z, mirror * y) * jnp.append(1.0, mirror)
-    lifting = jnp.any(mirror < 0)  # else every body is its own mirror image
-    return direct + jnp.where(lifting, parity, 0.0) * image
-
-
-def _free_covariance(hyper, z, y):
-    """The same of a process without symmetry."""
-    scale = jnp.exp(-hyper.lengths)
-    away = (z - y) * scale
-    bulk = 1 + jnp.sum(away**2) / (2 * ALPHA)
-    variance = jnp.exp(2 * hyper.amplitude)
-    first = bulk ** (-ALPHA - 1) * away * scale  # -dk/dz over the variance
-    outer = (1 + 1 / ALPHA) * bulk ** (-ALPHA - 2) * jnp.outer(away * scale, away * scale)
-    second = bulk ** (-ALPHA - 1) * jnp.diag(scale**2) - outer
-    top = jnp.append(bulk**-ALPHA, first)
-    below = jnp.concatenate([-first[:, None], second], axis=1)
-    return variance * jnp.concatenate([top[None], below])
-
-
-@jax.jit
-def _solve(data, mean, hyper):
-    centred = _centred(data, mean)
-    factor = jax.scipy.linalg.cho_factor(_matrix(data, hyper), lower=True)
-    return jax.scipy.linalg.cho_solve(factor, centred.ravel()).reshape(centred.shape)
-
-
-@jax.jit
-@jax.value_and_grad
-def _negative_log_posterior(theta, data, mean, amplitude):
-    hyper = _hyper(theta)
-    centred = _centred(data, mean).ravel()
-    factor = jnp.linalg.cholesky(_matrix(data, hyper))
-    white = jax.scipy.linalg.solve_triangular(factor, centred, lower=True)
-    prior = jnp.sum(((hyper.lengths - np.log(LENGTH)) / LENGTH_DEVIATION) ** 2)
-    middle, deviation = amplitude
-    prior += ((hyper.amplitude - middle) / deviation) ** 2 + (hyper.noise / NOISE_DEVIATION) ** 2
-    return white @ white / 2 + jnp.sum(jnp.log(jnp.diagonal(factor))) + prior / 2
 
 
 def _data(observations, inputs, base):
