@@ -112,7 +112,7 @@ def root(
             damping, _, _, new, _ = trial
             return ~(new < size) & (damping > LEAST_DAMPING)
 
-        trial = jnp.array(1.0), x, b, jnp.inf, products + change.steps
+        trial = jnp.array(1.0), x, b, jnp.array(jnp.inf), products + change.steps
         _, x, b, new, products = jax.lax.while_loop(rejected, attempt, trial)
         reduction = jnp.where(steps < 0, 1.0, new / size)
         return x, b, new, reduction, steps + 1, products
@@ -124,7 +124,8 @@ def root(
 
     # The first pass, from a residual of zeros, evaluates the residual at the guess and is no step.
     nothing = jax.tree.map(jnp.zeros_like, guess)
-    start = guess, nothing, jnp.inf, 1.0, jnp.array(-1), jnp.array(0)
+    unknown, first = jnp.array(jnp.inf), jnp.array(1.0)
+    start = guess, nothing, unknown, first, jnp.array(-1), jnp.array(0)
     x, _, size, _, steps, products = jax.lax.while_loop(unfinished, advance, start)
     return x, NewtonInfo(size <= settings.tolerance, steps, products, size)
 
