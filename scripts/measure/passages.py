@@ -45,11 +45,10 @@ def payoff(result: Callable[[str], Result]) -> str:
     form = (
         "Means over {count} designs, each a local optimum of the flow; trainings on "
         "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
-        "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. On the flow before "
-        "26 November `hig` erred by {off[hig]}, gradient-enhanced kriging by "
-        "{off[gradient-enhanced kriging]}, kriging by {off[kriging]}, a polynomial by "
-        "{off[polynomial]}; as published SIP by {off[sip, as published]}, HIG by "
-        "{off[hig, as published]}, DP by {off[dp, as published]}."
+        "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to as many "
+        "flows, gradient-enhanced kriging errs by {off[gradient-enhanced kriging]} on average, "
+        "kriging by {off[kriging]}, a polynomial by {off[polynomial]}; as published SIP errs by "
+        "{off[sip, as published]}, HIG by {off[hig, as published]}, DP by {off[dp, as published]}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}

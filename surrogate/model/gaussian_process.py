@@ -142,7 +142,7 @@ def negative_log_posterior(
     theta: Float[AnyArray, " numbers"],
     data: Data,
     mean: Float[AnyArray, ""],
-    amplitude: tuple[float, float],
+    amplitude: tuple[Float[AnyArray, ""], Float[AnyArray, ""]],
 ) -> Float[Array, ""]:
     """Return the negative log posterior of one output's hyperparameters, and its gradient.
 
