@@ -16,7 +16,7 @@ from shapeopt.search import sqp
 from shapeopt.search.propose import propose
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.kriging import Observation, kriging
+from surrogate.model.kriging import Observation, kriging, uncorrected
 
 
 def smooth_drag(parameters, reynolds):
@@ -82,6 +82,18 @@ def test_a_base_model_is_corrected(observations, pretrained):
         before = predict(pretrained.network, flow)
         after = predict(model, flow)
         assert abs(after / flow.drag - 1) < 1e-3 < abs(before / flow.drag - 1)
+
+
+def test_a_base_model_without_observations_is_itself(observations, pretrained):
+    """In the shapes of a corrected one, so that searches on both are one program."""
+    inputs, base = pretrained.network.inputs, pretrained.network
+    model = uncorrected(inputs, base, loads=1)
+    for flow in observations[:4]:
+        assert predict(model, flow) == predict(base, flow)
+    corrected = kriging(observations[:4], inputs, base)
+    assert jax.tree.structure(model) == jax.tree.structure(corrected)
+    kinds = (jax.tree.map(jax.typeof, jax.tree.leaves(tree)) for tree in (model, corrected))
+    assert next(kinds) == next(kinds)
 
 
 @pytest.mark.parametrize(
