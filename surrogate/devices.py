@@ -53,7 +53,7 @@ class Devices:
 
     @property
     def options(self) -> dict[str, str | int]:
-        """Compiler options that make the results independent of the number of devices.
+        """Compiler options: quick ones, and such that no number of devices changes the results.
 
         XLA runs its algebraic simplifier once more on partitioned programs, which changes the
         rounding. With that pass disabled results agree to the last bit, at 5 % more time on a CPU.

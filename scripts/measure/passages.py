@@ -48,11 +48,13 @@ def payoff(result: Callable[[str], Result]) -> str:
         "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to as many "
         "flows, gradient-enhanced kriging errs by {off[gradient-enhanced kriging]} on average, "
         "kriging by {off[kriging]}, a polynomial by {off[polynomial]}; as published SIP errs by "
-        "{off[sip, as published]}, HIG by {off[hig, as published]}, DP by {off[dp, as published]}."
+        "{off[sip, as published]:.3%}, HIG by {off[hig, as published]:.3%}, DP by "
+        "{off[dp, as published]:.3%}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}
     off = {row["method"]: row["error_mean"] for row in training.summary(result("training"))}
+    off |= {row["method"]: row["drag_error_mean"] for row in rows if row["training_g"]}
     count, bodies = len(result("payoff")["queries"]), PRESETS["full"].samples
     return f"{short_table(rows)}\n\n{words(form, after=after, off=off, count=count, bodies=bodies)}"
 

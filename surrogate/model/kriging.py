@@ -109,7 +109,7 @@ def kriging(
 
 
 def uncorrected(inputs: Inputs, base: LoadNetwork, loads: int) -> Kriging:
-    """Return a base network as kriging of its residual before the first observation: by zero.
+    """Return a base network as the kriging model that no observation corrects yet.
 
     Its arrays have the shapes of kriging through a few observations, so that what uses the model is
     not compiled anew when the first is made.
@@ -161,7 +161,7 @@ def likeliest(
 
 
 def _mean(observations, base):
-    """The processes' means: of the observed log Cd, else zero, as for the residuals of a base."""
+    """Return the processes' means: that of the observed log Cd, or zero over a base; else zero."""
     mean = np.zeros(len(observations[0].loads))
     if base is None:
         mean[0] = np.mean([np.log(flow.drag) for flow in observations])
@@ -169,7 +169,7 @@ def _mean(observations, base):
 
 
 def _data(observations, inputs, base):
-    """Rows of all observations, padded to a capacity."""
+    """Return the rows of all observations, padded to a capacity."""
     count, capacity = len(observations), MIN_CAPACITY
     while capacity < count:
         capacity *= GROWTH
@@ -180,13 +180,13 @@ def _data(observations, inputs, base):
 
 
 def _parity(loads):
-    """The outputs' factors under mirroring: log Cd is even, the others are odd."""
+    """Return the outputs' factors under mirroring: log Cd is even, the others are odd."""
     return np.append(1.0, -np.ones(loads - 1))
 
 
 @jax.jit
 def _residuals(inputs, base, parameters, reynolds, loads, slopes):
-    """Scaled inputs; outputs and their slopes in them, minus those of the base, loads first."""
+    """Return scaled inputs, and outputs and slopes in them minus those of the base, loads first."""
     z = jax.vmap(inputs)(parameters, reynolds)
     steepness = jax.vmap(inputs.steepness)(parameters)[:, None]
     values = jax.vmap(outputs_of)(loads)

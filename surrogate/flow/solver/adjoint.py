@@ -140,6 +140,7 @@ def adjoint_solver(
         goal = FlowState(jnp.zeros_like(state.velocity), -by_amplitude)
         target = precondition(goal)
         size = optax.tree.norm(target)
+        nothing = jax.tree.map(jnp.zeros_like, target)
 
         def remainder(x):
             return jax.tree.map(jnp.subtract, target, exact(x))
@@ -159,7 +160,6 @@ def adjoint_solver(
             left = compute_where(~enough, lambda: remainder(x), nothing)
             return x, left, steps + change.steps + jnp.where(enough, 0, 1), passes + 1
 
-        nothing = jax.tree.map(jnp.zeros_like, target)
         start = nothing, target, jnp.array(0), jnp.array(0)
         x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
         return x, Work(steps, optax.tree.norm(left) <= effort.tolerance * size)

@@ -110,7 +110,7 @@ def root(
 
         def rejected(trial):
             damping, _, _, new, _ = trial
-            return ~(new < size) & (damping > LEAST_DAMPING)
+            return ~(new < size) & (damping > LEAST_DAMPING) & (steps >= 0)
 
         trial = jnp.array(1.0), x, b, jnp.array(jnp.inf), products + change.steps
         _, x, b, new, products = jax.lax.while_loop(rejected, attempt, trial)
@@ -124,8 +124,8 @@ def root(
 
     # The first pass, from a residual of zeros, evaluates the residual at the guess and is no step.
     nothing = jax.tree.map(jnp.zeros_like, guess)
-    unknown, first = jnp.array(jnp.inf), jnp.array(1.0)
-    start = guess, nothing, unknown, first, jnp.array(-1), jnp.array(0)
+    size, reduction = jnp.array(jnp.inf), jnp.array(1.0)
+    start = guess, nothing, size, reduction, jnp.array(-1), jnp.array(0)
     x, _, size, _, steps, products = jax.lax.while_loop(unfinished, advance, start)
     return x, NewtonInfo(size <= settings.tolerance, steps, products, size)
 
