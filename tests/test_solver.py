@@ -45,7 +45,7 @@ def test_newton_ends_at_its_limit_and_at_no_number():
     assert int(info.steps) == 1
     assert not bool(info.converged)
     _, info = newton(circle_and_line, [2.0, 1.0], radius=jnp.nan)
-    assert int(info.steps) == 0
+    assert (int(info.steps), int(info.products)) == (0, 1)
     assert not bool(info.converged)
 
 

@@ -110,9 +110,10 @@ def root(
 
         def rejected(trial):
             damping, _, _, new, _ = trial
-            return ~(new < size) & (damping > LEAST_DAMPING) & (steps >= 0)
+            return ~(new < size) & (damping > LEAST_DAMPING)
 
-        trial = jnp.array(1.0), x, b, jnp.array(jnp.inf), products + change.steps
+        longest = jnp.where(steps < 0, 2 * LEAST_DAMPING, 1.0)  # one attempt at the guess is enough
+        trial = longest, x, b, jnp.array(jnp.inf), products + change.steps
         _, x, b, new, products = jax.lax.while_loop(rejected, attempt, trial)
         reduction = jnp.where(steps < 0, 1.0, new / size)
         return x, b, new, reduction, steps + 1, products
