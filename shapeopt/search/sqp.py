@@ -142,9 +142,8 @@ def minimise_sqp(
     scale = jnp.maximum(scale, LEAST_OBJECTIVE)
     z = jnp.clip((start - low) / width, 0, 1)
     blank = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(evaluate, z))
-    unknown = blank._replace(
-        z=z, value=jnp.array(jnp.inf)
-    )  # so that the first step, of length 0, is accepted
+    # infinite, so that the first step, of length 0, is accepted
+    unknown = blank._replace(z=z, value=jnp.array(jnp.inf))
     step = _Step(jnp.zeros_like(z), jnp.zeros_like(blank.constraints), jnp.ones(()))
     path = jnp.zeros((ITERATIONS + 1, z.size))
     zero, no = jnp.zeros((), int), jnp.array(False)

@@ -161,7 +161,7 @@ def likeliest(
 
 
 def _mean(observations, base):
-    """Return the processes' means: that of the observed log Cd, or zero over a base; else zero."""
+    """Return the processes' means: of the observed log Cd where there is no base; else zero."""
     mean = np.zeros(len(observations[0].loads))
     if base is None:
         mean[0] = np.mean([np.log(flow.drag) for flow in observations])
