@@ -41,3 +41,12 @@ def compute_where(wanted: Bool[AnyArray, ""], compute: Callable, otherwise: PyTr
         return jnp.zeros_like(wanted), compute()
 
     return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]
+
+
+def single(tree: PyTree) -> PyTree:
+    """Return a pytree with every array cast to single precision."""
+
+    def cast(leaf):
+        return leaf.astype(jnp.complex64 if jnp.iscomplexobj(leaf) else jnp.float32)
+
+    return jax.tree.map(cast, tree)

@@ -4,7 +4,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from scipy import stats
+import scipy  # its submodules load at first use; scipy.stats takes half a second
 
 from shapeopt.problem.objective import Objective, scenarios_of
 from shapeopt.problem.scenarios import Scenarios
@@ -88,7 +88,7 @@ class Robust(Objective):
             probability = self._probabilities(scene)[0] + kept * quantiles[:, 0]
             reynolds = self.spread.around(nominal).ppf(probability)
         reynolds = np.clip(reynolds, *scene.reynolds)  # against rounding alone
-        normal = stats.truncnorm(-TRUNCATION, TRUNCATION).ppf(quantiles[:, 1:])
+        normal = scipy.stats.truncnorm(-TRUNCATION, TRUNCATION).ppf(quantiles[:, 1:])
         weight = np.full(self.cases, 1 / self.cases)
         shift = self.tolerance * width * normal
         return scenarios_of(scene, reynolds, weight, shift, level=self.level)

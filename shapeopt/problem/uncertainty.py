@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+import scipy  # its submodules load at first use; scipy.stats takes half a second
 from jaxtyping import Float
-from scipy import stats
 
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
@@ -42,7 +42,7 @@ class LogNormal:
 
     def around(self, nominal: float) -> Distribution:
         """Return the distribution of Re about a nominal Re; ``spread`` must be above 0."""
-        return stats.lognorm(s=self.spread, scale=nominal)
+        return scipy.stats.lognorm(s=self.spread, scale=nominal)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,9 +62,9 @@ class Uniform:
 
     def around(self, nominal: float) -> Distribution:
         """Return the distribution of Re about a nominal Re; ``spread`` must be above 0."""
-        return stats.uniform(nominal * (1 - self.spread), 2 * nominal * self.spread)
+        return scipy.stats.uniform(nominal * (1 - self.spread), 2 * nominal * self.spread)
 
 
 def latin_hypercube(seed: int, count: int, columns: int) -> Float[np.ndarray, "count columns"]:
     """Draw ``count`` points in [0, 1)^columns, stratified in every column (McKay et al. 1979)."""
-    return stats.qmc.LatinHypercube(columns, rng=seed).random(count)
+    return scipy.stats.qmc.LatinHypercube(columns, rng=seed).random(count)

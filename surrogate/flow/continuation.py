@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
@@ -14,6 +15,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.streams import stream_operators
 
 MAX_HALVINGS = 3  # of the step in Re: continuation in 2, 4 or 8 steps
 
@@ -46,7 +48,8 @@ def solve_markers(
       reynolds: U D / nu.
       guess: state to begin from; the Oseen flow by default.
     """
-    operators = programs.assemble(domain, markers, reynolds)
+    stream = stream_operators(domain, reynolds, *jax.tree.leaves(markers))
+    operators = programs.assemble(domain, markers, reynolds, stream)
     return FlowResult(*programs.solve(domain, settings, operators, guess))
 
 

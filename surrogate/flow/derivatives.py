@@ -22,6 +22,7 @@ from surrogate.flow.loads import Load
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
+from surrogate.flow.streams import stream_derivatives
 
 # Gradients of designs and trainings need no more than kriging's noise of slopes, 2e-4.
 QUICK_ADJOINT = Effort(2e-4, 60)
@@ -122,10 +123,12 @@ def exact_gradients(
     Returns:
       dJ/dp and dJ/dRe; NaN where an adjoint has not converged.
     """
+    domain = bodies.domain
     if operators is None:
-        operators = programs.assemble(bodies.domain, bodies.markers(parameters), reynolds)
+        operators = bodies.assembled(parameters, reynolds)
     effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    found = programs.load_gradients(loads, bodies.domain, effort, operators, state, reynolds)
+    stream = stream_derivatives(domain, reynolds, parameters)
+    found = programs.load_gradients(loads, domain, effort, operators, state, reynolds, stream)
     return _in_parameters(bodies, parameters, found)
 
 
@@ -189,9 +192,11 @@ def loads_and_gradients(
 
     The adjoints are solved to the tolerance of ``QUICK_ADJOINT``; see ``LoadsAndGradients``.
     """
+    domain = bodies.domain
     operators, state, info = bodies.solved(parameters, reynolds)
+    stream = stream_derivatives(domain, reynolds, parameters)
     found = programs.load_gradients(
-        bodies.loads, bodies.domain, QUICK_ADJOINT, operators, state, reynolds
+        bodies.loads, domain, QUICK_ADJOINT, operators, state, reynolds, stream
     )
     values = load_values(bodies, bodies.loads, operators, state)
     return _loads_and_gradients(bodies, parameters, values, info, found)

@@ -20,6 +20,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators
+from surrogate.flow.streams import stream_operators
 from surrogate.scene.limits import onset_of_instability
 
 OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
@@ -58,11 +59,18 @@ class DiscreteBodies:
         """Return a body's surface markers: its contour in 2-D, a part of its skin in 3-D."""
         return body_markers(self.body_class, parameters, self.domain.nodes)
 
+    def assembled(
+        self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
+    ) -> Operators:
+        """Assemble the operators of a body."""
+        stream = stream_operators(self.domain, reynolds, parameters)
+        return programs.assemble(self.domain, self.markers(parameters), reynolds, stream)
+
     def solved(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> tuple[Operators, FlowState, NewtonInfo]:
         """Solve the flow past a body from its Oseen flow; return operators, state and outcome."""
-        operators = programs.assemble(self.domain, self.markers(parameters), reynolds)
+        operators = self.assembled(parameters, reynolds)
         return operators, *programs.solve(self.domain, self.settings, operators, None)
 
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:

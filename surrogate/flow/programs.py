@@ -14,13 +14,27 @@ from surrogate.flow.loads import Load
 from surrogate.flow.solver import adjoint, steady
 from surrogate.flow.solver.adjoint import Effort, LoadGradients
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
-from surrogate.flow.solver.steady import FlowState, Operators
+from surrogate.flow.solver.steady import FlowState, Operators, StreamOperators
 
 
 @compiled("domain")
-def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
+def stream_operators(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
+    """Return the operators that do not depend on the body."""
+    return steady.stream_operators(domain, reynolds)
+
+
+@compiled("domain")
+def stream_derivatives(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
+    """Return the derivatives in Re of the operators that do not depend on the body."""
+    return steady.stream_derivatives(domain, reynolds)
+
+
+@compiled("domain")
+def assemble(
+    domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""], stream: StreamOperators
+) -> Operators:
     """Assemble the operators of a body given by its markers, see ``steady.assemble``."""
-    return steady.assemble(domain, markers, reynolds)
+    return steady.assemble(domain, markers, reynolds, stream)
 
 
 @compiled("domain", "settings")
@@ -52,9 +66,10 @@ def load_gradients(
     operators: Operators,
     state: FlowState,
     reynolds: Float[Array, ""],
+    derivatives: StreamOperators,
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
     The arguments are those of ``adjoint.load_gradients``.
     """
-    return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort)
+    return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort, derivatives)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+import scipy  # its submodules load at first use; scipy.stats takes half a second
 from jaxtyping import Float
-from scipy.stats import qmc
 
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
@@ -48,7 +48,7 @@ def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] 
     positions = np.concatenate([np.arange(count - len(infill)), np.asarray(infill, int)])
     needed = int(positions.max(initial=-1)) + 1
     low, high = np.log(scene.reynolds)
-    sequence = qmc.Sobol(len(scene.family.names) + 1, rng=seed)
+    sequence = scipy.stats.qmc.Sobol(len(scene.family.names) + 1, rng=seed)
     bodies, log_re = np.empty((0, len(scene.family.names))), np.empty(0)
     while len(bodies) < needed:
         shares = sequence.random(max(2 ** needed.bit_length(), MIN_DRAW))

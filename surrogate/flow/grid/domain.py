@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import jax
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
@@ -77,7 +78,9 @@ class Domain(abc.ABC):
         """Return the traction modes of family bodies with these parameters."""
 
     @abc.abstractmethod
-    def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> GreenFunction:
+    def green_function(
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+    ) -> GreenFunction:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
 
     @abc.abstractmethod

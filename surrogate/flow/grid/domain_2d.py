@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import jax
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
@@ -149,10 +150,10 @@ class Domain2D(Domain):
         return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(
-        self, lattice: Lattice, reynolds: Float[AnyArray, ""]
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
     ) -> Kernel | SymmetricKernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
-        return oseen_kernel(lattice, reynolds, self.height, self.mirrored)
+        return oseen_kernel(lattice, reynolds, self.height, self.mirrored, dtype)
 
     def spread_body(
         self, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float

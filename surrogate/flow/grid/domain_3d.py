@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import jax
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
@@ -108,9 +109,11 @@ class Domain3D(Domain):
         """The number of combinations of modes far from a body; None, for all, without incidence."""
         return None if self.modes.symmetric else FAR_COMBINATIONS
 
-    def green_function(self, lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
+    def green_function(
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+    ) -> SpaceKernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
-        return space_kernel(lattice, reynolds)
+        return space_kernel(lattice, reynolds, dtype)
 
     def spread_body(self, markers: Skin, reynolds: Float[AnyArray, ""] | float) -> Spreading:
         """Spread all traction modes from a body's skin to the grid; see ``wall_3d``."""

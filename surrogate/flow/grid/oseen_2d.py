@@ -13,6 +13,7 @@ import itertools
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Complex, Float
 
 from surrogate.arrays import AnyArray
@@ -88,7 +89,11 @@ def _multiply(kernel, spectrum):
 
 
 def oseen_kernel(
-    lattice: Lattice, reynolds: Float[AnyArray, ""], height: float | None, mirrored: bool = False
+    lattice: Lattice,
+    reynolds: Float[AnyArray, ""],
+    height: float | None,
+    mirrored: bool = False,
+    dtype: DTypeLike = float,
 ) -> Kernel | SymmetricKernel:
     """Return the Green's function of the Oseen operator on a lattice.
 
@@ -98,21 +103,21 @@ def oseen_kernel(
       height: tunnel height in D, a whole number of cells; None for an unbounded stream.
       mirrored: the tunnel has slip walls and the source need not be symmetric about its centre
         line; then the kernel has period 2 H and carries the mirror image explicitly.
+      dtype: of the velocities that the kernel returns.
     """
     ny = lattice.shape[1]
     if lattice.folded:
         waves = _unbounded_waves(4 * ny) if height is None else _tunnel_waves(lattice.rows(height))
-        return SymmetricKernel(_half_spectrum(lattice, reynolds, *waves))
+        return SymmetricKernel(_half_spectrum(lattice, reynolds, *waves, dtype))
     rows = np.arange(-ny, ny)
     if height is None:
         waves = _unbounded_waves(2 * ny)
-        return Kernel(_spectrum(lattice, reynolds, *waves, rows, None), None)
+        return Kernel(_spectrum(lattice, reynolds, *waves, rows, None, dtype), None)
     period = lattice.rows(height) * (2 if mirrored else 1)
     waves = _tunnel_waves(period)
-    direct = _spectrum(lattice, reynolds, *waves, rows, 1 / period)
-    if not mirrored:
-        return Kernel(direct, None)
-    return Kernel(direct, _spectrum(lattice, reynolds, *waves, rows - period // 2, 1 / period))
+    images = (rows, rows - period // 2) if mirrored else (rows,)
+    spectra = [_spectrum(lattice, reynolds, *waves, rows, 1 / period, dtype) for rows in images]
+    return Kernel(*spectra) if mirrored else Kernel(*spectra, None)
 
 
 def _tunnel_waves(period):
@@ -137,44 +142,49 @@ def _unbounded_waves(rows, nodes=12, panels=13, ratio=4.0):
     return np.concatenate(theta), np.concatenate(weight)
 
 
-def _spectrum(lattice, reynolds, theta, weight, rows, mean_weight):
+def _spectrum(lattice, reynolds, theta, weight, rows, mean_weight, dtype):
     """Return the FFT of the kernel on displacements n in [-nx, nx) and the given ``rows``.
 
     ``mean_weight`` is the weight of theta = 0 (a tunnel's mean flow), None where it has none.
     """
-    xx, xy, yx, yy = _columns(lattice, reynolds, theta)
-    even = np.cos(np.outer(theta, rows)) * weight[:, None]
-    odd_xy = np.sin(np.outer(theta, rows - 0.5)) * weight[:, None]
-    odd_yx = np.sin(np.outer(theta, rows + 0.5)) * weight[:, None]
+    xx, xy, yx, yy = _columns(lattice, reynolds, theta, dtype)
+    even = (np.cos(np.outer(theta, rows)) * weight[:, None]).astype(dtype)
+    odd_xy = (np.sin(np.outer(theta, rows - 0.5)) * weight[:, None]).astype(dtype)
+    odd_yx = (np.sin(np.outer(theta, rows + 0.5)) * weight[:, None]).astype(dtype)
     gyy = yy @ even
     if mean_weight is not None:
-        gyy += mean_weight * _mean_column(lattice, reynolds)[:, None]
+        gyy += (mean_weight * _mean_column(lattice, reynolds)[:, None]).astype(dtype)
     kernel = jnp.stack([jnp.stack([xx @ even, xy @ odd_xy]), jnp.stack([yx @ odd_yx, gyy])])
     return jnp.fft.rfft2(jnp.fft.ifftshift(kernel, axes=(-2, -1)))
 
 
-def _half_spectrum(lattice, reynolds, theta, weight):
+def _half_spectrum(lattice, reynolds, theta, weight, dtype):
     """Return the kernel between cosines and sines of the padded wave numbers psi across."""
     ny = lattice.shape[1]
     psi = _padded_waves(ny)
     whole, half = np.arange(-2 * ny, 2 * ny), np.arange(-2 * ny, 2 * ny) + 0.5
     even = np.cos(np.outer(theta, whole)) * weight[:, None] @ np.cos(np.outer(whole, psi))
     odd = np.sin(np.outer(theta, half)) * weight[:, None] @ np.sin(np.outer(half, psi))
-    xx, xy, yx, yy = _columns(lattice, reynolds, theta)
+    even, odd = even.astype(dtype), odd.astype(dtype)
+    xx, xy, yx, yy = _columns(lattice, reynolds, theta, dtype)
     pairs = (even, xx), (odd, -xy), (odd, yx), (even, yy)
     kernel = jnp.stack([jnp.einsum("wp,nw->pn", waves, column) for waves, column in pairs])
     kernel = jnp.fft.rfft(jnp.fft.ifftshift(kernel, axes=-1))
     return kernel.reshape(2, 2, *kernel.shape[1:])
 
 
-def _columns(lattice, reynolds, theta):
-    """Return the kernel at wave numbers theta across, on displacements n in [-nx, nx) along x."""
+def _columns(lattice, reynolds, theta, dtype):
+    """Return the kernel at wave numbers theta across, on displacements n in [-nx, nx) along x.
+
+    It is computed in double precision: differences of neighbours would lose digits.
+    """
     hx, hy = lattice.step
     beta = (2 * hx / hy * np.sin(theta / 2)) ** 2
     viscous, potential = sequences(lattice, reynolds, beta)
     slope = jnp.diff(potential, axis=0) / hx * (2 * np.sin(theta / 2) / hy)  # D+x D-y Q
     xx = (-beta / hx**2 * potential)[1:-1]
-    return xx, slope[1:], slope[:-1], viscous[1:-1] - xx
+    columns = xx, slope[1:], slope[:-1], viscous[1:-1] - xx
+    return [column.astype(dtype) for column in columns]
 
 
 def sequences(

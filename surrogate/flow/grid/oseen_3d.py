@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import DTypeLike
 from jaxtyping import Array, Complex, Float
 from scipy.fft import next_fast_len
 from scipy.special import ive
@@ -129,8 +130,13 @@ def _period(cells):
     return next_fast_len(2 * cells + 1, real=True)
 
 
-def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel:
-    """Return the Green's function of the Oseen operator in an unbounded 3-D stream on a lattice."""
+def space_kernel(
+    lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+) -> SpaceKernel:
+    """Return the Green's function of the Oseen operator in an unbounded 3-D stream on a lattice.
+
+    It is computed in double precision, whatever ``dtype`` the result has: the exponentials cancel.
+    """
     nx, *across = lattice.shape
     heat = [_heat(cells, k + 1 in lattice.folded) for k, cells in enumerate(across)]
     period = _period(nx)
@@ -140,7 +146,8 @@ def space_kernel(lattice: Lattice, reynolds: Float[AnyArray, ""]) -> SpaceKernel
         # displacements -nx ... nx about the source, laid out as FFTs have them
         padded = jnp.zeros((period, columns.shape[1])).at[np.arange(-nx, nx + 1)].set(columns[1:])
         amplitude = jnp.fft.rfft(((padded * weights) @ fit) @ spread, axis=0)
-        return jnp.einsum("xk,ky,kz->xyz", amplitude, *heat)
+        spectrum = jnp.einsum("xk,ky,kz->xyz", amplitude, *heat)
+        return spectrum.astype(jnp.result_type(dtype, jnp.complex64))
 
     viscous, potential = sequences(lattice, reynolds, BETAS)
     spectra = spectrum(viscous, 0.5), spectrum(potential, 1.5)

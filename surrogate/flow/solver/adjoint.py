@@ -16,18 +16,19 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray, compute_where
+from surrogate.arrays import AnyArray, compute_where, single
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import Load
 from surrogate.flow.solver.krylov import gmres
-from surrogate.flow.solver.newton import SINGLE, single
+from surrogate.flow.solver.newton import SINGLE
 from surrogate.flow.solver.steady import (
     FlowState,
     Operators,
+    StreamOperators,
     eliminate,
     residual,
-    stream_operators,
+    stream_derivatives,
 )
 
 SINGLE_SUFFICES = 1e-4  # relative residual down to which single precision alone is reliable
@@ -64,6 +65,7 @@ def load_gradients(
     state: FlowState,
     reynolds: Float[AnyArray, ""],
     effort: Effort,
+    derivatives: StreamOperators | None = None,
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
@@ -79,6 +81,7 @@ def load_gradients(
       state: the converged body flow.
       reynolds: U D / nu.
       effort: of each adjoint's linear solve.
+      derivatives: of the stream's operators in Re; computed if not given.
 
     Returns:
       dJ/d(markers), with an axis of the loads before those of the markers; dJ/dRe of shape
@@ -92,14 +95,17 @@ def load_gradients(
         body = domain.spread_body(markers, reynolds)
         return residual(domain, eqx.tree_at(lambda o: o.body, operators, body), state)
 
-    def with_stream(reynolds):
-        moved = stream_operators(domain, reynolds)
-        return residual(domain, eqx.tree_at(lambda o: (o.green, o.far), operators, moved), state)
+    def with_stream(stream):
+        moved = eqx.tree_at(lambda o: (o.green, o.far), operators, tuple(stream))
+        return residual(domain, moved, state)
 
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, effort)
     pull = jax.vjp(with_body, operators.markers, reynolds)[1]
-    change = jax.jvp(with_stream, (reynolds,), (jnp.ones_like(reynolds),))[1]
+    if derivatives is None:
+        derivatives = stream_derivatives(domain, reynolds)
+    stream = StreamOperators(operators.green, operators.far)
+    change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
 
     def one_load(by_amplitude):
         adjoint, work = solve(by_amplitude)

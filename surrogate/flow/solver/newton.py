@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from surrogate.arrays import single
 from surrogate.flow.solver.krylov import gmres
 
 Operator = Callable[[PyTree], PyTree]
@@ -133,12 +134,3 @@ def root(
 
 def _jacobian(residual, data, x):
     return jax.linearize(lambda y: residual(data, y), x)[1]
-
-
-def single(tree: PyTree) -> PyTree:
-    """Return a pytree with every array cast to single precision."""
-
-    def cast(leaf):
-        return leaf.astype(jnp.complex64 if jnp.iscomplexobj(leaf) else jnp.float32)
-
-    return jax.tree.map(cast, tree)

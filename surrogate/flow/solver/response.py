@@ -13,10 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, single
 from surrogate.flow.grid.domain import Domain, GreenFunction
 from surrogate.flow.grid.immersed import Spreading
-from surrogate.flow.solver.newton import single
 
 
 class FullResponse(eqx.Module):
@@ -79,7 +78,7 @@ def mode_response(
     if domain.far_combinations is None:
         return FullResponse(domain.each_mode(lambda a: green(body.spread(a)), eye))
     corner, lattice = domain.near
-    here = single(jax.lax.stop_gradient(domain.green_function(lattice, reynolds)))
+    here = jax.lax.stop_gradient(domain.green_function(lattice, reynolds, jnp.float32))
     near = _within(body, corner, lattice.shape)
     velocities = domain.each_mode(lambda a: here(near.spread(a)), eye)
     # The velocity on the edge of the box determines that outside: its principal components.

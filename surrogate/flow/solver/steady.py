@@ -6,6 +6,7 @@ w is the blending function of the domain, Phi the response to the momentum flux 
 flow also asks for S (e_x + u') + C a = 0, equation (3).
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -32,6 +33,13 @@ DEFAULT = NewtonSettings()
 # surface, so that any positive value does: 0.01 and 1 change Cd and Cl by less than 1e-4 (study
 # ``constants``).
 NULL_MODE_COMPLIANCE = 0.1
+
+
+class StreamOperators(NamedTuple):
+    """The operators that depend on the domain and Re alone: ``green`` and ``far`` of Operators."""
+
+    green: GreenFunction
+    far: Float[AnyArray, "terms axes ..."]
 
 
 class Operators(eqx.Module):
@@ -63,26 +71,36 @@ class FlowState(NamedTuple):
     amplitude: Float[AnyArray, " modes"]
 
 
-def assemble(domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""]) -> Operators:
+def assemble(
+    domain: Domain,
+    markers: Markers,
+    reynolds: Float[AnyArray, ""],
+    stream: StreamOperators | None = None,
+) -> Operators:
     """Assemble the operators of a body, at ``domain.assembly_cost`` convolutions with G.
 
     Args:
       domain: the discrete problem.
       markers: of the body, ``domain.nodes`` of them, in D.
       reynolds: U D / nu.
+      stream: the operators that do not depend on the body; computed if not given.
     """
-    green, far = stream_operators(domain, reynolds)
+    green, far = stream_operators(domain, reynolds) if stream is None else stream
     body = domain.spread_body(markers, reynolds)
     response = mode_response(domain, green, body, reynolds)
     return Operators(green, far, body, response, markers)
 
 
-def stream_operators(
-    domain: Domain, reynolds: Float[AnyArray, ""]
-) -> tuple[GreenFunction, Float[AnyArray, "terms axes ..."]]:
-    """Return the operators that do not depend on the body: G and the far field's responses."""
+def stream_operators(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
+    """Return the operators that do not depend on the body."""
     far = far_response(domain, reynolds)
-    return domain.green_function(domain.lattice, reynolds), far
+    return StreamOperators(domain.green_function(domain.lattice, reynolds), far)
+
+
+def stream_derivatives(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
+    """Return the derivatives in Re of the operators that do not depend on the body."""
+    operators = functools.partial(stream_operators, domain)
+    return jax.jvp(operators, (reynolds,), (jnp.ones_like(reynolds),))[1]
 
 
 def flow_residual(

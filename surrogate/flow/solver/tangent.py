@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from surrogate.arrays import single
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver.adjoint import Effort, Work, coupled_jacobian
 from surrogate.flow.solver.krylov import gmres
-from surrogate.flow.solver.newton import single
 from surrogate.flow.solver.steady import (
     FlowState,
     Operators,
