@@ -17,6 +17,7 @@ from study import Row
 from surrogate import Fidelity, Flow, Scene, Solution, family_shape
 from surrogate.devices import Devices
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
+from surrogate.flow.streams import forget_streams
 from surrogate.partition import partition_bodies
 from surrogate.scene.samples import training_samples
 
@@ -34,6 +35,8 @@ def solved(
 ) -> Solution:
     """Solve the flow past a body of the family, without an estimate of its error unless asked for.
 
+    It takes its time as if no flow had been solved at this Re before.
+
     Args:
       body: Parameters of the family by name.
       reynolds: U D / nu.
@@ -42,6 +45,7 @@ def solved(
       stream: As for ``parse_stream``.
       **options: Of ``Flow.solve``.
     """
+    forget_streams()
     flow = Flow(Scene(stream, dimension=dimension, fidelity=fidelity))
     shape = family_shape(body, dimension=dimension)
     return flow.solve(shape, reynolds, **{"estimate": False, "allow_unsteady": True} | options)

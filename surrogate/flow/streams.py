@@ -1,7 +1,7 @@
 """The operators of a stream that many bodies share, kept for the Reynolds numbers asked last.
 
-They take half of the time of a flow in 2-D and, with their derivatives in Re, most of that of a
-gradient; designs and polars ask for many bodies at one Re.
+In 2-D they and their derivatives in Re take a good part of the time of a flow and its gradient
+(study ``speed``), and designs and polars ask for many bodies at one Re.
 """
 
 import functools
@@ -44,6 +44,12 @@ def stream_derivatives(
     if traced(reynolds, *bodies):
         return programs.stream_derivatives(domain, reynolds)
     return _derivatives(domain, float(reynolds))
+
+
+def forget_streams() -> None:
+    """Drop the operators that are kept, so that the next flow takes its time as if alone."""
+    _operators.cache_clear()
+    _derivatives.cache_clear()
 
 
 @functools.lru_cache(maxsize=KEPT)

@@ -1,0 +1,71 @@
+"""Operators of the stream are kept for the Reynolds numbers asked last, and mixed up with none."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import TINY
+
+from surrogate import Flow, Scene, Tunnel
+from surrogate.flow import programs
+from surrogate.flow.streams import KEPT, forget_streams, stream_operators
+
+LENS, EGG = np.array([2.0, 0.1, 0.0, 0.0]), np.array([1.5, 0.0, 0.1, 0.0])
+FLOW = Flow(Scene(fidelity=TINY))
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """The names of the operators that are computed during the test, nothing being kept before."""
+    forget_streams()
+    seen = []
+
+    def count(name):
+        compute = getattr(programs, name)
+
+        def counted(*arguments):
+            seen.append(name)
+            return compute(*arguments)
+
+        monkeypatch.setattr(programs, name, counted)
+
+    count("stream_operators")
+    count("stream_derivatives")
+    return seen
+
+
+def test_bodies_at_one_reynolds_number_share_them(computed):
+    drags = [float(FLOW.drag(body, 10.0)) for body in (LENS, EGG)]
+    assert drags[0] != drags[1]
+    found = [FLOW.loads_and_gradients(body, 10.0) for body in (LENS, EGG)]
+    assert [float(one.drag) for one in found] == drags
+    assert computed == ["stream_operators", "stream_derivatives"]
+    forget_streams()
+    alone = FLOW.loads_and_gradients(EGG, 10.0)
+    np.testing.assert_array_equal(alone.gradients, found[1].gradients)
+    np.testing.assert_array_equal(alone.by_reynolds, found[1].by_reynolds)
+
+
+def test_those_of_the_last_numbers_and_streams_are_kept(computed):
+    first = float(FLOW.drag(LENS, 10.0))
+    tunnel = Flow(Scene(Tunnel(8.0), fidelity=TINY))
+    assert float(tunnel.drag(LENS, 10.0)) > first > float(FLOW.drag(LENS, 11.0))
+    assert float(FLOW.drag(LENS, 10.0)) == first
+    assert len(computed) == KEPT == 3
+    FLOW.drag(LENS, 12.0)
+    tunnel.drag(LENS, 10.0)  # the one not asked for longest was dropped
+    assert len(computed) == 5
+
+
+def test_nothing_traced_is_kept(computed):
+    """Not where JAX traces the body, Re, or a function around a flow of neither."""
+    expected = float(FLOW.drag(LENS, 10.0))
+    forget_streams()
+    by_body = jax.jit(lambda body: FLOW.drag(body, 10.0))(jnp.asarray(LENS))
+    by_number = jax.jit(lambda reynolds: FLOW.drag(LENS, reynolds))(10.0)
+    jax.jit(lambda x: x * stream_operators(FLOW.domain, jnp.asarray(10.0)).far.sum())(1.0)
+    slope = jax.grad(lambda reynolds: FLOW.drag(LENS, reynolds))(10.0)
+    for drag in (by_body, by_number, FLOW.drag(LENS, 10.0)):
+        assert float(drag) == pytest.approx(expected, rel=1e-8)
+    found = FLOW.loads_and_gradients(LENS, 10.0)
+    assert float(found.by_reynolds[0]) == pytest.approx(float(slope), rel=1e-3)
