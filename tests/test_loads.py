@@ -53,7 +53,8 @@ def evaluate(domain):
         operators = steady.assemble(domain, contour(parameters), reynolds)
         state, info = steady.body_flow(domain, operators, settings=TIGHT)
         value = load(domain.modes, state.amplitude, operators.markers)
-        found = load_gradients((load,), domain, operators, state, reynolds, EFFORT)
+        stream = steady.stream_derivatives(domain, reynolds)
+        found = load_gradients((load,), domain, operators, state, reynolds, EFFORT, stream)
         by_parameters = jax.vjp(contour, parameters)[1](found.by_markers[0])[0]
         gradient = jnp.append(by_parameters, found.by_reynolds[0])
         return value, gradient, info.converged & found.work.converged

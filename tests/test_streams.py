@@ -69,3 +69,15 @@ def test_nothing_traced_is_kept(computed):
         assert float(drag) == pytest.approx(expected, rel=1e-8)
     found = FLOW.loads_and_gradients(LENS, 10.0)
     assert float(found.by_reynolds[0]) == pytest.approx(float(slope), rel=1e-3)
+
+
+def test_a_gradient_in_the_body_alone_takes_no_derivatives_of_the_stream(computed):
+    both = jax.grad(FLOW.drag, argnums=(0, 1))(jnp.asarray(LENS), 10.0)
+    assert computed.count("stream_derivatives") == 1
+    alone = jax.grad(FLOW.drag)(jnp.asarray(LENS), 10.0)
+    np.testing.assert_allclose(alone, both[0], rtol=1e-6)
+    _, moved = jax.jvp(lambda body: FLOW.drag(body, 10.0), (LENS,), (np.ones(4),))
+    assert float(moved) == pytest.approx(float(alone.sum()), rel=1e-6)
+    assert computed.count("stream_derivatives") == 1
+    by_reynolds = jax.grad(lambda reynolds: FLOW.drag(LENS, reynolds))(10.0)
+    assert float(by_reynolds) == pytest.approx(float(both[1]), rel=1e-6)

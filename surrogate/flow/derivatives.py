@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
@@ -71,12 +72,14 @@ def loads_and_status(
     return load_values(bodies, loads, operators, state), info
 
 
-@loads_and_status.defjvp
+@functools.partial(loads_and_status.defjvp, symbolic_zeros=True)
 def _loads_tangent(bodies, loads, primals, tangents):
+    body_fixed, reynolds_fixed = (isinstance(tangent, SymbolicZero) for tangent in tangents)
     operators, state, info = bodies.solved(*primals)
-    gradients = exact_gradients(bodies, loads, *primals, state, operators)
-    change = gradients[0] @ tangents[0] + gradients[1] * tangents[1]
+    gradients = exact_gradients(bodies, loads, not reynolds_fixed, *primals, state, operators)
     values = load_values(bodies, loads, operators, state)
+    change = jnp.zeros_like(values) if body_fixed else gradients[0] @ tangents[0]
+    change += 0.0 if reynolds_fixed else gradients[1] * tangents[1]
     return (values, info), (change, jax.tree.map(_no_tangent, info))
 
 
@@ -101,39 +104,41 @@ def _no_tangent(leaf):
     return jnp.zeros_like(leaf) if inexact else np.zeros(leaf.shape, jax.dtypes.float0)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1, 2))
 def exact_gradients(
     bodies: DiscreteBodies,
     loads: tuple[Load, ...],
+    by_reynolds: bool,
     parameters: Float[AnyArray, " parameters"],
     reynolds: Float[AnyArray, ""],
     state: FlowState,
     operators: Operators | None = None,
-) -> tuple[Float[Array, "loads parameters"], Float[Array, " loads"]]:
+) -> tuple[Float[Array, "loads parameters"], Float[Array, " loads"] | None]:
     """Return the derivatives of loads in parameters and Re, to as many digits as the flow has.
 
     Args:
       bodies: the grid and the class of bodies.
       loads: functions J as in ``surrogate.flow.loads``.
+      by_reynolds: whether those in Re are wanted, which take a good part of the time.
       parameters: of the body, p.
       reynolds: U D / nu.
       state: of the flow past it.
       operators: of the body; assembled if not given.
 
     Returns:
-      dJ/dp and dJ/dRe; NaN where an adjoint has not converged.
+      dJ/dp and dJ/dRe, None if not wanted; NaN where an adjoint has not converged.
     """
     domain = bodies.domain
     if operators is None:
         operators = bodies.assembled(parameters, reynolds)
     effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    stream = stream_derivatives(domain, reynolds, parameters)
+    stream = stream_derivatives(domain, reynolds, parameters) if by_reynolds else None
     found = programs.load_gradients(loads, domain, effort, operators, state, reynolds, stream)
     return _in_parameters(bodies, parameters, found)
 
 
 @exact_gradients.defjvp
-def _second_derivatives(bodies, loads, primals, tangents):
+def _second_derivatives(bodies, loads, by_reynolds, primals, tangents):
     raise NotImplementedError(
         "second derivatives of the flow's loads: not provided, as the adjoint's own derivative "
         "would take two more solves of full precision; difference its gradient, or take those of "
@@ -146,9 +151,9 @@ def _in_parameters(bodies, parameters, found):
     """Return gradients in the markers as those in the body's parameters; NaN if not converged."""
     pull = jax.vjp(bodies.markers, parameters)[1]
     by_parameters = jax.vmap(lambda by_markers: pull(by_markers)[0])(found.by_markers)
-    return tuple(
-        jnp.where(found.work.converged, part, jnp.nan)
-        for part in (by_parameters, found.by_reynolds)
+    return jax.tree.map(
+        lambda part: jnp.where(found.work.converged, part, jnp.nan),
+        (by_parameters, found.by_reynolds),
     )
 
 
@@ -172,7 +177,7 @@ def named_gradients(
       NotConverged: an adjoint did not converge.
     """
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-    by_parameters, by_reynolds = exact_gradients(bodies, tuple(loads.values()), *at, state)
+    by_parameters, by_reynolds = exact_gradients(bodies, tuple(loads.values()), True, *at, state)
     rows = np.column_stack([by_parameters, by_reynolds])
     if not np.all(np.isfinite(rows)):
         raise NotConverged(f"adjoint flow at Re {reynolds:g} did not converge")

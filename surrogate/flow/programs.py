@@ -66,7 +66,7 @@ def load_gradients(
     operators: Operators,
     state: FlowState,
     reynolds: Float[Array, ""],
-    derivatives: StreamOperators,
+    derivatives: StreamOperators | None,
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 

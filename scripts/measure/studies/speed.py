@@ -91,10 +91,11 @@ def gradients(run: Run, reynolds: float) -> Row:
         jax.jit(flow.drag),
         alone,
         flow.loads_and_gradients,
+        jax.jit(jax.value_and_grad(flow.drag)),
         jax.jit(jax.value_and_grad(flow.drag, argnums=(0, 1))),
     )
     drag, *others = medians([lambda f=f: f(*query) for f in calls], run.pick(1, 7))
-    names = "for_designs", "for_designs_same_reynolds", "exact"
+    names = "for_designs", "for_designs_same_reynolds", "exact", "exact_with_reynolds"
     row = {name: seconds / drag - 1 for name, seconds in zip(names, others, strict=True)}
     return {"ms": 1e3 * drag} | row
 
@@ -248,9 +249,10 @@ CELLS_3D = columns(
     f" | of the ellipsoid at Re {CREEPING:g} {{ellipsoid:+.3%}} | G {{work}} | {TIME}"
 )
 GRADIENTS = columns(
-    "Re {reynolds:g} | a drag {ms:.0f} ms | its gradient as in designs, in drags {for_designs:+.2f}"
+    "Re {reynolds:g} | a drag {ms:.0f} ms | what adds, in drags: its gradient as in designs"
+    " {for_designs:+.2f}"
     " | as in designs, at the Re of the flow before {for_designs_same_reynolds:+.2f}"
-    " | to full precision {exact:+.2f}"
+    " | to full precision {exact:+.2f} | and by Re {exact_with_reynolds:+.2f}"
 )
 LEVELS = columns(
     "fidelity {fidelity} | Re {reynolds:g} | a drag {seconds:.2f} s"

@@ -28,7 +28,6 @@ from surrogate.flow.solver.steady import (
     StreamOperators,
     eliminate,
     residual,
-    stream_derivatives,
 )
 
 SINGLE_SUFFICES = 1e-4  # relative residual down to which single precision alone is reliable
@@ -54,7 +53,7 @@ class LoadGradients(NamedTuple):
     """The derivatives of loads in the body's markers and in Re, loads first, and their work."""
 
     by_markers: Markers
-    by_reynolds: Float[Array, " loads"]
+    by_reynolds: Float[Array, " loads"] | None  # None where they were not asked for
     work: Work
 
 
@@ -65,7 +64,7 @@ def load_gradients(
     state: FlowState,
     reynolds: Float[AnyArray, ""],
     effort: Effort,
-    derivatives: StreamOperators | None = None,
+    derivatives: StreamOperators | None,
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
@@ -81,11 +80,12 @@ def load_gradients(
       state: the converged body flow.
       reynolds: U D / nu.
       effort: of each adjoint's linear solve.
-      derivatives: of the stream's operators in Re; computed if not given.
+      derivatives: of the stream's operators in Re; None to leave dJ/dRe out.
 
     Returns:
       dJ/d(markers), with an axis of the loads before those of the markers; dJ/dRe of shape
-      (loads,); and the work, whose ``converged`` is false where an adjoint missed its tolerance.
+      (loads,), if asked for; and the work, whose ``converged`` is false where an adjoint missed
+      its tolerance.
     """
 
     def values(amplitude, markers):
@@ -102,16 +102,16 @@ def load_gradients(
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, effort)
     pull = jax.vjp(with_body, operators.markers, reynolds)[1]
-    if derivatives is None:
-        derivatives = stream_derivatives(domain, reynolds)
-    stream = StreamOperators(operators.green, operators.far)
-    change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
+    if derivatives is not None:
+        stream = StreamOperators(operators.green, operators.far)
+        change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
 
     def one_load(by_amplitude):
         adjoint, work = solve(by_amplitude)
         adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
         by_body, by_re = pull(adjoint)
-        return by_body, by_re + optax.tree.vdot(adjoint, change), work
+        by_re = None if derivatives is None else by_re + optax.tree.vdot(adjoint, change)
+        return by_body, by_re, work
 
     by_body, by_re, work = jax.lax.map(one_load, by_amplitude)
     by_markers = jax.tree.map(jnp.add, explicit, by_body)

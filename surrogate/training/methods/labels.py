@@ -21,7 +21,7 @@ from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import Effort, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.solver.steady import FlowState
+from surrogate.flow.solver.steady import FlowState, stream_derivatives
 from surrogate.flow.solver.tangent import coupled_step
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
@@ -174,12 +174,14 @@ class Inversion(Evaluator):
             return none
 
         def adjoint():
+            reynolds = sample.reynolds
+            stream = stream_derivatives(sample.domain, reynolds)
             by_markers, by_re, work = load_gradients(
-                loads, sample.domain, operators, state, sample.reynolds, QUICK_ADJOINT
+                loads, sample.domain, operators, state, reynolds, QUICK_ADJOINT, stream
             )
             pull = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1]
             by_shape = jax.vmap(lambda one: pull(one)[0])(by_markers)
-            slopes = jnp.column_stack([by_shape, sample.reynolds * by_re])
+            slopes = jnp.column_stack([by_shape, reynolds * by_re])
             slopes = output_gradients(sample.loads(state.amplitude), slopes)
             found = work.converged & jnp.all(jnp.isfinite(slopes))
             return jnp.where(found, slopes, 0.0), found, work.products
