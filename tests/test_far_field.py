@@ -26,7 +26,7 @@ def domain(symmetric=False):
 @pytest.fixture
 def double(monkeypatch):
     """Compute the far field in double precision."""
-    monkeypatch.setattr(far, "PRECISION", float)
+    monkeypatch.setattr(far, "PRECISION", jnp.float64)
 
 
 def velocity(domain, force, reynolds=10.0):

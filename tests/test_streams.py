@@ -8,7 +8,7 @@ from conftest import TINY
 
 from surrogate import Flow, Scene, Tunnel
 from surrogate.flow import programs
-from surrogate.flow.streams import KEPT, forget_streams, stream_operators
+from surrogate.flow.streams import KEPT, forget_operators, kept_operators
 
 LENS, EGG = np.array([2.0, 0.1, 0.0, 0.0]), np.array([1.5, 0.0, 0.1, 0.0])
 FLOW = Flow(Scene(fidelity=TINY))
@@ -17,7 +17,7 @@ FLOW = Flow(Scene(fidelity=TINY))
 @pytest.fixture
 def computed(monkeypatch):
     """The names of the operators that are computed during the test, nothing being kept before."""
-    forget_streams()
+    forget_operators()
     seen = []
 
     def count(name):
@@ -40,7 +40,7 @@ def test_bodies_at_one_reynolds_number_share_them(computed):
     found = [FLOW.loads_and_gradients(body, 10.0) for body in (LENS, EGG)]
     assert [float(one.drag) for one in found] == drags
     assert computed == ["stream_operators", "stream_derivatives"]
-    forget_streams()
+    forget_operators()
     alone = FLOW.loads_and_gradients(EGG, 10.0)
     np.testing.assert_array_equal(alone.gradients, found[1].gradients)
     np.testing.assert_array_equal(alone.by_reynolds, found[1].by_reynolds)
@@ -57,18 +57,28 @@ def test_those_of_the_last_numbers_and_streams_are_kept(computed):
     assert len(computed) == 5
 
 
-def test_nothing_traced_is_kept(computed):
-    """Not where JAX traces the body, Re, or a function around a flow of neither."""
-    expected = float(FLOW.drag(LENS, 10.0))
-    forget_streams()
-    by_body = jax.jit(lambda body: FLOW.drag(body, 10.0))(jnp.asarray(LENS))
-    by_number = jax.jit(lambda reynolds: FLOW.drag(LENS, reynolds))(10.0)
-    jax.jit(lambda x: x * stream_operators(FLOW.domain, jnp.asarray(10.0)).far.sum())(1.0)
-    slope = jax.grad(lambda reynolds: FLOW.drag(LENS, reynolds))(10.0)
-    for drag in (by_body, by_number, FLOW.drag(LENS, 10.0)):
-        assert float(drag) == pytest.approx(expected, rel=1e-8)
-    found = FLOW.loads_and_gradients(LENS, 10.0)
-    assert float(found.by_reynolds[0]) == pytest.approx(float(slope), rel=1e-3)
+@pytest.mark.parametrize("reynolds", [10.0, jnp.asarray(10.0)])
+def test_nothing_that_is_traced_is_kept(computed, reynolds):
+    """Neither where JAX traces the body nor where it traces Re."""
+    body = jnp.asarray(LENS)
+    traced = [
+        jax.jit(lambda body: FLOW.drag(body, reynolds))(body),
+        jax.jit(lambda reynolds: FLOW.drag(LENS, reynolds))(reynolds),
+        jax.jit(lambda body: FLOW.loads_and_gradients(body, reynolds).drag)(body),
+        jax.jit(jax.value_and_grad(lambda body: FLOW.drag(body, reynolds)))(body)[0],
+    ]
+    assert not computed
+    expected = float(FLOW.drag(LENS, reynolds))
+    assert computed == ["stream_operators"]
+    assert [float(drag) for drag in traced] == pytest.approx([expected] * 4, rel=1e-8)
+
+
+def test_operators_asked_for_while_another_function_is_traced_are_values(computed):
+    reynolds = jnp.asarray(10.0)
+    around = jax.jit(lambda x: x * kept_operators(FLOW.domain, reynolds).far.sum())(2.0)
+    kept = kept_operators(FLOW.domain, reynolds)
+    assert computed == ["stream_operators"]
+    assert float(around) == pytest.approx(2 * float(kept.far.sum()), rel=1e-12)
 
 
 def test_a_gradient_in_the_body_alone_takes_no_derivatives_of_the_stream(computed):

@@ -17,7 +17,7 @@ from study import Row
 from surrogate import Fidelity, Flow, Scene, Solution, family_shape
 from surrogate.devices import Devices
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
-from surrogate.flow.streams import forget_streams
+from surrogate.flow.streams import forget_operators
 from surrogate.partition import partition_bodies
 from surrogate.scene.samples import training_samples
 
@@ -45,7 +45,7 @@ def solved(
       stream: As for ``parse_stream``.
       **options: Of ``Flow.solve``.
     """
-    forget_streams()
+    forget_operators()
     flow = Flow(Scene(stream, dimension=dimension, fidelity=fidelity))
     shape = family_shape(body, dimension=dimension)
     return flow.solve(shape, reynolds, **{"estimate": False, "allow_unsteady": True} | options)

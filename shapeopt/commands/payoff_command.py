@@ -36,6 +36,7 @@ from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_target, strict_json, whole_file
 from surrogate.flow.flow import Flow
+from surrogate.flow.streams import forget_operators
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 from surrogate.repeats import differences, refusal
@@ -166,6 +167,7 @@ def _robust(surrogate: Surrogate) -> JsonObject:
     jax.block_until_ready(
         flow.loads_and_gradients(design.parameters, numbers[0], allow_unsteady=True)
     )
+    forget_operators()
     start = time.perf_counter()
     flows = jax.block_until_ready(
         [flow.loads_and_gradients(design.parameters, re, allow_unsteady=True) for re in numbers]

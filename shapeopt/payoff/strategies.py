@@ -11,6 +11,7 @@ from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
 from surrogate.errors import NotConverged
 from surrogate.flow.flow import Flow
+from surrogate.flow.streams import forget_operators
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 
@@ -74,6 +75,7 @@ def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
     designs = []
     with progress_bar(f"designs: {name}") as progress:
         for k, problem in enumerate(queries):
+            forget_operators()  # of the strategies before
             try:
                 designs.append(solve(problem))
             except NotConverged as reason:

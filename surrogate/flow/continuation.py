@@ -15,7 +15,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState
-from surrogate.flow.streams import stream_operators
+from surrogate.flow.streams import kept_operators
 
 MAX_HALVINGS = 3  # of the step in Re: continuation in 2, 4 or 8 steps
 
@@ -48,7 +48,7 @@ def solve_markers(
       reynolds: U D / nu.
       guess: state to begin from; the Oseen flow by default.
     """
-    stream = stream_operators(domain, reynolds, *jax.tree.leaves(markers))
+    stream = kept_operators(domain, reynolds, *jax.tree.leaves(markers))
     operators = programs.assemble(domain, markers, reynolds, stream)
     return FlowResult(*programs.solve(domain, settings, operators, guess))
 

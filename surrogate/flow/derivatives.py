@@ -23,7 +23,7 @@ from surrogate.flow.loads import Load
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
-from surrogate.flow.streams import stream_derivatives
+from surrogate.flow.streams import kept_derivatives
 
 # Gradients of designs and trainings need no more than kriging's noise of slopes, 2e-4.
 QUICK_ADJOINT = Effort(2e-4, 60)
@@ -132,7 +132,7 @@ def exact_gradients(
     if operators is None:
         operators = bodies.assembled(parameters, reynolds)
     effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    stream = stream_derivatives(domain, reynolds, parameters) if by_reynolds else None
+    stream = kept_derivatives(domain, reynolds, parameters) if by_reynolds else None
     found = programs.load_gradients(loads, domain, effort, operators, state, reynolds, stream)
     return _in_parameters(bodies, parameters, found)
 
@@ -199,7 +199,7 @@ def loads_and_gradients(
     """
     domain = bodies.domain
     operators, state, info = bodies.solved(parameters, reynolds)
-    stream = stream_derivatives(domain, reynolds, parameters)
+    stream = kept_derivatives(domain, reynolds, parameters)
     found = programs.load_gradients(
         bodies.loads, domain, QUICK_ADJOINT, operators, state, reynolds, stream
     )

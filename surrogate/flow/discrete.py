@@ -20,7 +20,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators
-from surrogate.flow.streams import stream_operators
+from surrogate.flow.streams import kept_operators
 from surrogate.scene.limits import onset_of_instability
 
 OUTLINE_NODES = 128  # of the outline whose mean thickness is measured
@@ -63,7 +63,7 @@ class DiscreteBodies:
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Operators:
         """Assemble the operators of a body."""
-        stream = stream_operators(self.domain, reynolds, parameters)
+        stream = kept_operators(self.domain, reynolds, parameters)
         return programs.assemble(self.domain, self.markers(parameters), reynolds, stream)
 
     def solved(

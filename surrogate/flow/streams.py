@@ -1,7 +1,8 @@
-"""The operators of a stream that many bodies share, kept for the Reynolds numbers asked last.
+"""The operators of a stream that many bodies share, kept for the Reynolds numbers last asked for.
 
 In 2-D they and their derivatives in Re take a good part of the time of a flow and its gradient
-(study ``speed``), and designs and polars ask for many bodies at one Re.
+(study ``speed``), and designs and polars ask for many bodies at one Re. They depend on the domain
+and on Re alone. In 3-D they take a smaller part, and too much memory to be kept.
 """
 
 import functools
@@ -14,51 +15,57 @@ from surrogate.arrays import AnyArray
 from surrogate.checks import traced
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain
+from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import StreamOperators
 
-KEPT = 3  # domains and Re: those of a flow and of the two of its estimated error
+KEPT = 3  # domains and Re: enough for a flow and for the two flows that estimate its error
 
 
-def stream_operators(
-    domain: Domain, reynolds: Float[AnyArray, ""], *bodies: AnyArray
+def kept_operators(
+    domain: Domain, reynolds: Float[AnyArray, ""], *body: AnyArray
 ) -> StreamOperators:
-    """Return the operators that do not depend on the body.
+    """Return the operators that do not depend on the body, those kept if there are.
 
     Args:
       domain: the discrete problem.
       reynolds: U D / nu.
-      bodies: what the flow depends on beside Re. Where JAX traces it or Re, nothing is kept.
+      body: the arrays that give the body. Where JAX traces one of them or Re, the operators become
+        part of what is traced, and none are kept.
     """
-    if traced(reynolds, *bodies):
-        return programs.stream_operators(domain, reynolds)
-    return _operators(domain, float(reynolds))
+    if traced(reynolds, *body):
+        return steady.stream_operators(domain, reynolds)
+    compute = _kept_operators if domain.lattice.dimension == 2 else _operators
+    return compute(domain, float(reynolds))
 
 
-def stream_derivatives(
-    domain: Domain, reynolds: Float[AnyArray, ""], *bodies: AnyArray
+def kept_derivatives(
+    domain: Domain, reynolds: Float[AnyArray, ""], *body: AnyArray
 ) -> StreamOperators:
     """Return the derivatives in Re of the operators that do not depend on the body.
 
-    The arguments are those of ``stream_operators``.
+    The arguments are those of ``kept_operators``.
     """
-    if traced(reynolds, *bodies):
-        return programs.stream_derivatives(domain, reynolds)
-    return _derivatives(domain, float(reynolds))
+    if traced(reynolds, *body):
+        return steady.stream_derivatives(domain, reynolds)
+    compute = _kept_derivatives if domain.lattice.dimension == 2 else _derivatives
+    return compute(domain, float(reynolds))
 
 
-def forget_streams() -> None:
+def forget_operators() -> None:
     """Drop the operators that are kept, so that the next flow takes its time as if alone."""
-    _operators.cache_clear()
-    _derivatives.cache_clear()
+    _kept_operators.cache_clear()
+    _kept_derivatives.cache_clear()
 
 
-@functools.lru_cache(maxsize=KEPT)
 def _operators(domain, reynolds):
-    with jax.ensure_compile_time_eval():  # also where JAX traces a function around this one
+    with jax.ensure_compile_time_eval():  # even where JAX traces a function around this call
         return programs.stream_operators(domain, jnp.asarray(reynolds, float))
 
 
-@functools.lru_cache(maxsize=1)
 def _derivatives(domain, reynolds):
     with jax.ensure_compile_time_eval():
         return programs.stream_derivatives(domain, jnp.asarray(reynolds, float))
+
+
+_kept_operators = functools.lru_cache(maxsize=KEPT)(_operators)
+_kept_derivatives = functools.lru_cache(maxsize=1)(_derivatives)

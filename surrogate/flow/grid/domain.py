@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import ClassVar
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
@@ -79,9 +79,15 @@ class Domain(abc.ABC):
 
     @abc.abstractmethod
     def green_function(
-        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
     ) -> GreenFunction:
-        """Return the Green's function G of the discrete Oseen operator on a lattice."""
+        """Return the Green's function G of the discrete Oseen operator on a lattice.
+
+        Args:
+          lattice: the grid.
+          reynolds: U D / nu.
+          dtype: of the velocities that G returns for forces of the same dtype.
+        """
 
     @abc.abstractmethod
     def spread_body(self, markers: Markers, reynolds: Float[AnyArray, ""] | float) -> Spreading:
@@ -155,7 +161,7 @@ class Domain(abc.ABC):
     def forces(self, amplitude: Float[AnyArray, " modes"]) -> Float[Array, " 2"]:
         """Return the total force of the body on the fluid, drag and lift, in ``FORCE_UNIT``."""
         lift = 0.0 if self.modes.lift_index is None else amplitude[self.modes.lift_index]
-        return jax.numpy.stack([amplitude[0], lift])
+        return jnp.stack([amplitude[0], lift])
 
 
 def too_thin(cells: float, needed: float, step: float) -> str:

@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
@@ -150,7 +151,7 @@ class Domain2D(Domain):
         return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(
-        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
     ) -> Kernel | SymmetricKernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
         return oseen_kernel(lattice, reynolds, self.height, self.mirrored, dtype)

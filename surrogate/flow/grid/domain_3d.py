@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
@@ -110,7 +111,7 @@ class Domain3D(Domain):
         return None if self.modes.symmetric else FAR_COMBINATIONS
 
     def green_function(
-        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+        self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
     ) -> SpaceKernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
         return space_kernel(lattice, reynolds, dtype)

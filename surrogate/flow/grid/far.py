@@ -28,8 +28,8 @@ from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.lattice import Lattice
 
 BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
-# Of the coarse lattices: single precision changes Cd by 1e-7 (study ``precision``). With lift it
-# would change Cl by 1e-8, and mirror images would differ by as much.
+# The precision of the coarse lattices of flows without and with lift. Single precision changes the
+# Cd of symmetric 2-D bodies by 1e-7 (study ``precision``). With lift, mirror images would differ.
 PRECISION, LIFTING_PRECISION = jnp.float32, jnp.float64
 
 Powers = tuple[int, ...]  # of every force in a term of a polynomial
@@ -54,7 +54,9 @@ def far_response(
     for level, coarse in enumerate(domain.far):
         inner = inside.profile(coarse.faces(), band)
         order = domain.far_order if level == 0 else 2
-        for powers, field in zip(*_ring(domain, coarse, inner, reynolds, order), strict=True):
+        with jax.default_matmul_precision("highest"):  # GPUs would round to 10 bits
+            ring = _ring(domain, coarse, inner, reynolds, order)
+        for powers, field in zip(*ring, strict=True):
             total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
     return jnp.stack([total[powers] for powers in far_powers(domain)])

@@ -93,7 +93,7 @@ def oseen_kernel(
     reynolds: Float[AnyArray, ""],
     height: float | None,
     mirrored: bool = False,
-    dtype: DTypeLike = float,
+    dtype: DTypeLike = jnp.float64,
 ) -> Kernel | SymmetricKernel:
     """Return the Green's function of the Oseen operator on a lattice.
 
@@ -103,7 +103,7 @@ def oseen_kernel(
       height: tunnel height in D, a whole number of cells; None for an unbounded stream.
       mirrored: the tunnel has slip walls and the source need not be symmetric about its centre
         line; then the kernel has period 2 H and carries the mirror image explicitly.
-      dtype: of the velocities that the kernel returns.
+      dtype: of the velocities that the kernel returns for forces of the same dtype.
     """
     ny = lattice.shape[1]
     if lattice.folded:

@@ -131,7 +131,7 @@ def _period(cells):
 
 
 def space_kernel(
-    lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = float
+    lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
 ) -> SpaceKernel:
     """Return the Green's function of the Oseen operator in an unbounded 3-D stream on a lattice.
 
@@ -147,7 +147,7 @@ def space_kernel(
         padded = jnp.zeros((period, columns.shape[1])).at[np.arange(-nx, nx + 1)].set(columns[1:])
         amplitude = jnp.fft.rfft(((padded * weights) @ fit) @ spread, axis=0)
         spectrum = jnp.einsum("xk,ky,kz->xyz", amplitude, *heat)
-        return spectrum.astype(jnp.result_type(dtype, jnp.complex64))
+        return spectrum.astype(jnp.result_type(jnp.dtype(dtype), jnp.complex64))
 
     viscous, potential = sequences(lattice, reynolds, BETAS)
     spectra = spectrum(viscous, 0.5), spectrum(potential, 1.5)

@@ -77,7 +77,9 @@ def assemble(
     reynolds: Float[AnyArray, ""],
     stream: StreamOperators | None = None,
 ) -> Operators:
-    """Assemble the operators of a body, at ``domain.assembly_cost`` convolutions with G.
+    """Assemble the operators of a body.
+
+    With those of the stream it takes ``domain.assembly_cost`` convolutions with G.
 
     Args:
       domain: the discrete problem.
