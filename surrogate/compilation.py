@@ -51,18 +51,21 @@ Function = Callable[Parameters, Result]
 def compiled(*static: str) -> Callable[[Function], Function]:
     """Return a decorator like ``jax.jit`` that compiles quickly, with these ``static`` arguments.
 
-    Static arguments are hashed. Inside another transformation of JAX the function is traced as it
-    stands. Where the user has set ``XLA_FLAGS`` these rule.
+    Static arguments are hashed. Inside another transformation of JAX it is ``jax.jit`` itself, as
+    only an outermost program has options of compilation. Where the user has set ``XLA_FLAGS`` these
+    rule.
     """
 
     def decorate(function: Function) -> Function:
+        nested = jax.jit(function, static_argnames=static, inline=True)
+
         @functools.cache
         def program():
             return jax.jit(function, static_argnames=static, compiler_options=quick_options())
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-            inner = function if traced(*jax.tree.leaves((args, kwargs))) else program()
+            inner = nested if traced(*jax.tree.leaves((args, kwargs))) else program()
             return inner(*args, **kwargs)
 
         return call

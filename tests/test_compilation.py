@@ -34,6 +34,18 @@ def test_drag_gradient_and_solution_share_their_programs(compiled):
     assert list(solution.gradient.values())[:4] == pytest.approx(gradient.tolist(), rel=1e-6)
 
 
+def test_vmap_alone_compiles_whole_programs(compiled):
+    """Not every operation of the flow apart, and nothing at the second call."""
+    flow = Flow(Scene(fidelity=Fidelity("shared", 8, 2.5, 4, 4, 5, wake=0.0)))
+    bodies, numbers = jnp.stack([LENS, LENS]), jnp.array([10.0, 20.0])
+    drags = jax.vmap(flow.drag)(bodies, numbers)
+    assert float(drags[0]) == pytest.approx(float(flow.drag(LENS, 10.0)), rel=1e-8)
+    before = len(compiled)
+    assert before <= 250
+    assert jax.vmap(flow.drag)(bodies, numbers).tolist() == drags.tolist()
+    assert len(compiled) == before
+
+
 def test_a_surface_is_drawn_by_few_programs(compiled):
     flow = Flow(Scene(fidelity=Fidelity("drawn", 8, 2.5, 4, 4, 5, wake=0.0)))
     solution = flow.solve(LENS, 10.0, estimate=False)

@@ -33,7 +33,7 @@ def kept_operators(
         part of what is traced, and none are kept.
     """
     if traced(reynolds, *body):
-        return steady.stream_operators(domain, reynolds)
+        return _nested_operators(domain, reynolds)
     compute = _kept_operators if domain.lattice.dimension == 2 else _operators
     return compute(domain, float(reynolds))
 
@@ -46,7 +46,7 @@ def kept_derivatives(
     The arguments are those of ``kept_operators``.
     """
     if traced(reynolds, *body):
-        return steady.stream_derivatives(domain, reynolds)
+        return _nested_derivatives(domain, reynolds)
     compute = _kept_derivatives if domain.lattice.dimension == 2 else _derivatives
     return compute(domain, float(reynolds))
 
@@ -67,5 +67,7 @@ def _derivatives(domain, reynolds):
         return programs.stream_derivatives(domain, jnp.asarray(reynolds, float))
 
 
+_nested_operators = jax.jit(steady.stream_operators, static_argnames="domain", inline=True)
+_nested_derivatives = jax.jit(steady.stream_derivatives, static_argnames="domain", inline=True)
 _kept_operators = functools.lru_cache(maxsize=KEPT)(_operators)
 _kept_derivatives = functools.lru_cache(maxsize=1)(_derivatives)
