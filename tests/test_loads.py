@@ -10,7 +10,7 @@ from surrogate import Tunnel, Unbounded, family_shape
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.loads import drag, drag_amplitude, drag_coefficient, lift, moment
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import Effort, load_gradients
+from surrogate.flow.solver.adjoint import Effort, by_stream, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
 
@@ -53,10 +53,11 @@ def evaluate(domain):
         operators = steady.assemble(domain, contour(parameters), reynolds)
         state, info = steady.body_flow(domain, operators, settings=TIGHT)
         value = load(domain.modes, state.amplitude, operators.markers)
-        stream = steady.stream_derivatives(domain, reynolds)
-        found = load_gradients((load,), domain, operators, state, reynolds, EFFORT, stream)
+        found = load_gradients((load,), domain, operators, state, reynolds, EFFORT)
+        derivatives = steady.stream_derivatives(domain, reynolds)
+        rest = by_stream(domain, operators, state, derivatives, found.adjoints)
         by_parameters = jax.vjp(contour, parameters)[1](found.by_markers[0])[0]
-        gradient = jnp.append(by_parameters, found.by_reynolds[0])
+        gradient = jnp.append(by_parameters, found.by_reynolds[0] + rest[0])
         return value, gradient, info.converged & found.work.converged
 
     def at(name, step):

@@ -132,9 +132,10 @@ def exact_gradients(
     if operators is None:
         operators = bodies.assembled(parameters, reynolds)
     effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    stream = kept_derivatives(domain, reynolds, parameters) if by_reynolds else None
-    found = programs.load_gradients(loads, domain, effort, operators, state, reynolds, stream)
-    return _in_parameters(bodies, parameters, found)
+    found = programs.load_gradients(loads, domain, effort, operators, state, reynolds)
+    at = domain, parameters, reynolds, operators, state
+    by_re = _by_reynolds(*at, found) if by_reynolds else None
+    return _in_parameters(bodies, parameters, found.by_markers, by_re, found.work.converged)
 
 
 @exact_gradients.defjvp
@@ -146,15 +147,19 @@ def _second_derivatives(bodies, loads, by_reynolds, primals, tangents):
     )
 
 
+def _by_reynolds(domain, parameters, reynolds, operators, state, found):
+    """Return dJ/dRe, by the operators of the body and of the stream."""
+    derivatives = kept_derivatives(domain, reynolds, parameters)
+    by_stream = programs.by_stream(domain, operators, state, derivatives, found.adjoints)
+    return found.by_reynolds + by_stream
+
+
 @compiled("bodies")
-def _in_parameters(bodies, parameters, found):
+def _in_parameters(bodies, parameters, by_markers, by_reynolds, converged):
     """Return gradients in the markers as those in the body's parameters; NaN if not converged."""
     pull = jax.vjp(bodies.markers, parameters)[1]
-    by_parameters = jax.vmap(lambda by_markers: pull(by_markers)[0])(found.by_markers)
-    return jax.tree.map(
-        lambda part: jnp.where(found.work.converged, part, jnp.nan),
-        (by_parameters, found.by_reynolds),
-    )
+    found = jax.vmap(lambda one: pull(one)[0])(by_markers), by_reynolds
+    return jax.tree.map(lambda part: jnp.where(converged, part, jnp.nan), found)
 
 
 def named_gradients(
@@ -199,18 +204,18 @@ def loads_and_gradients(
     """
     domain = bodies.domain
     operators, state, info = bodies.solved(parameters, reynolds)
-    stream = kept_derivatives(domain, reynolds, parameters)
-    found = programs.load_gradients(
-        bodies.loads, domain, QUICK_ADJOINT, operators, state, reynolds, stream
-    )
+    found = programs.load_gradients(bodies.loads, domain, QUICK_ADJOINT, operators, state, reynolds)
+    by_re = _by_reynolds(domain, parameters, reynolds, operators, state, found)
     values = load_values(bodies, bodies.loads, operators, state)
-    return _loads_and_gradients(bodies, parameters, values, info, found)
+    return _loads_and_gradients(
+        bodies, parameters, values, info, found.by_markers, by_re, found.work
+    )
 
 
 @compiled("bodies")
-def _loads_and_gradients(bodies, parameters, values, info, found):
-    by_parameters, by_reynolds = _in_parameters(bodies, parameters, found)
-    converged = info.converged & found.work.converged & jnp.all(jnp.isfinite(by_parameters))
-    spent = info.products + found.work.products + bodies.domain.assembly_cost
-    parts = values, by_parameters, by_reynolds
+def _loads_and_gradients(bodies, parameters, values, info, by_markers, by_reynolds, work):
+    gradients = _in_parameters(bodies, parameters, by_markers, by_reynolds, work.converged)
+    converged = info.converged & work.converged & jnp.all(jnp.isfinite(gradients[0]))
+    spent = info.products + work.products + bodies.domain.assembly_cost
+    parts = values, *gradients
     return LoadsAndGradients(*(jnp.where(converged, v, jnp.nan) for v in parts), spent, converged)

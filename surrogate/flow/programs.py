@@ -66,10 +66,24 @@ def load_gradients(
     operators: Operators,
     state: FlowState,
     reynolds: Float[Array, ""],
-    derivatives: StreamOperators | None,
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
     The arguments are those of ``adjoint.load_gradients``.
     """
-    return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort, derivatives)
+    return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort)
+
+
+@compiled("domain")
+def by_stream(
+    domain: Domain,
+    operators: Operators,
+    state: FlowState,
+    derivatives: StreamOperators,
+    adjoints: FlowState,
+) -> Float[Array, " loads"]:
+    """Return the part of dJ/dRe of loads that comes from G and from the far field.
+
+    The arguments are those of ``adjoint.by_stream``.
+    """
+    return adjoint.by_stream(domain, operators, state, derivatives, adjoints)

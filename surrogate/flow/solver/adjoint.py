@@ -50,10 +50,18 @@ class Work(NamedTuple):
 
 
 class LoadGradients(NamedTuple):
-    """The derivatives of loads in the body's markers and in Re, loads first, and their work."""
+    """The derivatives of loads in the body's markers and in Re, loads first, and their work.
+
+    Attributes:
+      by_markers: dJ/d(markers), with an axis of the loads before those of the markers.
+      by_reynolds: dJ/dRe by the operators of the body alone; ``by_stream`` is the rest.
+      adjoints: lambda, with an axis of the loads before those of the flow.
+      work: whose ``converged`` is false where an adjoint missed its tolerance.
+    """
 
     by_markers: Markers
-    by_reynolds: Float[Array, " loads"] | None  # None where they were not asked for
+    by_reynolds: Float[Array, " loads"]
+    adjoints: FlowState
     work: Work
 
 
@@ -64,7 +72,6 @@ def load_gradients(
     state: FlowState,
     reynolds: Float[AnyArray, ""],
     effort: Effort,
-    derivatives: StreamOperators | None,
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
@@ -80,12 +87,6 @@ def load_gradients(
       state: the converged body flow.
       reynolds: U D / nu.
       effort: of each adjoint's linear solve.
-      derivatives: of the stream's operators in Re; None to leave dJ/dRe out.
-
-    Returns:
-      dJ/d(markers), with an axis of the loads before those of the markers; dJ/dRe of shape
-      (loads,), if asked for; and the work, whose ``converged`` is false where an adjoint missed
-      its tolerance.
     """
 
     def values(amplitude, markers):
@@ -95,28 +96,45 @@ def load_gradients(
         body = domain.spread_body(markers, reynolds)
         return residual(domain, eqx.tree_at(lambda o: o.body, operators, body), state)
 
-    def with_stream(stream):
-        moved = eqx.tree_at(lambda o: (o.green, o.far), operators, tuple(stream))
-        return residual(domain, moved, state)
-
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, effort)
     pull = jax.vjp(with_body, operators.markers, reynolds)[1]
-    if derivatives is not None:
-        stream = StreamOperators(operators.green, operators.far)
-        change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
 
     def one_load(by_amplitude):
         adjoint, work = solve(by_amplitude)
         adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
-        by_body, by_re = pull(adjoint)
-        by_re = None if derivatives is None else by_re + optax.tree.vdot(adjoint, change)
-        return by_body, by_re, work
+        return *pull(adjoint), adjoint, work
 
-    by_body, by_re, work = jax.lax.map(one_load, by_amplitude)
+    by_body, by_re, adjoints, work = jax.lax.map(one_load, by_amplitude)
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
     products = jnp.sum(work.products) + len(loads) + 1
-    return LoadGradients(by_markers, by_re, Work(products, jnp.all(work.converged)))
+    return LoadGradients(by_markers, by_re, adjoints, Work(products, jnp.all(work.converged)))
+
+
+def by_stream(
+    domain: Domain,
+    operators: Operators,
+    state: FlowState,
+    derivatives: StreamOperators,
+    adjoints: FlowState,
+) -> Float[Array, " loads"]:
+    """Return the part of dJ/dRe of loads that comes from G and from the far field.
+
+    Args:
+      domain: the discrete problem.
+      operators: of the body.
+      state: the converged body flow.
+      derivatives: of the stream's operators in Re.
+      adjoints: of the loads, as in ``LoadGradients``.
+    """
+
+    def with_stream(stream):
+        moved = eqx.tree_at(lambda o: (o.green, o.far), operators, tuple(stream))
+        return residual(domain, moved, state)
+
+    stream = StreamOperators(operators.green, operators.far)
+    change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
+    return jax.vmap(optax.tree.vdot, (0, None))(adjoints, change)
 
 
 def adjoint_solver(

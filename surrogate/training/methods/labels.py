@@ -19,7 +19,7 @@ from surrogate.devices import Sharded
 from surrogate.flow.derivatives import QUICK_ADJOINT
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import Effort, load_gradients
+from surrogate.flow.solver.adjoint import Effort, by_stream, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState, stream_derivatives
 from surrogate.flow.solver.tangent import coupled_step
@@ -175,16 +175,17 @@ class Inversion(Evaluator):
 
         def adjoint():
             reynolds = sample.reynolds
-            stream = stream_derivatives(sample.domain, reynolds)
-            by_markers, by_re, work = load_gradients(
-                loads, sample.domain, operators, state, reynolds, QUICK_ADJOINT, stream
+            found = load_gradients(loads, sample.domain, operators, state, reynolds, QUICK_ADJOINT)
+            derivatives = stream_derivatives(sample.domain, reynolds)
+            by_re = found.by_reynolds + by_stream(
+                sample.domain, operators, state, derivatives, found.adjoints
             )
             pull = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1]
-            by_shape = jax.vmap(lambda one: pull(one)[0])(by_markers)
+            by_shape = jax.vmap(lambda one: pull(one)[0])(found.by_markers)
             slopes = jnp.column_stack([by_shape, reynolds * by_re])
             slopes = output_gradients(sample.loads(state.amplitude), slopes)
-            found = work.converged & jnp.all(jnp.isfinite(slopes))
-            return jnp.where(found, slopes, 0.0), found, work.products
+            sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
+            return jnp.where(sound, slopes, 0.0), sound, found.work.products
 
         return compute_where(converged, adjoint, none)
 
