@@ -75,10 +75,10 @@ def load_gradients(
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
-    It is equation (7) of ``surrogate/flow/README.md``, in reverse mode for the markers and for Re
-    in the body's operators, in forward mode for Re in G and in the far field. All adjoints share
-    the linearised flow and the preconditioner. A load that is zero by symmetry takes no Krylov
-    vector.
+    It is equation (7) of ``surrogate/flow/README.md`` in reverse mode, for Re in the body's
+    operators alone; ``by_stream`` has the rest in forward mode, for those who ask for dJ/dRe. All
+    adjoints share the linearised flow and the preconditioner. A load that is zero by symmetry takes
+    no Krylov vector.
 
     Args:
       loads: functions J(modes, amplitude, markers), as in ``surrogate.flow.loads``.
