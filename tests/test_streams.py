@@ -73,12 +73,13 @@ def test_nothing_that_is_traced_is_kept(computed, reynolds):
     assert [float(drag) for drag in traced] == pytest.approx([expected] * 4, rel=1e-8)
 
 
-def test_operators_asked_for_while_another_function_is_traced_are_values(computed):
+def test_nothing_is_kept_while_another_function_is_traced(computed):
     reynolds = jnp.asarray(10.0)
     around = jax.jit(lambda x: x * kept_operators(FLOW.domain, reynolds).far.sum())(2.0)
+    assert not computed
     kept = kept_operators(FLOW.domain, reynolds)
     assert computed == ["stream_operators"]
-    assert float(around) == pytest.approx(2 * float(kept.far.sum()), rel=1e-12)
+    assert float(around) == pytest.approx(2 * float(kept.far.sum()), rel=1e-6)
 
 
 def test_a_gradient_in_the_body_alone_takes_no_derivatives_of_the_stream(computed):

@@ -29,10 +29,10 @@ def kept_operators(
     Args:
       domain: the discrete problem.
       reynolds: U D / nu.
-      body: the arrays that give the body. Where JAX traces one of them or Re, the operators become
-        part of what is traced, and none are kept.
+      body: the arrays that give the body. Where JAX traces one of them, Re or a function around
+        this call, the operators become part of what is traced, and none are kept.
     """
-    if traced(reynolds, *body):
+    if _is_traced(reynolds, *body):
         return _nested_operators(domain, reynolds)
     compute = _kept_operators if domain.lattice.dimension == 2 else _operators
     return compute(domain, float(reynolds))
@@ -45,7 +45,7 @@ def kept_derivatives(
 
     The arguments are those of ``kept_operators``.
     """
-    if traced(reynolds, *body):
+    if _is_traced(reynolds, *body):
         return _nested_derivatives(domain, reynolds)
     compute = _kept_derivatives if domain.lattice.dimension == 2 else _derivatives
     return compute(domain, float(reynolds))
@@ -57,14 +57,17 @@ def forget_operators() -> None:
     _kept_derivatives.cache_clear()
 
 
+def _is_traced(*values):
+    """Return whether JAX traces one of the values, or a function around this call."""
+    return traced(*values, jnp.zeros(()))
+
+
 def _operators(domain, reynolds):
-    with jax.ensure_compile_time_eval():  # even where JAX traces a function around this call
-        return programs.stream_operators(domain, jnp.asarray(reynolds, float))
+    return programs.stream_operators(domain, jnp.asarray(reynolds, float))
 
 
 def _derivatives(domain, reynolds):
-    with jax.ensure_compile_time_eval():
-        return programs.stream_derivatives(domain, jnp.asarray(reynolds, float))
+    return programs.stream_derivatives(domain, jnp.asarray(reynolds, float))
 
 
 _nested_operators = jax.jit(steady.stream_operators, static_argnames="domain", inline=True)
