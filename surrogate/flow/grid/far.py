@@ -29,7 +29,8 @@ from surrogate.flow.grid.lattice import Lattice
 
 BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
 # The precision of the coarse lattices of flows without and with lift. Single precision changes the
-# Cd of symmetric 2-D bodies by 1e-7 (study ``precision``). With lift, mirror images would differ.
+# Cd of symmetric 2-D bodies by less than 1e-6 (study ``precision``). With lift, mirror images would
+# differ.
 PRECISION, LIFTING_PRECISION = jnp.float32, jnp.float64
 
 Powers = tuple[int, ...]  # of every force in a term of a polynomial
