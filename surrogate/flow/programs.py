@@ -16,17 +16,9 @@ from surrogate.flow.solver.adjoint import Effort, LoadGradients
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators, StreamOperators
 
-
-@compiled("domain")
-def stream_operators(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
-    """Return the operators that do not depend on the body."""
-    return steady.stream_operators(domain, reynolds)
-
-
-@compiled("domain")
-def stream_derivatives(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
-    """Return the derivatives in Re of the operators that do not depend on the body."""
-    return steady.stream_derivatives(domain, reynolds)
+stream_operators = compiled("domain")(steady.stream_operators)
+stream_derivatives = compiled("domain")(steady.stream_derivatives)
+by_stream = compiled("domain")(adjoint.by_stream)
 
 
 @compiled("domain")
@@ -72,18 +64,3 @@ def load_gradients(
     The arguments are those of ``adjoint.load_gradients``.
     """
     return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort)
-
-
-@compiled("domain")
-def by_stream(
-    domain: Domain,
-    operators: Operators,
-    state: FlowState,
-    derivatives: StreamOperators,
-    adjoints: FlowState,
-) -> Float[Array, " loads"]:
-    """Return the part of dJ/dRe of loads that comes from G and from the far field.
-
-    The arguments are those of ``adjoint.by_stream``.
-    """
-    return adjoint.by_stream(domain, operators, state, derivatives, adjoints)
