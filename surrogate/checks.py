@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from types import UnionType
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -165,5 +166,13 @@ def _shape(name, value):
 
 
 def traced(*values: object) -> bool:
-    """Return whether JAX traces one of the values; invalid inputs then give NaN, no exception."""
+    """Return whether JAX traces one of the values."""
     return any(isinstance(value, jax.core.Tracer) for value in values)
+
+
+def transformed(*values: object) -> bool:
+    """Return whether JAX traces one of the values, or a function around this call.
+
+    Public functions then answer invalid inputs by NaN, since they cannot raise an exception.
+    """
+    return traced(*values, jnp.zeros(()))

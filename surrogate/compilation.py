@@ -7,7 +7,7 @@ from typing import ParamSpec, TypeVar
 
 import jax
 
-from surrogate.checks import traced
+from surrogate.checks import transformed
 
 # On a CPU, XLA compiles the flow in half the time with its older emitters and without the costlier
 # optimisations of LLVM, and the program takes at most a tenth longer: most of its time goes into
@@ -65,7 +65,7 @@ def compiled(*static: str) -> Callable[[Function], Function]:
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-            inner = nested if traced(*jax.tree.leaves((args, kwargs))) else program()
+            inner = nested if transformed(*jax.tree.leaves((args, kwargs))) else program()
             return inner(*args, **kwargs)
 
         return call

@@ -97,6 +97,16 @@ def test_traced_what_cannot_be_answered_is_nan(batch):
         assert np.isnan(values[known:]).all(), values
 
 
+@both
+def test_constants_inside_a_transformation_are_answered(model):
+    """A function that jit compiles may ask for a body that does not depend on its arguments."""
+    expected = float(model.drag(BODY, 20.0))
+    scaled = jax.jit(lambda factor: factor * model.drag(BODY.tolist(), 20.0))
+    assert float(scaled(2.0)) == pytest.approx(2 * expected, rel=1e-6)
+    thin = jax.jit(lambda factor: factor * model.drag([9.0, 0, 0, 0], 20.0))
+    assert np.isnan(float(thin(2.0)))
+
+
 def test_nothing_recompiles_in_a_jitted_surrogate(compiled):
     drag = jax.jit(NET.drag)
     drag(jnp.asarray(BODY), jnp.asarray(20.0))

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
-from surrogate.checks import expect, one_body, traced
+from surrogate.checks import expect, one_body, traced, transformed
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
@@ -113,19 +113,14 @@ class Flow:
         return self._loads(tuple(LOADS.values()), parameters, reynolds, allow_unsteady)
 
     def _loads(self, loads: tuple[Load, ...], parameters, reynolds, allow_unsteady):
-        parameters = self.scene.family.array(parameters)
-        if not traced(parameters, reynolds):
-            parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
-        else:
-            one_body(parameters, reynolds, len(self.scene.family.names))
-        re = jnp.asarray(reynolds, float)
-        values, info = loads_and_status(self.bodies, loads, jnp.asarray(parameters, float), re)
-        if traced(parameters, reynolds):
-            covered = covers(self.scene, self.bodies, parameters, re, allow_unsteady)
+        at = self._one_body(parameters, reynolds, allow_unsteady)
+        values, info = loads_and_status(self.bodies, loads, *at)
+        if traced(values):
+            covered = covers(self.scene, self.bodies, *at, allow_unsteady)
             known = info.converged & covered
             return values * jnp.where(known, 1.0, jnp.nan)  # so are their gradients
         if not bool(info.converged):
-            raise NotConverged(not_converged_message(float(reynolds), info))
+            raise NotConverged(not_converged_message(float(at[1]), info))
         return values
 
     def loads_and_gradients(
@@ -151,17 +146,12 @@ class Flow:
           InvalidInput: as ``drag``.
           NotConverged: the flow or an adjoint did not converge, unless ``partial``.
         """
-        parameters = self.scene.family.array(parameters)
-        if not traced(parameters, reynolds):
-            parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
-        else:
-            one_body(parameters, reynolds, len(self.scene.family.names))
-        at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
+        at = self._one_body(parameters, reynolds, allow_unsteady)
         found = loads_and_gradients(self.bodies, *at)
-        if not traced(parameters, reynolds):
+        if not traced(found.loads):
             if not partial and not bool(found.converged):
                 raise NotConverged(
-                    f"flow or adjoint at Re {float(reynolds):g} did not converge; flow.solve "
+                    f"flow or adjoint at Re {float(at[1]):g} did not converge; flow.solve "
                     "approaches it by lower Re, partial=True returns NaN"
                 )
             return found
@@ -264,6 +254,15 @@ class Flow:
             # as the domain is, also where camber and incidence are 0
             shape = shape.differentiable()
         return shape, reynolds, self.domain, self.scene.fidelity_for_bodies
+
+    def _one_body(self, parameters, reynolds, allow_unsteady):
+        """Return a body and Re as arrays, checked; in a transformation of JAX by shape alone."""
+        parameters = self.scene.family.array(parameters)
+        if transformed(parameters, reynolds):
+            one_body(parameters, reynolds, len(self.scene.family.names))
+        else:
+            parameters, reynolds = self._checked(parameters, reynolds, allow_unsteady)
+        return jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
 
     def _checked(self, parameters, reynolds, allow_unsteady):
         """Return a body and Re as numbers, refusing what the scene's grid does not cover."""

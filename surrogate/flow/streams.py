@@ -7,15 +7,13 @@ and on Re alone. In 3-D they take a smaller part, and too much memory to be kept
 
 import functools
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.checks import traced
+from surrogate.checks import transformed
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import StreamOperators
 
 KEPT = 3  # domains and Re: enough for a flow and for the two flows that estimate its error
@@ -32,8 +30,8 @@ def kept_operators(
       body: the arrays that give the body. Where JAX traces one of them, Re or a function around
         this call, the operators become part of what is traced, and none are kept.
     """
-    if _is_traced(reynolds, *body):
-        return _nested_operators(domain, reynolds)
+    if transformed(reynolds, *body):
+        return programs.stream_operators(domain, reynolds)
     compute = _kept_operators if domain.lattice.dimension == 2 else _operators
     return compute(domain, float(reynolds))
 
@@ -45,8 +43,8 @@ def kept_derivatives(
 
     The arguments are those of ``kept_operators``.
     """
-    if _is_traced(reynolds, *body):
-        return _nested_derivatives(domain, reynolds)
+    if transformed(reynolds, *body):
+        return programs.stream_derivatives(domain, reynolds)
     compute = _kept_derivatives if domain.lattice.dimension == 2 else _derivatives
     return compute(domain, float(reynolds))
 
@@ -57,11 +55,6 @@ def forget_operators() -> None:
     _kept_derivatives.cache_clear()
 
 
-def _is_traced(*values):
-    """Return whether JAX traces one of the values, or a function around this call."""
-    return traced(*values, jnp.zeros(()))
-
-
 def _operators(domain, reynolds):
     return programs.stream_operators(domain, jnp.asarray(reynolds, float))
 
@@ -70,7 +63,5 @@ def _derivatives(domain, reynolds):
     return programs.stream_derivatives(domain, jnp.asarray(reynolds, float))
 
 
-_nested_operators = jax.jit(steady.stream_operators, static_argnames="domain", inline=True)
-_nested_derivatives = jax.jit(steady.stream_derivatives, static_argnames="domain", inline=True)
 _kept_operators = functools.lru_cache(maxsize=KEPT)(_operators)
 _kept_derivatives = functools.lru_cache(maxsize=1)(_derivatives)

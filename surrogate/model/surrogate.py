@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.validity import is_valid
-from surrogate.checks import check_batch, finite_number, real_numbers, traced
+from surrogate.checks import check_batch, finite_number, real_numbers, transformed
 from surrogate.errors import InvalidInput
 from surrogate.model.card import SYMBOLS, model_card
 from surrogate.model.confidence import Novelty
@@ -108,12 +108,12 @@ class Surrogate:
           InvalidInput: as ``drag``.
         """
         parameters = self.scene.family.array(parameters)
-        given = traced(parameters, reynolds)
-        if not given:
+        by_jax = transformed(parameters, reynolds)
+        if not by_jax:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-        if given:
+        if by_jax:
             return _loads_or_nan(self.network, self.ranges, *at, bool(extrapolate))
         loads = network_loads(self.network, *at)
         known = np.asarray(loads)
