@@ -48,17 +48,21 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     return f"; did you mean {close[0]}?" if close else ""
 
 
-def finite_number(name: str, value: object) -> float:
-    """Return the value as a float if it is one finite number; ``name`` begins the message if not.
+def finite_number(name: str, value: object, of_several: str = "") -> float:
+    """Return the value as a float if it is one finite number.
+
+    Args:
+      name: what the value is; begins the message.
+      value: what is checked.
+      of_several: what to do with several numbers, which ends the message if there are.
 
     Raises:
       InvalidInput: it is not one finite real number.
     """
     found = real_numbers(value)
     if found is None or found.ndim:
-        several = name == "Reynolds number" and found is not None
-        hint = ", and these are several; a loop, flow.solve_all and net.drag take many"
-        raise InvalidInput(f"{name} {shown(value)}: must be one number{hint if several else ''}")
+        hint = f", and these are several{of_several}" if found is not None else ""
+        raise InvalidInput(f"{name} {shown(value)}: must be one number{hint}")
     number = float(found)
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")

@@ -16,11 +16,13 @@ from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream
+from shapeopt.payoff.strategies import comparable, rivals
 from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values
+from shapeopt.search.designer import Designer
 from shapeopt.search.evaluated import EvaluatedDesign, best_design
-from surrogate import Family, Flow, InvalidInput, Scene, Tunnel, load
+from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, Tunnel, load
 from surrogate.flow.output.meshes import pv
 
 LIFTING = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
@@ -107,6 +109,28 @@ def test_payoff_of_known_designs():
     assert rows[2]["break_even_g"] == pytest.approx(10.0)
     assert rows[2]["g_per_design"] == 10.0
     assert rows[2]["kkt_max"] == 1e-4
+
+
+def test_queries_that_one_strategy_does_not_answer_are_left_out_of_all(pretrained, monkeypatch):
+    """Neither does a search that fails end those after it."""
+
+    def design(problem, *_):
+        if problem.reynolds < 20:
+            raise NotConverged("no optimum")
+        return known_design(1, 10, problem.reynolds)
+
+    monkeypatch.setattr("shapeopt.payoff.strategies.design_directly", design)
+    monkeypatch.setattr(Designer, "design", lambda _, problem: known_design(1, 5, problem.reynolds))
+    queries = [Problem(pretrained.scene, reynolds) for reynolds in (10.0, 20.0, 30.0)]
+    strategies, missing = comparable(rivals(queries, Flow(pretrained.scene)))
+    assert [(one.query, one.strategy, one.reason) for one in missing] == [
+        (0, "direct", "no optimum"),
+        (0, "direct, from the nearest answer", "no optimum"),
+    ]
+    assert [[d.objective for d in s.designs[0]] for s in strategies] == [[20.0, 30.0]] * 3
+    queries[1] = queries[0]
+    with pytest.raises(NotConverged, match=r"2 of 3 queries .* query 1 by direct: no optimum"):
+        comparable(rivals(queries, Flow(pretrained.scene)))
 
 
 def test_cumulative_costs_with_flows_kept_and_not():

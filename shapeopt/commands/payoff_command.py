@@ -23,7 +23,13 @@ from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.payoff.break_even import Strategy
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import plain_queries, query_stream
-from shapeopt.payoff.strategies import compile_all, rivals, trained, trained_with_memory
+from shapeopt.payoff.strategies import (
+    comparable,
+    compile_all,
+    rivals,
+    trained,
+    trained_with_memory,
+)
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.robust import Robust
@@ -87,7 +93,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     others = rivals(queries, flow)
     own = [trained(name, queries, found) for name, found in surrogates.items()]
     own.append(trained_with_memory(f"{best}, and kriging", queries, surrogates[best]))
-    rows, strategies = payoff_rows(own, others, arguments.seed), [*others, *own]
+    strategies, missing = comparable([*others, *own])
+    others, own = strategies[: len(others)], strategies[len(others) :]
+    rows = payoff_rows(own, others, arguments.seed)
+    left_out = [{**_query(queries[k]), "by": name, "reason": why} for k, name, why in missing]
+    unanswered = {one.query for one in missing}
     keys = ("flows_per_design", "g_per_design", "s_per_design")
     result = {
         "command": command_line(),
@@ -96,7 +106,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "settings": settings,
         "payoff": rows,
         "direct": {key: rows[0][key] for key in keys},
-        "queries": [_query(problem) for problem in queries],
+        "queries": [_query(q) for k, q in enumerate(queries) if k not in unanswered],
+        "left_out": left_out,
         "drags": {s.name: [[d.drag for d in row] for row in s.designs] for s in strategies},
         "robust": _robust(groups[0][best]),
         "best": best,

@@ -3,13 +3,14 @@
 import dataclasses
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
 from shapeopt.search.design import Design
+from surrogate.errors import NotConverged
 
 Unit = Literal["seconds", "green_applications"]
 UNITS: tuple[Unit, ...] = ("seconds", "green_applications")
@@ -32,7 +33,7 @@ class Strategy:
     Attributes:
       name: as in the tables.
       trainings: cost of the training, for each seed.
-      designs: the answers, one row of designs for each seed.
+      designs: the answers, one row for each seed; in place of a design that was not found, why.
       keeps_flows: whether flows are kept from query to query, so that designs get cheaper; else
         the order of the queries does not matter.
       drag_error_mean: mean relative drag error of the trained networks.
@@ -41,10 +42,15 @@ class Strategy:
 
     name: str
     trainings: Sequence[Cost]
-    designs: Sequence[Sequence[Design]]
+    designs: Sequence[Sequence[Design | NotConverged]]
     keeps_flows: bool = False
     drag_error_mean: float | None = None
     drag_error_max: float | None = None
+
+    def without(self, queries: Collection[int]) -> "Strategy":
+        """Return the same strategy without its answers to the queries of these indices."""
+        kept = [[d for k, d in enumerate(row) if k not in queries] for row in self.designs]
+        return dataclasses.replace(self, designs=kept)
 
     def design_costs(self, unit: Unit) -> Float[np.ndarray, "seeds queries"]:
         """Return the cost of every design, in seconds or in convolutions (G)."""

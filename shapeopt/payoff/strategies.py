@@ -1,6 +1,8 @@
 """The strategies that answer a stream of queries, each up to an optimum of the flow."""
 
+import contextlib
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 
@@ -15,8 +17,48 @@ from surrogate.flow.streams import forget_operators
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 
+MOST_UNANSWERED = 0.1  # share of the queries that may be left out of a comparison; one always may
+
 Queries = Sequence[Problem]
 Solve = Callable[[Problem], Design]
+
+
+class Unanswered(NamedTuple):
+    """The index of a query, a strategy that did not answer it, and why it did not."""
+
+    query: int
+    strategy: str
+    reason: str
+
+
+def comparable(strategies: Sequence[Strategy]) -> tuple[list[Strategy], list[Unanswered]]:
+    """Return strategies with the answers to those queries that every strategy has answered.
+
+    Args:
+      strategies: with their answers to the same queries.
+
+    Returns:
+      The strategies without the other queries, and who did not answer these.
+
+    Raises:
+      NotConverged: more than a tenth of the queries, at least two, or all of them would be left
+        out.
+    """
+    missing = [
+        Unanswered(k, strategy.name, str(answer))
+        for strategy in strategies
+        for row in strategy.designs
+        for k, answer in enumerate(row)
+        if isinstance(answer, NotConverged)
+    ]
+    left_out, count = {one.query for one in missing}, len(strategies[0].designs[0])
+    if len(left_out) > max(1, MOST_UNANSWERED * count) or len(left_out) == count:
+        raise NotConverged(
+            f"designs: {len(left_out)} of {count} queries were not answered by every strategy, at "
+            f"most a tenth may be left out; query {missing[0].query + 1} by "
+            f"{missing[0].strategy}: {missing[0].reason}; what is trained is kept"
+        )
+    return [strategy.without(left_out) for strategy in strategies], missing
 
 
 def rivals(queries: Queries, flow: Flow) -> list[Strategy]:
@@ -71,20 +113,17 @@ def _answer(name: str, queries: Queries, solve: Solve, keeps_flows: bool = False
     return Strategy(name, [Cost()], [_designs(name, queries, solve)], keeps_flows)
 
 
-def _designs(name: str, queries: Queries, solve: Solve) -> list[Design]:
-    designs = []
+def _designs(name: str, queries: Queries, solve: Solve) -> list[Design | NotConverged]:
+    answers: list[Design | NotConverged] = []
     with progress_bar(f"designs: {name}") as progress:
         for k, problem in enumerate(queries):
             forget_operators()  # of the strategies before
             try:
-                designs.append(solve(problem))
+                answers.append(solve(problem))
             except NotConverged as reason:
-                raise NotConverged(
-                    f"designs: {name}: query {k + 1} of {len(queries)}, {problem.objective}: "
-                    f"{reason}; what is trained is kept"
-                ) from reason
+                answers.append(reason)
             progress((k + 1) / len(queries), f"{k + 1} of {len(queries)} queries")
-    return designs
+    return answers
 
 
 def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> None:
@@ -100,5 +139,6 @@ def compile_all(queries: Queries, flow: Flow, surrogate: Surrogate) -> None:
     designs += [(Designer(surrogate), problem) for problem in bounds.values()]
     with progress_bar("compiling") as progress:
         for k, (designer, problem) in enumerate(designs):
-            designer.design(problem)
+            with contextlib.suppress(NotConverged):
+                designer.design(problem)
             progress((k + 1) / len(designs), f"{k + 1} of {len(designs)} designs")

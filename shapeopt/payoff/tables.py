@@ -54,7 +54,8 @@ def payoff_tables(result: Row) -> str:
     return "\n\n".join(
         [
             break_even_table(result["payoff"]),
-            f"{count} queries, every design the flow's own optimum; in brackets 95 % intervals",
+            f"{count} queries, every design the flow's own optimum; in brackets 95 % intervals"
+            + _left_out(result.get("left_out", ())),
             _cumulative_table(result["payoff"]),
             f"Robust design by the network alone: {robust['calls']} drags in "
             f"{robust['seconds']:.2f} s, compilation included; by flows and adjoints {hours:.1f} "
@@ -92,6 +93,12 @@ def short_table(rows: Sequence[Row]) -> str:
     chosen = [row for row in rows if "published" not in row["method"]]
     lines = [[row["method"], _error(row), *_costs(row), _break_evens(row)[0]] for row in chosen]
     return markdown(["strategy", "error of Cd: mean / max", *COSTS, PAYS[0]], lines)
+
+
+def _left_out(missing):
+    """Return which queries were not answered by every strategy; empty if all were."""
+    reasons = [f"Re {one['reynolds']:.3g} by {one['by']}: {one['reason']}" for one in missing]
+    return "".join(f"; left out for all, as not answered: {reason}" for reason in reasons)
 
 
 def _cumulative_table(rows):

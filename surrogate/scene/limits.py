@@ -146,7 +146,8 @@ def check_reynolds(
       InvalidInput: it is not a number, is beyond what the solver is tested for, or the body's
         steady flow is unstable there and ``allow_unsteady`` is not set.
     """
-    value = finite_number("Reynolds number", reynolds)
+    many = "; a loop, flow.solve_all and net.drag take many"
+    value = finite_number("Reynolds number", reynolds, of_several=many)
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
     low, high = REYNOLDS[dimension]
