@@ -30,7 +30,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
-from surrogate.arrays import Body
+from shapeopt.problem.scenarios import LoadModel
+from surrogate.arrays import AnyArray, Body, Number
+from surrogate.body.body_class import BodyClass
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
 from surrogate.body.incidence import in_first_quarter
 from surrogate.checks import expect, finite_number
@@ -142,7 +144,7 @@ def fall(
     )
 
 
-def checked_body(surrogate, parameters):
+def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " parameters"]:
     """Return the parameters of a body at incidence 0, after checking the surrogate and the body.
 
     Raises:
@@ -166,7 +168,13 @@ def checked_body(surrogate, parameters):
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def loads_at(network, body_class, body, angle, reynolds):
+def loads_at(
+    network: LoadModel,
+    body_class: BodyClass,
+    body: Float[AnyArray, " parameters"],
+    angle: Number,
+    reynolds: Number,
+) -> Float[Array, "3"]:
     """Return Cd, Cl and Cm of a body that moves steadily at any angle to its axis.
 
     Args:
@@ -181,7 +189,9 @@ def loads_at(network, body_class, body, angle, reynolds):
     return network.loads(nearest, reynolds) * jnp.stack([jnp.ones(()), image, image])
 
 
-def constants_of(surrogate, body, particle):
+def constants_of(
+    surrogate: Surrogate, body: Float[np.ndarray, " parameters"], particle: Particle
+) -> Float[np.ndarray, "6"]:
     """Return the six constants of the equations of motion, with lengths in D and time in D^2 / nu.
 
     They are the masses along and across the axis and the inertia, each with the added one, the
@@ -198,7 +208,7 @@ def constants_of(surrogate, body, particle):
     return np.array([along, across, inertia, resistance, weight, slowest])
 
 
-def axes_of(tilt) -> tuple[Array, Array]:
+def axes_of(tilt: Number) -> tuple[Float[Array, "2 ..."], Float[Array, "2 ..."]]:
     """Return the unit vectors along the body's axis, tail to nose, and across it (+90 degrees)."""
     c, s = jnp.cos(tilt), jnp.sin(tilt)
     return jnp.stack([c, s]), jnp.stack([-s, c])
@@ -213,7 +223,13 @@ def _velocity(constants, state):
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def rates_of(network, body_class, body, constants, state):
+def rates_of(
+    network: LoadModel,
+    body_class: BodyClass,
+    body: Float[AnyArray, " parameters"],
+    constants: Float[AnyArray, "6"],
+    state: Float[AnyArray, "6"],
+) -> Float[Array, "6"]:
     """Return the time derivatives of position, tilt, momentum and angular velocity.
 
     Args:

@@ -1,5 +1,6 @@
 """Settings and fixtures of all tests: array shapes and types are checked at run time."""
 
+import gc
 import importlib.metadata
 import os
 import sys
@@ -11,6 +12,7 @@ if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA aborts at un
     quick = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
     os.environ.setdefault("XLA_FLAGS", quick)  # compiles 8 times as fast, runs at half speed
 
+gc.set_threshold(20_000)  # tracing makes so many objects that collections took a tenth of the time
 hook = install_import_hook(["surrogate", "shapeopt"], "typecheck.check")
 
 import jax  # noqa: E402

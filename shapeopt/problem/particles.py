@@ -5,9 +5,11 @@ import math
 from typing import Any, ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
 from shapeopt.problem.objective import AtReynolds, Objective, scenarios_of
 from shapeopt.problem.scenarios import Scenarios
+from surrogate.arrays import AnyArray
 from surrogate.body.parameters import INCIDENCE, QUARTER_TURN
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
@@ -98,7 +100,12 @@ class Settling(Objective):
             raise InvalidInput("settling: needs a scene of 3-D bodies, dimension 3")
         return scenarios_of(scene, [self._within(scene)], [1.0], force=True)
 
-    def following(self, scene, loads, by_log_reynolds):
+    def following(
+        self,
+        scene: Scene,
+        loads: Float[AnyArray, " loads"],
+        by_log_reynolds: Float[AnyArray, " loads"],
+    ) -> "Settling | None":
         """Return the objective after a Newton step in log Re, or None where force balances weight.
 
         Args:

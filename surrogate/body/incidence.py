@@ -1,7 +1,5 @@
 """The angle of incidence: nose up, in degrees, in a stream along +x."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -25,7 +23,7 @@ def rotate(
     return jnp.stack([c * x + s * y, *width, c * y - s * x], axis=1)
 
 
-def check_incidence(degrees: Any) -> float:
+def check_incidence(degrees: object) -> float:
     """Check an incidence in degrees and return it as a float.
 
     Raises:

@@ -1,7 +1,6 @@
 """The body classes by their dimension."""
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from surrogate.errors import InvalidInput
 BODY_CLASSES: dict[int, type[BodyClass]] = {2: Body2D, 3: Body3D}
 
 
-def check_dimension(value: Any) -> int:
+def check_dimension(value: object) -> int:
     """Check a dimension and return it as an int.
 
     Raises:

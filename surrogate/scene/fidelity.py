@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from surrogate.checks import did_you_mean, expect, finite_number, whole_number
 from surrogate.errors import InvalidInput
@@ -174,7 +173,7 @@ NAMED = {dimension: {f.name: f for f in levels} for dimension, levels in LEVELS.
 FIDELITIES, SPACE_FIDELITIES = NAMED[2], NAMED[3]
 
 
-def read_fidelity(value: Any, dimension: int = 2) -> Fidelity:
+def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
     """Return a fidelity given by its name, by a table of its numbers, or as it is.
 
     Names and the defaults of ``wake`` and ``refinement`` depend on the dimension.

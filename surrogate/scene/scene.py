@@ -157,7 +157,7 @@ class Scene:
             self.reynolds[1], max(self.extent[1:]), nose_of_ellipse(self.family.chord)
         )
 
-    def check_reynolds(self, reynolds: Any) -> float:
+    def check_reynolds(self, reynolds: object) -> float:
         """Check that the scene covers a Reynolds number, and return it as a float.
 
         Raises:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from typing import Any
 
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
@@ -35,7 +34,7 @@ class Tunnel:
 Stream = Unbounded | Tunnel
 
 
-def parse_stream(text: Any) -> Stream:
+def parse_stream(text: object) -> Stream:
     """Return the stream called 'unbounded' or 'tunnel:H', H in D.
 
     Raises:

@@ -18,6 +18,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.devices import Sharded
 from surrogate.flow.loads import drag, drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import Effort, slip_weights
@@ -25,13 +26,16 @@ from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_adjoint
 from surrogate.model.network import LoadNetwork
+from surrogate.scene.samples import Samples
 from surrogate.training.methods.labels import (
     CoupledStep,
+    TrainingLabels,
     load_residuals,
     no_labels,
 )
 from surrogate.training.methods.method import (
     Batch,
+    EvaluationCost,
     Evaluator,
     Method,
     adam,
@@ -40,7 +44,7 @@ from surrogate.training.methods.method import (
     predict,
     with_cosine_rate,
 )
-from surrogate.training.physics import Sample
+from surrogate.training.physics import Physics, Sample
 
 FLOW = NewtonSettings(3e-3, 8, 30)  # loose: the flow is warm-started and solved again next time
 ADJOINT = Effort(0.1, 30)  # one digit: the noise of a batch of 4 samples is larger
@@ -74,12 +78,20 @@ class DifferentiablePhysics(Method):
         """One coupled Newton step from the network's prediction."""
         return CoupledStep(slopes=self.slopes > 0)
 
-    def init(self, network, physics):
+    def init(self, network: LoadNetwork, physics: Physics) -> tuple[DPState, TrainingLabels]:
         """Return Adam's state with the compliance of Oseen flows, and labels that are not valid."""
         state = adam(self.learning_rate).init(network.weights)
         return DPState(state, physics.influence), no_labels(physics)
 
-    def update(self, network, optimiser, labels, samples, batch, done):
+    def update(
+        self,
+        network: LoadNetwork,
+        optimiser: DPState,
+        labels: TrainingLabels,
+        samples: Samples,
+        batch: Batch,
+        done: Float[AnyArray, ""],
+    ) -> tuple[LoadNetwork, DPState, Float[Array, ""]]:
         """Make one step of Adam on the loss of the batch's samples with a valid label.
 
         Arguments and results are those of ``Method.update``.
@@ -131,14 +143,21 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
         """The method itself."""
         return self
 
-    def init(self, network, physics):
+    def init(self, network: LoadNetwork, physics: Physics) -> tuple[optax.OptState, LossGradient]:
         """Return Adam's state, and a store of losses and gradients that are zero and not valid."""
         count, modes = physics.tractions.shape
         none, zeros = jnp.zeros(count, int), jnp.zeros(count)
         blank = LossGradient(jnp.zeros((count, modes)), zeros, none.astype(bool), none)
         return adam(self.learning_rate).init(network.weights), blank
 
-    def evaluate(self, network, physics, labels, velocities, batch):
+    def evaluate(
+        self,
+        network: LoadNetwork,
+        physics: Physics,
+        labels: LossGradient,
+        velocities: Sharded,
+        batch: Batch,
+    ) -> tuple[LossGradient, Sharded, EvaluationCost]:
         """Solve the flows that the predicted tractions drive; store losses and their gradients.
 
         Arguments and results are those of ``Evaluator.evaluate``.
@@ -168,7 +187,15 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
         result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, products)
         return result, jnp.where(valid, velocity, 0.0)
 
-    def update(self, network, optimiser, labels, samples, batch, done):
+    def update(
+        self,
+        network: LoadNetwork,
+        optimiser: optax.OptState,
+        labels: LossGradient,
+        samples: Samples,
+        batch: Batch,
+        done: Float[AnyArray, ""],
+    ) -> tuple[LoadNetwork, optax.OptState, Float[Array, ""]]:
         """Make one step of Adam by the stored gradients in the traction of the batch.
 
         Arguments and results are those of ``Method.update``.

@@ -20,23 +20,33 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.devices import Sharded
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_jacobian
+from surrogate.model.network import LoadNetwork
+from surrogate.scene.samples import Samples
 from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
-from surrogate.training.methods.labels import LABEL_FLOW, FullSolve, load_residuals, no_labels
+from surrogate.training.methods.labels import (
+    LABEL_FLOW,
+    FullSolve,
+    TrainingLabels,
+    load_residuals,
+    no_labels,
+)
 from surrogate.training.methods.method import (
     Batch,
+    EvaluationCost,
     Evaluator,
     Method,
     evaluation_cost,
     moment_residual,
     predict,
 )
-from surrogate.training.physics import Sample
+from surrogate.training.physics import Physics, Sample
 
 FLOW = NewtonSettings(1e-4, 10, 40)
 TANGENT = Effort(1e-2, 30)
@@ -72,11 +82,21 @@ class HalfInverseGradients(Method):
         """The full solution of the body flow and its adjoint."""
         return FullSolve(slopes=True, newton=self.newton)
 
-    def init(self, network, physics):
+    def init(
+        self, network: LoadNetwork, physics: Physics
+    ) -> tuple[Int[AnyArray, ""], TrainingLabels]:
         """Return the number of steps so far, 0, and labels that are not valid."""
         return jnp.array(0), no_labels(physics)
 
-    def update(self, network, optimiser, labels, samples, batch, done):
+    def update(
+        self,
+        network: LoadNetwork,
+        optimiser: Int[AnyArray, ""],
+        labels: TrainingLabels,
+        samples: Samples,
+        batch: Batch,
+        done: Float[AnyArray, ""],
+    ) -> tuple[LoadNetwork, Int[AnyArray, ""], Float[Array, ""]]:
         """Make one half-inverse step on the residuals of the batch's outputs and their gradients.
 
         Arguments and results are those of ``Method.update``.
@@ -141,13 +161,22 @@ class PublishedHalfInverseGradients(Method, Evaluator):
         """The method itself."""
         return self
 
-    def init(self, network, physics):
+    def init(
+        self, network: LoadNetwork, physics: Physics
+    ) -> tuple[Int[AnyArray, ""], LinearisedSlip]:
         """Return the number of steps so far, 0, and a store of residuals that are zero."""
         count, modes = physics.tractions.shape
         blank = jnp.zeros((count, modes + 1)), jnp.zeros((count, modes + 1, modes))
         return jnp.array(0), LinearisedSlip(*blank)
 
-    def evaluate(self, network, physics, labels, velocities, batch):
+    def evaluate(
+        self,
+        network: LoadNetwork,
+        physics: Physics,
+        labels: LinearisedSlip,
+        velocities: Sharded,
+        batch: Batch,
+    ) -> tuple[LinearisedSlip, Sharded, EvaluationCost]:
         """Solve the flows that the predicted tractions drive; store slips and their derivatives.
 
         Arguments and results are those of ``Evaluator.evaluate``.
@@ -165,7 +194,15 @@ class PublishedHalfInverseGradients(Method, Evaluator):
         found = found._replace(results=results)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
-    def update(self, network, optimiser, labels, samples, batch, done):
+    def update(
+        self,
+        network: LoadNetwork,
+        optimiser: Int[AnyArray, ""],
+        labels: LinearisedSlip,
+        samples: Samples,
+        batch: Batch,
+        done: Float[AnyArray, ""],
+    ) -> tuple[LoadNetwork, Int[AnyArray, ""], Float[Array, ""]]:
         """Make one half-inverse step on the slips of the batch and the weighted drag errors.
 
         Where there is lift the moment is one more residual (``moment_residual``). Arguments and

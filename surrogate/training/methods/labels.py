@@ -203,7 +203,9 @@ class CoupledStep(Inversion):
     effort: Effort = Effort(1e-2, 30)
     warm_starts = True
 
-    def invert(self, sample, predicted, stored, valid):
+    def invert(
+        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
+    ) -> InversionResult:
         """Make one coupled Newton step of the flow and its traction.
 
         Arguments and results are those of ``Inversion.invert``.
@@ -232,7 +234,9 @@ class FullSolve(Inversion):
     newton: NewtonSettings = LABEL_FLOW
     warm_starts = False
 
-    def invert(self, sample, predicted, stored, valid):
+    def invert(
+        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
+    ) -> InversionResult:
         """Solve the body flow, and its adjoint for the slopes; the velocity is not kept.
 
         Arguments and results are those of ``Inversion.invert``.

@@ -9,16 +9,23 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import optax
+from jaxtyping import Array, Float
 
+from surrogate.arrays import AnyArray
 from surrogate.flow.solver.adjoint import Effort
-from surrogate.training.methods.labels import CoupledStep, load_residuals, no_labels
+from surrogate.model.network import LoadNetwork
+from surrogate.scene.samples import Samples
+from surrogate.training.methods.labels import CoupledStep, TrainingLabels, load_residuals, no_labels
 from surrogate.training.methods.method import (
+    Batch,
     Evaluator,
     Method,
     adam,
     predict,
     with_cosine_rate,
 )
+from surrogate.training.physics import Physics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,11 +52,19 @@ class LabelRegression(Method):
         """Whether all traction modes are trained: those of a loss with ``modes`` above 0."""
         return self.modes > 0
 
-    def init(self, network, physics):
+    def init(self, network: LoadNetwork, physics: Physics) -> tuple[optax.OptState, TrainingLabels]:
         """Return Adam's state, and labels that are not valid."""
         return adam(self.learning_rate).init(network.weights), no_labels(physics)
 
-    def update(self, network, optimiser, labels, samples, batch, done):
+    def update(
+        self,
+        network: LoadNetwork,
+        optimiser: optax.OptState,
+        labels: TrainingLabels,
+        samples: Samples,
+        batch: Batch,
+        done: Float[AnyArray, ""],
+    ) -> tuple[LoadNetwork, optax.OptState, Float[Array, ""]]:
         """Make ``network_steps`` of Adam on the labels of all samples.
 
         Arguments and results are those of ``Method.update``; the loss is that before the last step.
