@@ -100,7 +100,7 @@ def _space(result):
 def _robust(result):
     rows = result("scenarios")["rows"]
     cases = max(row["cases"] for row in rows)
-    flows = {row["way"]: row["flows"] for row in rows if row["cases"] == cases}
+    flows = {row["strategy"]: row["flows"] for row in rows if row["cases"] == cases}
     form = (
         "Robust designs: of {cases} cases, one takes {network, and kriging:.0f} flows led by the "
         "network, {kriging from nothing:.0f} by kriging, {direct:.0f} by `direct`."

@@ -88,10 +88,10 @@ def draw_sheet(result: Result, path: Path) -> None:
     plot_designs(load("pretrained").scene.family, result["sheet"], path)
 
 
-def robust(run: Run, cases: int, way: str) -> Row:
+def robust(run: Run, cases: int, strategy: str) -> Row:
     """Return the cost of designs whose objective takes one flow, or many.
 
-    Each is the flow's own optimum; ``way`` is the strategy.
+    Each is the flow's own optimum; ``strategy`` is its name.
     """
     net = load("pretrained")
     scene = Scene(fidelity=TINY) if run.tiny else net.scene
@@ -99,10 +99,10 @@ def robust(run: Run, cases: int, way: str) -> Row:
     for reynolds in run.pick(REYNOLDS[:1], REYNOLDS):
         spread = Robust(reynolds, LogNormal(0.2), 0.01, cases=cases) if cases > 1 else reynolds
         problem = Problem(scene, spread, max_length=1.7)
-        if way == DIRECT:
+        if strategy == DIRECT:
             found.append(design_directly(problem, flow))
         else:
-            found.append(Designer(net if way == LED else flow).design(problem))
+            found.append(Designer(net if strategy == LED else flow).design(problem))
     return {
         "flows": np.mean([design.flows for design in found]),
         "work": np.mean([design.green_applications for design in found]),
@@ -155,11 +155,11 @@ def show_averages(rows: list[Row]) -> str:
 
 
 ROBUST = columns(
-    "cases {cases} | strategy {way} | flows per design {flows:.1f} | G per design {work:.0f}"
+    "cases {cases} | strategy {strategy} | flows per design {flows:.1f} | G per design {work:.0f}"
     " | largest KKT residual {kkt:.0e}"
 )
-COUNTS = cases(cases=(1, 4, 32), way=(GROWING, DIRECT, LED))
-WORK = lines("cases", "work", "way", ("flows per objective", "convolutions with G per design"))
+COUNTS = cases(cases=(1, 4, 32), strategy=(GROWING, DIRECT, LED))
+WORK = lines("cases", "work", "strategy", ("flows per objective", "convolutions with G per design"))
 STUDIES = {
     "designs": Study([], many_text, many_designs, draw_sheet),
     "scenarios": Study([Table(COUNTS, robust, ROBUST)], draw=WORK),

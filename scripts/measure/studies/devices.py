@@ -21,7 +21,7 @@ from surrogate.processes import first, join
 
 SCRIPTS = Path(__file__).parents[2]
 CHILD = ("-m", "studies.devices")  # this file as a program
-WAYS = {  # devices of a process, processes, whether each process has one core
+SETUPS = {  # devices of a process, processes, whether each process has one core
     "one device, all cores": (1, 1, False),
     "one device, one core": (1, 1, True),
     "two devices": (2, 1, False),
@@ -38,21 +38,21 @@ BANDWIDTH = 1e9  # bytes per second, of a plain network
 def batches(run: Run) -> list[Row]:
     """Return the cases: every grid on all devices, then larger batches on the first."""
     if run.tiny:
-        return cases(fidelity=["draft"], way=tuple(WAYS)[-1:], device_batch=[1])
-    one = cases(fidelity=BODIES, way=WAYS, device_batch=[1])
-    return one + cases(fidelity=["draft"], way=tuple(WAYS)[:1], device_batch=BATCHES)
+        return cases(fidelity=["draft"], setup=tuple(SETUPS)[-1:], device_batch=[1])
+    one = cases(fidelity=BODIES, setup=SETUPS, device_batch=[1])
+    return one + cases(fidelity=["draft"], setup=tuple(SETUPS)[:1], device_batch=BATCHES)
 
 
-def flows(run: Run, fidelity: str, way: str, device_batch: int) -> Row:
+def flows(run: Run, fidelity: str, setup: str, device_batch: int) -> Row:
     """Return the flows per second of the same bodies, in processes of their own.
 
     Args:
       run: How the study is run.
       fidelity: Name of the grid's fidelity.
-      way: Devices and processes, a key of ``WAYS``.
+      setup: Devices and processes, a key of ``SETUPS``.
       device_batch: Batch size per device.
     """
-    devices, processes, one_core = WAYS[way]
+    devices, processes, one_core = SETUPS[setup]
     asked = {
         "fidelity": fidelity,
         "devices": devices,
@@ -66,7 +66,7 @@ def flows(run: Run, fidelity: str, way: str, device_batch: int) -> Row:
     children = [
         _start([*CHILD, json.dumps(asked | {"process": process})]) for process in range(processes)
     ]
-    answers = [_last_line(way, child) for child in children]
+    answers = [_last_line(setup, child) for child in children]
     return json.loads(answers[0])
 
 
@@ -104,9 +104,9 @@ def model(run: Run, result: Result) -> Result:
     for count in COUNTS:
         shares = np.array_split(drawn, count)
         waste = count * max(share.sum() for share in shares) / drawn.sum() - 1
-        solving, telling = MANY / rate / count * (1 + waste), MANY * NUMBERS * 8 / BANDWIDTH
-        row = {"devices": count, "waste": waste, "solving_s": solving, "telling_s": telling}
-        scaling.append(row | {"gain": MANY / rate / (solving + telling)})
+        solving, gathering = MANY / rate / count * (1 + waste), MANY * NUMBERS * 8 / BANDWIDTH
+        row = {"devices": count, "waste": waste, "solving_s": solving, "gathering_s": gathering}
+        scaling.append(row | {"gain": MANY / rate / (solving + gathering)})
     return {"work": works[0], "scaling": scaling}
 
 
@@ -126,19 +126,19 @@ def model_text(result: Result) -> str:
 
 def trainings(run: Run) -> Iterator[Row]:
     """Yield the number of devices, and of cores that the process may use (all where None)."""
-    yield {"way": "one device, all cores"}
-    yield {"way": "one device, one core", "cores": 1}
-    yield {"way": "two devices", "devices": 2}
+    yield {"setup": "one device, all cores"}
+    yield {"setup": "one device, one core", "cores": 1}
+    yield {"setup": "two devices", "devices": 2}
 
 
-def training(run: Run, way: str, devices: int = 1, cores: int | None = None) -> Row:
+def training(run: Run, setup: str, devices: int = 1, cores: int | None = None) -> Row:
     """Return the time and error of HIG's full training in a process of its own.
 
     Nothing is compiled before.
 
     Args:
       run: How the study is run.
-      way: Name of the case.
+      setup: Name of the case.
       devices: Number of devices.
       cores: Number of cores that the process may use; None for all.
     """
@@ -159,7 +159,7 @@ def training(run: Run, way: str, devices: int = 1, cores: int | None = None) -> 
         argv += ["--out", str(out), "--json"]
         start = time.perf_counter()
         child = _start(argv, cores, XDG_CACHE_HOME=str(folder / "compiled"))
-        said = json.loads(_last_line(way, child))
+        said = json.loads(_last_line(setup, child))
         seconds, trained = time.perf_counter() - start, load(out)
     record = trained.record
     return {
@@ -198,15 +198,15 @@ def child(asked: Row) -> Row:
 
 
 FLOWS = columns(
-    "grid {fidelity} | devices {way} | batch size per device {device_batch}"
+    "grid {fidelity} | devices {setup} | batch size per device {device_batch}"
     " | flows per second {flows_per_s:.1f} | MiB per body of a batch {mib_per_body:.0f}"
 )
 SCALING = columns(
     "devices {devices} | idle work {waste:.0%} | solving {solving_s:.2f} s"
-    " | gathering {telling_s:.4f} s | speedup {gain:.0f}"
+    " | gathering {gathering_s:.4f} s | speedup {gain:.0f}"
 )
 TRAININGS = columns(
-    "devices {way} | flows and steps {flows_and_steps_s:.0f} s | compilation {compile_s:.0f} s"
+    "devices {setup} | flows and steps {flows_and_steps_s:.0f} s | compilation {compile_s:.0f} s"
     " | total, with held-out flows {seconds:.0f} s | idle work {waiting:.1%}"
     " | mean error {error_mean:.3%} | difference of weights {weights_off:.0e}"
 )

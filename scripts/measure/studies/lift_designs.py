@@ -28,16 +28,16 @@ def _scene(run: Run) -> Scene:
     return Scene(reynolds=(5.0, 8.0), family=family, fidelity=TINY)
 
 
-def one_at_a_time(run: Run, query: int, way: str) -> Row:
+def one_at_a_time(run: Run, query: int, strategy: str) -> Row:
     """Return the design of a query by a strategy that forgets its flows afterwards."""
     problem = _queries(run)[query]
-    if way == DIRECT:
+    if strategy == DIRECT:
         return _answer(problem, lambda: design_directly(problem, Flow(problem.scene)))
     model = Flow(problem.scene) if run.tiny else load(NAME)
     return _answer(problem, lambda: Designer(model).design(problem))
 
 
-def in_a_row(run: Run, way: str) -> list[Row]:
+def in_a_row(run: Run, strategy: str) -> list[Row]:
     """Return the designs of all queries by kriging with memory."""
     queries, rows = _queries(run), []
     designer = Designer(Flow(_scene(run)))
@@ -81,12 +81,12 @@ def training(run: Run, _: Result) -> Result:
 
 def when_to_train(result: Result) -> str:
     """Return the README's sentence on what training gains in a scene with lift."""
-    lines = {line["way"]: line for line in strategies(result)}
+    lines = {line["strategy"]: line for line in strategies(result)}
     led = lines.pop(LED)
     paid = _break_even(result)
     flows = ", ".join(
-        f"{line['flows']:.1f} by {RIVALS[way]} (training pays {paid[way]})"
-        for way, line in lines.items()
+        f"{line['flows']:.1f} by {RIVALS[strategy]} (training pays {paid[strategy]})"
+        for strategy, line in lines.items()
     )
     return (
         f"Sections at incidence: {led['asked']} unseen queries, least drag at a lift or best glide "
@@ -102,20 +102,21 @@ def text(result: Result) -> str:
         "convolutions (G)."
     )
     by_network = LED_ROWS([row for row in result["rows"] if row["problem"] is None])
-    ways = WAYS(strategies(result))
-    return f"{ways}\n\n{work} By mean costs it pays {_pays(result)}.\n\n{by_network}"
+    table = STRATEGIES(strategies(result))
+    return f"{table}\n\n{work} By mean costs it pays {_pays(result)}.\n\n{by_network}"
 
 
 def _pays(result: Result) -> str:
     paid = _break_even(result).items()
-    return " and ".join(f"against {RIVALS[way]} {after}" for way, after in paid)
+    return " and ".join(f"against {RIVALS[strategy]} {after}" for strategy, after in paid)
 
 
 def _break_even(result: Result) -> dict[str, str]:
     """Return, in words, after how many designs the training pays against each rival."""
-    work = {line["way"]: line["work"] for line in strategies(result)}
+    work = {line["strategy"]: line["work"] for line in strategies(result)}
     own = work.pop(LED)
-    return {way: _after(break_even(result["training_g"], own, g)) for way, g in work.items()}
+    training = result["training_g"]
+    return {strategy: _after(break_even(training, own, g)) for strategy, g in work.items()}
 
 
 def strategies(result: Result) -> list[Row]:
@@ -126,14 +127,14 @@ def strategies(result: Result) -> list[Row]:
     each = result["rows"] + result["growing"] + result["direct"]
     found = [row for row in each if row["problem"] is None]
     best = {q: min(r["objective"] for r in found if r["query"] == q) for q in _numbers(found)}
-    ways, lines = {row["way"] for row in each}, []
-    for way in [way for way in (LED, GROWING, DIRECT) if way in ways]:
-        mine = [row for row in found if row["way"] == way]
+    asked, lines = [row["strategy"] for row in each], []
+    for strategy in [name for name in (LED, GROWING, DIRECT) if name in asked]:
+        mine = [row for row in found if row["strategy"] == strategy]
         gaps = [(r["objective"] - best[r["query"]]) / abs(best[r["query"]]) for r in mine]
         lines.append(
             {
-                "way": way,
-                "asked": sum(row["way"] == way for row in each),
+                "strategy": strategy,
+                "asked": asked.count(strategy),
                 "found": len(mine),
                 "flows": np.mean([row["flows"] for row in mine]),
                 "most": max(row["flows"] for row in mine),
@@ -153,9 +154,9 @@ def _numbers(rows: list[Row]) -> list[int]:
     return sorted({row["query"] for row in rows})
 
 
-WAYS = columns(
-    "strategy {way} | queries {asked} | found {found} | flows a design {flows:.2f} | most {most}"
-    " | G a design {work:.0f} | largest KKT residual {kkt:.0e}"
+STRATEGIES = columns(
+    "strategy {strategy} | queries {asked} | found {found} | flows a design {flows:.2f}"
+    " | most {most} | G a design {work:.0f} | largest KKT residual {kkt:.0e}"
     " | objective above the best known, at most {gap:.3%}"
 )
 LED_ROWS = columns(
@@ -163,8 +164,8 @@ LED_ROWS = columns(
     " | work {green_applications} G | KKT residual {kkt:.0e}"
 )
 TABLES = [
-    Table([{"query": k, "way": LED} for k in range(QUERIES)], one_at_a_time),
-    Table([{"way": GROWING}], in_a_row, key="growing"),
-    Table([{"query": k, "way": DIRECT} for k in range(QUERIES)], one_at_a_time, key="direct"),
+    Table([{"query": k, "strategy": LED} for k in range(QUERIES)], one_at_a_time),
+    Table([{"strategy": GROWING}], in_a_row, key="growing"),
+    Table([{"query": k, "strategy": DIRECT} for k in range(QUERIES)], one_at_a_time, key="direct"),
 ]
 STUDIES = {"lift_designs": Study(TABLES, text, training)}

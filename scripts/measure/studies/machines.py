@@ -23,7 +23,7 @@ from surrogate.training.plan import make_plan
 
 PARAMETERS, STEPS = 9, 12
 QUERIES = 12  # whose flows, 64 at most, one size of compiled models holds
-WAYS = {  # processes, each on a core of its own; whether they share a memory file
+STRATEGIES = {  # processes, each on a core of its own; whether they share a memory file
     "two processes, one memory": (2, True),
     "one process": (1, True),
     "two processes, each its own memory": (2, False),
@@ -58,12 +58,12 @@ def large_training(run: Run, bodies: int) -> Row:
     }
 
 
-def stream(run: Run, way: str) -> Row:
+def stream(run: Run, strategy: str) -> Row:
     """Solve the same designs by kriging with memory from nothing, and count flows that were lost.
 
     A flow is lost if it is missing in the file.
     """
-    scene, (count, shared) = Scene(fidelity=run.pick(TINY, "standard")), WAYS[way]
+    scene, (count, shared) = Scene(fidelity=run.pick(TINY, "standard")), STRATEGIES[strategy]
     queries = query_stream(scene, 0, run.pick(2, QUERIES))
     with tempfile.TemporaryDirectory() as scratch:
         context = multiprocessing.get_context("spawn")
@@ -112,7 +112,8 @@ TEXT = (
     "step; the total includes compilation and held-out flows."
 )
 STREAM = columns(
-    "strategy {way} | queries {queries} | flows {flows} | flows lost {lost} | time {seconds:.1f} s"
+    "strategy {strategy} | queries {queries} | flows {flows} | flows lost {lost}"
+    " | time {seconds:.1f} s"
 )
 STUDIES = {
     "shards": Study(
@@ -121,5 +122,5 @@ STUDIES = {
         lambda run, _: {"parameters": PARAMETERS, "devices": run.options["devices"]},
         options={"--devices": {"type": int, "default": 1, "help": "CPU devices of the bodies (1)"}},
     ),
-    "streams": Study([Table(cases(way=WAYS), stream, STREAM)]),
+    "streams": Study([Table(cases(strategy=STRATEGIES), stream, STREAM)]),
 }

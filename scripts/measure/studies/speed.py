@@ -156,18 +156,18 @@ def flat_rival(run: Run, solver: Fidelity | Elements) -> Row:
     """
     if isinstance(solver, Elements):
         found = solve_by_elements(FLATTENED, FLAT, RE, solver)
-        return {"way": f"elements, {solver.wall:g} D at the body"} | found._asdict()
+        return {"solver": f"elements, {solver.wall:g} D at the body"} | found._asdict()
     solved(FLAT, RE, solver, 3)
     start = time.process_time()
     found = solved(FLAT, RE, solver, 3)
     seconds, unknowns = time.process_time() - start, 3 * int(np.prod(found.domain.lattice.shape))
-    return {"way": solver.name, "unknowns": unknowns, "cd": found.drag, "seconds": seconds}
+    return {"solver": solver.name, "unknowns": unknowns, "cd": found.drag, "seconds": seconds}
 
 
 def flat_errors(run: Run, result: Result) -> Result:
     """Return the rows with their differences from the finest of the flows."""
     rows = result["rival"]
-    finest = [row["cd"] for row in rows if not row["way"].startswith("elements")][-1]
+    finest = [row["cd"] for row in rows if not row["solver"].startswith("elements")][-1]
     return {"rival": [row | {"error": row["cd"] / finest - 1} for row in rows]}
 
 
@@ -187,7 +187,7 @@ def round_rival(run: Run, reynolds: float, solver: Fidelity | Elements) -> Row:
     times = range(run.pick(1, 5) + 1)
     if isinstance(solver, Elements):
         tries = [solve_by_elements(AXISYMMETRIC, SPHEROID, reynolds, solver) for _ in times]
-        row = {"way": f"elements of degree {solver.order}"} | tries[0]._asdict()
+        row = {"solver": f"elements of degree {solver.order}"} | tries[0]._asdict()
         seconds = [found.seconds for found in tries]
     else:
         flow = Flow(Scene(family=ROUND[3], reynolds=(1.0, 40.0), fidelity=solver))
@@ -197,7 +197,7 @@ def round_rival(run: Run, reynolds: float, solver: Fidelity | Elements) -> Row:
             cd = float(drag(*query))
             seconds.append(watch())
         unknowns = 3 * int(np.prod(flow.domain.lattice.shape))
-        row = {"way": solver.name, "unknowns": unknowns, "cd": cd}
+        row = {"solver": solver.name, "unknowns": unknowns, "cd": cd}
     return row | {"error": row["cd"] / exact - 1, "seconds": statistics.median(seconds[1:])}
 
 
@@ -267,7 +267,7 @@ RIVAL = columns(
     "Re {reynolds:g} | flow {ms:.0f} ms | error {error:+.2%} | finite elements {rival_s:.2f} s"
     " | error {rival_error:+.2%} | speedup of the flow {faster:.0f}"
 )
-SOLVER = "solver {way} | unknowns {unknowns} | Cd {cd:.4f}"
+SOLVER = "solver {solver} | unknowns {unknowns} | Cd {cd:.4f}"
 FLAT_RIVAL = columns(
     SOLVER + " | difference from the finest flow {error:+.2%} | processor time {seconds:.1f} s"
 )
