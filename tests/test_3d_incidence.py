@@ -11,6 +11,7 @@ from correlations import Ellipsoid, ellipsoid, oberbeck
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
 from surrogate.body.skin import HALVES, SkinNodes
+from surrogate.devices import choose_devices
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
@@ -43,6 +44,17 @@ def test_exact_kernel_of_half_a_domain_is_that_of_the_whole():
         for lattice, f in ((half, force), (whole, np.asarray(half.unfold(force))))
     )
     assert np.abs(by_half - by_whole).max() < 1e-11 * np.abs(by_whole).max()
+
+
+def test_programs_of_many_bodies_contain_the_adjoint_of_the_kernel():
+    """They are compiled without some passes of XLA, which had no code for negative padding."""
+    lattice, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=(1,)), np.random.default_rng(0)
+    kernel = space_kernel(lattice, jnp.asarray(7.0))
+    force, field = jnp.asarray(rng.normal(size=(2, 3, *lattice.shape)))
+    transposed = jax.linear_transpose(kernel, force)
+    adjoint = jax.jit(lambda u: transposed(u)[0], compiler_options=choose_devices().options)
+    both = float(jnp.vdot(field, kernel(force))), float(jnp.vdot(adjoint(field), force))
+    assert both[0] == pytest.approx(both[1], rel=1e-9)
 
 
 @pytest.mark.slow
@@ -113,6 +125,17 @@ def test_taylor_remainders_of_the_loads_are_of_second_order():
         [FLOW.loads(body + e * direction, re + e * rate) - loads - e * along for e in (0.2, 0.1)]
     )
     assert np.all(np.log2(remainders[0] / remainders[1]) > 1.9), remainders
+
+
+@pytest.mark.slow
+def test_gradients_of_many_bodies_are_those_of_each():
+    """Their program, and that of trainings, is compiled by other passes of XLA."""
+    flow, coarse = Flow(SCENE), {"rtol": 1e-2, "atol": 1e-3}  # adjoints are solved to 2e-4
+    many = flow.solve_all(BODY[None], np.array([10.0]), gradients=True)
+    alone = flow.loads_and_gradients(BODY, 10.0)
+    np.testing.assert_allclose(many.loads[0], alone.loads, rtol=1e-5)
+    np.testing.assert_allclose(many.gradients[0], alone.gradients, **coarse)
+    np.testing.assert_allclose(many.by_reynolds[0], alone.by_reynolds, **coarse)
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ class SpaceKernel(eqx.Module):
         g, q = self.viscous, self.potential
 
         def forward(part, own):
-            along = jnp.fft.rfft(part, n=period, axis=0)
+            along = jnp.fft.rfft(_padded(part, period, 0), axis=0)
             return z.forward(y.forward(along, 1, own == 1), 2, own == 2)
 
         def backward(part, own):
@@ -107,11 +107,22 @@ class _WholeWaves:
         self.divergence = 1 - np.exp(-1j * self.psi)
 
     def forward(self, field, axis, odd):
-        return jnp.fft.fft(field, n=self._period, axis=axis)
+        return jnp.fft.fft(_padded(field, self._period, axis), axis=axis)
 
     def backward(self, field, axis, odd):
         whole = jnp.fft.ifft(field, axis=axis)
         return jax.lax.slice_in_dim(whole, 0, self.cells, axis=axis)
+
+
+def _padded(field, length, axis):
+    """Append zeros along an axis up to a length.
+
+    The padding of ``jnp.fft`` would be negative padding in the adjoint, for which XLA's older
+    emitters for CPUs have no code.
+    """
+    shape = list(field.shape)
+    shape[axis] = length - shape[axis]
+    return jnp.concatenate([field, jnp.zeros(shape, field.dtype)], axis=axis)
 
 
 @functools.cache
