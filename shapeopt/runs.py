@@ -207,7 +207,7 @@ def _verification_record(
                 "parameters": (design.parameters + shift).tolist(),
                 "reynolds": case.reynolds,
                 "weight": float(weight),
-                "cd_start": float(cylinder),
+                "cd_start": cylinder,
                 "cd_surrogate": drag,
                 "cd_verified": case.drag,
                 "cl_verified": case.lift,

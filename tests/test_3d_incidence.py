@@ -18,9 +18,12 @@ from surrogate.flow.grid.modes_3d import Modes3D
 from surrogate.flow.grid.oseen_3d import space_kernel
 from surrogate.flow.loads import LOADS
 from surrogate.flow.solver.newton import NewtonSettings
+from surrogate.model.network import blank_network
 from surrogate.scene.fidelity import NAMED
 from surrogate.scene.limits import onset_of
+from surrogate.scene.samples import Samples
 from surrogate.scene.stream import Unbounded
+from surrogate.training.methods.method import moment_residual
 
 FAMILY = Family(dimension=3, aspect=(0.6, 2.0), beta2=(-0.2, 0.2), incidence=(-90, 90))
 SCENE = Scene(dimension=3, reynolds=(0.01, 50), family=FAMILY, fidelity=ROUGH_3D)
@@ -161,6 +164,20 @@ def test_moment_of_a_traction_is_its_torque():
     torque = weights @ (values[index, 0] * np.asarray(skin.points[:, 2]))
     assert float(LOADS["cm"](modes, amplitude, skin)) == pytest.approx(8 / np.pi * torque)
     assert float(LOADS["cl"](modes, amplitude, skin)) == 0.0
+
+
+def test_the_moment_of_a_networks_traction_is_that_on_the_flows_skin():
+    """Methods as published train the network's moment to be that of its traction."""
+    network = blank_network(SCENE, (8, 8), jax.random.key(0))
+    network = dataclasses.replace(network, mode_scale=jnp.ones_like(network.mode_scale))
+    at = jnp.asarray(BODY), jnp.array(10.0)
+    off = moment_residual(network, Samples(at[0][None], at[1][None]), jnp.array(0))
+    traction = network.traction(*at)
+    skin = SCENE.family.body_class.markers(BODY, FLOW.domain.nodes)
+    own = LOADS["cm"](network.modes, traction, skin) / LOADS["cd"](network.modes, traction, skin)
+    loads = network.loads(*at)
+    assert abs(own) > 0.01
+    assert float(off[0]) == pytest.approx(float(loads[2] / loads[0] - own), rel=1e-6)
 
 
 def test_what_no_grid_covers_is_refused():

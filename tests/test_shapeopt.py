@@ -11,11 +11,22 @@ import pytest
 from conftest import TINY
 
 import shapeopt
-from shapeopt import Design, Glide, LogNormal, Problem, Robust, load_run, optimise, save_run, verify
+from shapeopt import (
+    Design,
+    Glide,
+    LogNormal,
+    Problem,
+    Robust,
+    Weighted,
+    load_run,
+    optimise,
+    save_run,
+    verify,
+)
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
-from shapeopt.payoff.queries import query_stream
+from shapeopt.payoff.queries import query_stream, robust_objective
 from shapeopt.payoff.strategies import comparable, rivals
 from shapeopt.payoff.tables import payoff_rows
 from shapeopt.problem.conflicts import candidates
@@ -66,6 +77,22 @@ def test_measures_of_a_body():
     markers = np.asarray(Family().markers(body, 400))
     assert float(Family().body_class.length(body)) == pytest.approx(np.ptp(markers[:, 0]))
     assert float(Family().body_class.thickness(body)) == pytest.approx(np.ptp(markers[:, 1]))
+
+
+def test_a_design_is_verified_where_the_cylinders_flow_does_not_converge(tiny_scene, monkeypatch):
+    solve, cylinder = Flow.solve, tiny_scene.family.ellipse(1.0)
+
+    def solve_slender(flow, body, reynolds, **more):
+        if np.array_equal(body, cylinder):
+            raise NotConverged(f"Re {reynolds:g}")
+        return solve(flow, body, reynolds, **more)
+
+    monkeypatch.setattr(Flow, "solve", solve_slender)
+    found = verify(Problem(tiny_scene, 20.0), [2.0, 0.0, 0.0, 0.0])
+    assert (found.cylinder, found.cylinder_objective) == ((None,), None)
+    assert found.objective == found.solutions[0].drag > 0
+    with pytest.raises(NotConverged, match="Re 10"):
+        verify(Problem(tiny_scene, Weighted((10, 20), (1, 1))), [2.0, 0.0, 0.0, 0.0])
 
 
 def test_impossible_problems_name_the_constraint(pretrained):
@@ -148,6 +175,14 @@ def test_queries_are_solvable_and_repeat(pretrained):
     assert [q.reynolds for q in first] == [q.reynolds for q in again]
     assert len({q.reynolds for q in first}) == 4
     assert all(len(candidates(q)) for q in first)
+
+
+@pytest.mark.parametrize("reynolds", [(1, 40), (20, 25), (20, 20)])
+def test_the_robust_objective_of_a_payoff_suits_every_range(reynolds):
+    objective = robust_objective(Scene(reynolds=reynolds))
+    cases = objective.scenarios(Scene(reynolds=reynolds)).reynolds
+    assert reynolds[0] <= min(cases) <= objective.reynolds <= max(cases) <= reynolds[1]
+    assert (min(cases) < max(cases)) == (reynolds[0] < reynolds[1])
 
 
 def test_payoff_plot_names_its_axes(tmp_path, monkeypatch):

@@ -111,8 +111,6 @@ def _within(file: str, folder: str) -> bool:
 
 def _text(r: JsonObject, problem: Problem, out: str) -> str:
     """The result for a person."""
-    gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
-    side = "below" if gain >= 0 else "above"
     lifting = not problem.scene.family.body_class.symmetric
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
@@ -124,7 +122,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
         lifts += f"; none settles faster at Archimedes number {archimedes:g}"
-    beside = "" if lifting else f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
+    beside = "" if lifting else _beside(r, round_body)
     lines = [
         f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
@@ -143,6 +141,15 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
             for case in r["cases"]
         ]
     return "\n".join(lines)
+
+
+def _beside(r: JsonObject, round_body: str) -> str:
+    """The drag beside that of the cylinder or sphere; empty where that is not known."""
+    if r["cd_start"] is None:
+        return ""
+    gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
+    side = "below" if gain >= 0 else "above"
+    return f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
 
 
 def _parser() -> Parser:

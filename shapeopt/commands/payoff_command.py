@@ -9,6 +9,7 @@ hig, half-inverse gradients; supervised, regression on solved flows.
 """
 
 import argparse
+import functools
 import json
 import sys
 import time
@@ -22,7 +23,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.payoff.break_even import Strategy
 from shapeopt.payoff.plot import plot_payoff
-from shapeopt.payoff.queries import plain_queries, query_stream
+from shapeopt.payoff.queries import plain_queries, query_stream, robust_objective
 from shapeopt.payoff.strategies import (
     comparable,
     compile_all,
@@ -32,8 +33,6 @@ from shapeopt.payoff.strategies import (
 )
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.robust import Robust
-from shapeopt.problem.uncertainty import LogNormal
 from shapeopt.render.sheets import before_and_after, render_panels
 from shapeopt.runs import check_run_folder, load_run, save_run
 from shapeopt.search.optimise import optimise
@@ -171,18 +170,16 @@ def _own_names(arguments: argparse.Namespace) -> list[str]:
 def _robust(surrogate: Surrogate) -> JsonObject:
     """Cost of a robust design by the surrogate, and by the flow, extrapolated from few flows."""
     scene, flow = surrogate.scene, Flow(surrogate.scene)
-    middle = float(np.sqrt(np.prod(scene.reynolds)))
-    objective = Robust(middle, LogNormal(0.2), tolerance=0.01, level=0.8)
-    design = optimise(Problem(scene, objective), surrogate)
+    objective = robust_objective(scene)
+    design, middle = optimise(Problem(scene, objective), surrogate), objective.reynolds
     numbers = np.geomspace(*np.clip([0.75 * middle, 1.25 * middle], *scene.reynolds), SAMPLE)
-    jax.block_until_ready(
-        flow.loads_and_gradients(design.parameters, numbers[0], allow_unsteady=True)
+    solve = functools.partial(
+        flow.loads_and_gradients, design.parameters, allow_unsteady=True, partial=True
     )
+    jax.block_until_ready(solve(numbers[0]))
     forget_operators()
     start = time.perf_counter()
-    flows = jax.block_until_ready(
-        [flow.loads_and_gradients(design.parameters, re, allow_unsteady=True) for re in numbers]
-    )
+    flows = jax.block_until_ready([solve(re) for re in numbers])
     seconds = (time.perf_counter() - start) / SAMPLE
     work = float(np.mean([int(found.green_applications) for found in flows]))
     return {

@@ -114,8 +114,12 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
     if len(records) < 2:
         raise InvalidInput("--family: needs two --runs folders or more")
     for record in records:
-        if record.get("cd_verified") is None or record.get("cd_start") is None:
-            raise InvalidInput(f"--family: the run at Re {record['reynolds']:g} is not verified")
+        at = f"--family: the run at Re {record['reynolds']:g}"
+        if record.get("cd_verified") is None:
+            raise InvalidInput(f"{at} is not verified")
+        if record.get("cd_start") is None:
+            body = run_scene(record).family.round_body
+            raise InvalidInput(f"{at} has no drag of the {body}, whose flow did not converge")
         if len(record.get("cases", [])) > 1:
             raise InvalidInput("--family: needs runs at one Reynolds number each; one has several")
     return records

@@ -1,16 +1,21 @@
 """A random stream of design problems, the queries that all strategies answer."""
 
+import math
+
 import jax
 import numpy as np
 
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.objective import Glide
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.robust import Robust
+from shapeopt.problem.uncertainty import LogNormal
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
 LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that are active at most optima, in D
 HEIGHTS = (0.45, 0.65)  # upper bounds on the height, in 3-D instead of the lower on the thickness
+SPREAD = 0.2  # standard deviation of log Re in the robust objective, at most
 LIFTS = (0.1, 0.5)  # lower bounds on Cl, in scenes whose bodies have lift
 
 
@@ -24,6 +29,16 @@ def plain_queries(scene: Scene, count: int) -> list[Problem]:
     numbers = [float(np.clip(value, *scene.reynolds)) for value in numbers]
     symmetric = scene.family.body_class.symmetric
     return [Problem(scene, re if symmetric else Glide(re)) for re in numbers]
+
+
+def robust_objective(scene: Scene) -> Robust:
+    """Return the robust objective whose cost is told, about the middle of the range of log Re.
+
+    Its spread is smaller where the range is narrow, so that 95 % of it lies within the range.
+    """
+    low, high = scene.reynolds
+    spread = min(SPREAD, math.log(high / low) / 4)
+    return Robust(math.sqrt(low * high), LogNormal(spread), tolerance=0.01, level=0.8)
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:

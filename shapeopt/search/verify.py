@@ -3,12 +3,12 @@
 import dataclasses
 
 import numpy as np
-from jaxtyping import Float
 
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import combine
-from surrogate.arrays import AnyArray, Body
+from surrogate.arrays import Body
 from surrogate.checks import expect
+from surrogate.errors import NotConverged
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
@@ -19,13 +19,14 @@ class Verified:
     """The objective of a body by the flow, the flows of all scenarios and the cylinder's drags.
 
     In 3-D the sphere stands for the cylinder. ``cylinder`` holds its Cd at the Reynolds number of
-    every scenario, and ``cylinder_objective`` is the objective of these drags.
+    every scenario, and ``cylinder_objective`` is the objective of these drags; they are None where
+    the cylinder's flow does not converge.
     """
 
     objective: float
-    cylinder_objective: float
+    cylinder_objective: float | None
     solutions: tuple[Solution, ...]
-    cylinder: Float[AnyArray, " cases"]
+    cylinder: tuple[float | None, ...]
 
     def __repr__(self) -> str:
         flows = ", ".join(f"Cd {one.drag:.4f} at Re {one.reynolds:g}" for one in self.solutions[:3])
@@ -75,7 +76,8 @@ def verify(problem: Problem, parameters: Body) -> Verified:
 
     Raises:
       InvalidInput: the parameters describe no body of the family.
-      NotConverged: a flow did not converge.
+      NotConverged: a flow past the body did not converge, or one past the cylinder to whose drag
+        the objective is relative.
     """
     expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
@@ -86,21 +88,33 @@ def verify(problem: Problem, parameters: Body) -> Verified:
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
     loads = np.array([[one.drag, one.lift, one.moment] for one in solutions], float)
-    of_cylinder = np.pad(cylinder[:, None], ((0, 0), (0, 2)))  # neither lift nor moment
-    own, others = (combine(of, cylinder, scenarios) for of in (loads, of_cylinder))
+    if None in cylinder:  # then the objective does not depend on it
+        own = combine(loads, np.ones(len(loads)), scenarios)
+        return Verified(float(own), None, solutions, cylinder)
+    drags = np.array(cylinder)
+    of_cylinder = np.pad(drags[:, None], ((0, 0), (0, 2)))  # neither lift nor moment
+    own, others = (combine(of, drags, scenarios) for of in (loads, of_cylinder))
     return Verified(float(own), float(others), solutions, cylinder)
 
 
-def cylinder_drags(problem: Problem) -> Float[np.ndarray, " cases"]:
+def cylinder_drags(problem: Problem) -> tuple[float | None, ...]:
     """Return Cd of the cylinder (in 3-D the sphere) at the Reynolds number of every scenario.
 
+    It is None where that flow does not converge, as at Re at which slender bodies alone are steady.
+
     Raises:
-      NotConverged: a flow did not converge.
+      NotConverged: a flow did not converge, and the objective is relative to these drags.
     """
     flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
-    return np.array(
-        [
-            flow.solve(cylinder, reynolds, estimate=False, allow_unsteady=True).drag
-            for reynolds in problem.scenarios.reynolds
-        ]
-    )
+    known: dict[float, float | None] = {}
+    for reynolds in map(float, problem.scenarios.reynolds):
+        if reynolds in known:
+            continue
+        try:
+            found = flow.solve(cylinder, reynolds, estimate=False, allow_unsteady=True)
+            known[reynolds] = found.drag
+        except NotConverged:
+            if problem.scenarios.relative:
+                raise
+            known[reynolds] = None
+    return tuple(known[float(reynolds)] for reynolds in problem.scenarios.reynolds)

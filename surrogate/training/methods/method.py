@@ -14,6 +14,7 @@ import optax
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from surrogate.arrays import AnyArray
+from surrogate.body.skin import HALVES, SkinNodes
 from surrogate.devices import Sharded
 from surrogate.flow.loads import drag_coefficient, moment
 from surrogate.model.network import LoadNetwork
@@ -21,7 +22,8 @@ from surrogate.partition import Evaluated
 from surrogate.scene.samples import Samples
 from surrogate.training.physics import Physics
 
-MOMENT_NODES = 128  # of the contour on which the moment of a traction is integrated, exactly
+# Nodes, by the dimension, on which the moment of a traction is integrated, exactly.
+MOMENT_NODES = {2: 128, 3: SkinNodes(32, 32, HALVES)}
 Batch = Int[AnyArray, " batch"]  # indices of samples
 
 
@@ -195,6 +197,7 @@ def moment_residual(
         return jnp.zeros(0)
     parameters, reynolds = samples.at(index)
     traction = jax.lax.stop_gradient(network.traction(parameters, reynolds))
-    markers = network.inputs.body_class.markers(parameters, MOMENT_NODES)
+    body_class = network.inputs.body_class
+    markers = body_class.markers(parameters, MOMENT_NODES[body_class.dimension])
     of_traction = moment(network.modes, traction, markers) / drag_coefficient(traction)
     return network.outputs(network.inputs(parameters, reynolds))[2:] - of_traction
