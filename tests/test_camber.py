@@ -326,7 +326,7 @@ def test_a_page_of_lifting_bodies_has_their_sliders():
 @pytest.mark.parametrize("method", ["supervised", "hig"])
 def test_a_training_with_camber_and_incidence(method):
     scene = dataclasses.replace(SCENE, reynolds=(5, 20))
-    net = train(scene, method, samples=12, preset="quick", budget_seconds=5, progress=False)
+    net = train(scene, method, samples=12, preset="quick", progress=False)
     assert net.recorded("drag_error_mean") < 0.02
     assert float(net.drag(BODY, 10.0)) == pytest.approx(float(FLOW.drag(BODY, 10.0)), rel=0.03)
 

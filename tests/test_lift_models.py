@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import TINY
 
-from shapeopt import Glide, Problem, optimise, optimise_all, save_run
+from shapeopt import Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.commands.predict_drag import main as predict_drag
 from shapeopt.payoff.direct import design_directly
@@ -192,7 +192,7 @@ def test_loads_of_symmetric_bodies_are_refused():
     [
         Problem(SCENE, 10.0, lift=0.3),
         Problem(SCENE, Glide(10.0), max_moment=0.3),
-        Problem(SCENE, (5.0, 15.0), lift=0.2),
+        Problem(SCENE, Robust(9.0, Uniform(0.4), cases=2), lift=0.2),
     ],
     ids=["lift", "glide", "several Re"],
 )

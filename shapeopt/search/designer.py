@@ -215,7 +215,10 @@ def check_problem(problem: Problem, scene: Scene) -> None:
         raise InvalidInput("optimise: problem and model are of different scenes")
     family = scene.family
     if bool(problem.scenarios.relative) and not family.contains(family.ellipse(1.0)):
-        raise InvalidInput("weighted drags are over the cylinder's, which this family lacks")
+        raise InvalidInput(
+            f"weighted drags are over those of the {family.round_body}, aspect 1, which this family "
+            "lacks; those of a Robust objective (--spread) are not"
+        )
 
 
 def _propose(
