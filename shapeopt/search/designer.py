@@ -216,8 +216,8 @@ def check_problem(problem: Problem, scene: Scene) -> None:
     family = scene.family
     if bool(problem.scenarios.relative) and not family.contains(family.ellipse(1.0)):
         raise InvalidInput(
-            f"weighted drags are over those of the {family.round_body}, aspect 1, which this family "
-            "lacks; those of a Robust objective (--spread) are not"
+            f"weighted drags are over the {family.round_body}'s, and this family lacks aspect 1; "
+            "those of a Robust objective (--spread) are not"
         )
 
 
