@@ -33,6 +33,7 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values
 from shapeopt.search.designer import Designer
 from shapeopt.search.evaluated import EvaluatedDesign, best_design
+from shapeopt.search.verify import cylinder_drags
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, Tunnel, load
 from surrogate.flow.output.meshes import pv
 
@@ -93,6 +94,13 @@ def test_a_design_is_verified_where_the_cylinders_flow_does_not_converge(tiny_sc
     assert found.objective == found.solutions[0].drag > 0
     with pytest.raises(NotConverged, match="Re 10"):
         verify(Problem(tiny_scene, Weighted((10, 20), (1, 1))), [2.0, 0.0, 0.0, 0.0])
+
+
+def test_problems_about_lift_are_not_compared_with_the_cylinder():
+    scene = Scene(family=LIFTING, fidelity=TINY)
+    for problem in (Problem(scene, Glide(10.0)), Problem(scene, 10.0, max_moment=0.1)):
+        assert cylinder_drags(problem) == (None,)
+    assert not Problem(scene, 10.0).is_about_lift
 
 
 def test_impossible_problems_name_the_constraint(pretrained):

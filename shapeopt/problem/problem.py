@@ -100,6 +100,12 @@ class Problem:
         ]
         return scenarios._replace(load_bounds=np.array(bounds))
 
+    @property
+    def is_about_lift(self) -> bool:
+        """Whether the objective is the glide ratio, or lift or moment have a bound."""
+        bounded = any(getattr(self, name) is not None for name in LOAD_BOUNDS)
+        return bounded or bool(self.scenarios.glide)
+
     @functools.cached_property
     def limits(self) -> Limits:
         """The ranges of the parameters and the constraints on the body, as arrays."""

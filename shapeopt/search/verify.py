@@ -19,8 +19,8 @@ class Verified:
     """The objective of a body by the flow, the flows of all scenarios and the cylinder's drags.
 
     In 3-D the sphere stands for the cylinder. ``cylinder`` holds its Cd at the Reynolds number of
-    every scenario, and ``cylinder_objective`` is the objective of these drags; they are None where
-    the cylinder's flow does not converge.
+    every scenario, and ``cylinder_objective`` is the objective of these drags; they are None as
+    ``cylinder_drags`` says.
     """
 
     objective: float
@@ -100,13 +100,16 @@ def verify(problem: Problem, parameters: Body) -> Verified:
 def cylinder_drags(problem: Problem) -> tuple[float | None, ...]:
     """Return Cd of the cylinder (in 3-D the sphere) at the Reynolds number of every scenario.
 
-    It is None where that flow does not converge, as at Re at which slender bodies alone are steady.
+    It is None where the problem is about lift, of which the cylinder has none, and where its flow
+    does not converge, as at Re at which slender bodies alone are steady.
 
     Raises:
       NotConverged: a flow did not converge, and the objective is relative to these drags.
     """
     flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
     known: dict[float, float | None] = {}
+    if problem.is_about_lift and not problem.scenarios.relative:
+        return (None,) * len(problem.scenarios.reynolds)
     for reynolds in map(float, problem.scenarios.reynolds):
         if reynolds in known:
             continue
