@@ -57,6 +57,7 @@ LONG = {
     "onset_incidence",
     "particle",
     "particle_codes",
+    "precision",
     "random_sections",
     "safeguards",
     "scenarios",
