@@ -39,3 +39,11 @@ def test_forecast_of_the_work_comes_true(name):
     took = shipped.recorded("green_applications")
     assert took / 1.5 < foreseen.green_applications < 1.5 * took
     assert foreseen.seconds > 0
+
+
+def test_a_budget_bounds_the_forecast(tiny_scene):
+    plan = make_plan(tiny_scene, "hig", samples=4, published=True, budget_seconds=20)
+    foreseen = forecast(plan)
+    assert 0 < foreseen.flow_s <= 20
+    assert foreseen.network_s <= 20
+    assert 4 < foreseen.green_applications < 20 / 1e-5  # no convolution takes ten microseconds

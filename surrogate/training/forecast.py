@@ -1,5 +1,6 @@
 """Forecast of the cost of a training: convolutions with the Green's function (G), and seconds."""
 
+import math
 import time
 from typing import NamedTuple
 
@@ -48,8 +49,10 @@ def forecast(plan: Plan) -> Forecast:
         work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
     steps = method.network_steps if isinstance(method, LabelRegression) else 0
     each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
+    takes_s = seconds_per_convolution(lattice.shape, symmetric)
+    most = math.inf if plan.budget_s is None else plan.budget_s
     return Forecast(
-        work, work * seconds_per_convolution(lattice.shape, symmetric), plan.iterations * each
+        min(work, most / takes_s), min(work * takes_s, most), min(plan.iterations * each, most)
     )
 
 
