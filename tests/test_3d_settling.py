@@ -49,6 +49,7 @@ def test_particles_without_weight_or_size_are_refused():
         Particle(2.0, 1e-6, -1)
 
 
+@pytest.mark.slow
 def test_golden_held_obliquely_a_small_spheroid_drifts_as_in_stokes_flow():
     """Velocities along and across the axis superpose (Oberbeck 1876)."""
     body = ellipsoid(2.0)

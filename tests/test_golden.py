@@ -51,6 +51,7 @@ def test_golden_fine_grid_is_within_a_thousandth(reynolds):
     assert drag == pytest.approx(UNBOUNDED[reynolds], rel=0.001)
 
 
+@pytest.mark.slow
 def test_order_of_the_drag_in_a_tunnel():
     """With the slip law on the wall errors at low Re are of third order (40 cells for exact)."""
 

@@ -38,6 +38,7 @@ def test_every_choice_has_the_largest_bound_given_those_before_it(monkeypatch):
         assert bounds[position - own] == pytest.approx(bounds.max(), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_what_is_added_is_known_then(tiny_scene, trained):
     """Bounds at all choices fall far, and choices are neither repeated nor among the samples."""
     positions = infill_positions(trained, tiny_scene, 0, 20)

@@ -60,7 +60,9 @@ def test_those_of_the_last_numbers_and_streams_are_kept(computed):
     assert len(computed) == 5
 
 
-@pytest.mark.parametrize("reynolds", [10.0, jnp.asarray(10.0)])
+@pytest.mark.parametrize(
+    "reynolds", [10.0, pytest.param(jnp.asarray(10.0), marks=pytest.mark.slow)]
+)
 def test_nothing_that_is_traced_is_kept(computed, reynolds):
     """Neither where JAX traces the body nor where it traces Re."""
     body = jnp.asarray(LENS)

@@ -44,6 +44,7 @@ def test_walls_raise_drag_lift_and_moment_of_an_ellipse_at_incidence(reynolds):
         assert values[0] > 1.3 * values[-1], f"{name}: {values}"
 
 
+@pytest.mark.slow
 def test_order_of_the_walls_effect_is_one_over_their_distance():
     """The excess over the unbounded flow halves, or a little more, as H is doubled."""
     body = family_shape({"aspect": 2.0}, incidence=10.0)
