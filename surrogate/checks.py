@@ -179,4 +179,4 @@ def transformed(*values: object) -> bool:
 
     Public functions then answer invalid inputs by NaN, since they cannot raise an exception.
     """
-    return traced(*values, jnp.zeros(()))
+    return traced(*values) or traced(jnp.zeros(()))

@@ -12,7 +12,7 @@ if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA aborts at un
     quick = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
     os.environ.setdefault("XLA_FLAGS", quick)  # compiles 8 times as fast, runs at half speed
 
-gc.set_threshold(20_000)  # tracing makes so many objects that collections took a tenth of the time
+gc.set_threshold(20_000)  # else garbage collection takes a tenth of the time, by what JAX traces
 hook = install_import_hook(["surrogate", "shapeopt"], "typecheck.check")
 
 import jax  # noqa: E402

@@ -32,7 +32,7 @@ def plain_queries(scene: Scene, count: int) -> list[Problem]:
 
 
 def robust_objective(scene: Scene) -> Robust:
-    """Return the robust objective whose cost is told, about the middle of the range of log Re.
+    """Return the robust objective for a payoff, about the middle of the range of log Re.
 
     Its spread is smaller where the range is narrow, so that 95 % of it lies within the range.
     """
