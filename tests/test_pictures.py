@@ -255,6 +255,13 @@ def test_captions_say_what_is_known(tiny_scene):
     assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
 
 
+def test_where_the_cylinder_is_not_solved_an_ellipse_is_drawn_beside_the_optimum(tiny_scene):
+    record = record_of(tiny_scene) | {"cd_start": None}  # as verification leaves it
+    before, after = before_and_after(record)
+    assert f"ellipse of aspect {record['parameters']['aspect']:.3g} " in before.title
+    assert "%" not in after.title
+
+
 def lifting(parameters, reynolds=20.0):
     """The record of a run of bodies with lift that found ``parameters``, on the small grid."""
     family = Family(aspect=(1, 4), gamma2=(-0.3, 0.3), incidence=(-4, 20))
@@ -263,7 +270,10 @@ def lifting(parameters, reynolds=20.0):
 
 
 def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
-    """The drag over the cylinder's is said only where neither objective nor bounds are on lift."""
+    """The drag over the cylinder's is said only where neither objective nor bounds are on lift.
+
+    Elsewhere the ellipse of the optimum's aspect is drawn beside it.
+    """
     drag = {"objective": {"kind": "AtReynolds"}, "settings": {"lift": None, "max_length": 2.0}}
     glide = {"objective": {"kind": "Glide"}, "settings": {}}
     bound = drag | {"settings": {"lift": 0.2}}
@@ -273,6 +283,7 @@ def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
         before, after = before_and_after(lifting([2.0, 0.1, 10.0]) | more)
         flow, titles[name] = flows[1], after.title
         assert "Cl 0.0000    Cl/Cd 0.000" in before.title
+        assert ("cylinder" if name == "drag" else "ellipse of aspect 2 ") in before.title
         assert f"Cl {flow.lift:.4f}    Cl/Cd {flow.lift / flow.drag:.3f}" in after.title
     assert titles.pop("drag").endswith(" %")
     assert not any("%" in title for title in titles.values())

@@ -32,7 +32,13 @@ from shapeopt.render.bodies_3d import (
 )
 from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
-from shapeopt.render.sheets import before_and_after, is_about_lift, render_panels, solve_run
+from shapeopt.render.sheets import (
+    before_and_after,
+    is_about_lift,
+    is_compared,
+    render_panels,
+    solve_run,
+)
 from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
@@ -117,7 +123,7 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         at = f"--family: the run at Re {record['reynolds']:g}"
         if record.get("cd_verified") is None:
             raise InvalidInput(f"{at} is not verified")
-        if record.get("cd_start") is None and not is_about_lift(record):
+        if not (is_compared(record) or is_about_lift(record)):
             body = run_scene(record).family.round_body
             raise InvalidInput(f"{at} has no drag of the {body}, whose flow did not converge")
         if len(record.get("cases", [])) > 1:

@@ -15,16 +15,16 @@ from shapeopt.render.figures import (
     plt,
     save_figure,
 )
-from shapeopt.render.sheets import is_about_lift, standing
+from shapeopt.render.sheets import is_about_lift, reference_name, standing
 from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
 from surrogate.flow.surface.surface import Surface
 
-LOOKS = {"cylinder": {"color": START, "ls": (0, (5, 2))}, "optimum": {"color": OPTIMUM}}
+LOOKS = {"color": START, "ls": (0, (5, 2))}, {"color": OPTIMUM}  # reference body, optimum
 
 
 def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | Path) -> Path:
-    """Plot Cp and Cf over x / c of the cylinder and of the optimum, one row for each run.
+    """Plot Cp and Cf over x / c of the reference body and the optimum, one row for each run.
 
     Of symmetric bodies only the upper side is drawn. Returns the path of the PNG.
     """
@@ -33,7 +33,8 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
             len(runs), 2, figsize=(11, 3.9 * len(runs)), layout="constrained", squeeze=False
         )
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
-            for surface, (name, look) in zip(surfaces, LOOKS.items(), strict=True):
+            names = reference_name(record), "optimum"
+            for surface, name, look in zip(surfaces, names, LOOKS, strict=True):
                 symmetric = run_scene(record).family.body_class.symmetric
                 side = slice(0, len(surface.cp) // 2 + 1) if symmetric else slice(None)
                 for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):

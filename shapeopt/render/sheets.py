@@ -1,4 +1,4 @@
-"""Pictures of a run: its reference body (cylinder or sphere) and its optimum, both solved."""
+"""Pictures of a run: its reference body and its optimum, both solved."""
 
 from pathlib import Path
 
@@ -19,13 +19,30 @@ def solve_run(record: JsonObject) -> tuple[Solution, Solution]:
     Raises:
       NotConverged: a flow did not converge.
     """
-    scene = run_scene(record)
-    bodies = scene.family.ellipse(1.0), run_body(record)
-    start, optimum = (
-        Flow(scene).solve(body, record["reynolds"], estimate=False, allow_unsteady=True)
-        for body in bodies
+    family, flow = run_scene(record).family, Flow(run_scene(record))
+    bodies = family.ellipse(_reference_aspect(record)), run_body(record)
+    reference, optimum = (
+        flow.solve(body, record["reynolds"], estimate=False, allow_unsteady=True) for body in bodies
     )
-    return start, optimum
+    return reference, optimum
+
+
+def reference_name(record: JsonObject) -> str:
+    """Return the name of a run's reference body.
+
+    It is the cylinder (in 3-D the sphere), with whose drag the optimum's is compared. Where it is
+    not, since the run was about lift or the cylinder's flow does not converge, it is the ellipse
+    (spheroid) of the optimum's aspect along the stream.
+    """
+    scene = run_scene(record)
+    if is_compared(record):
+        return scene.family.round_body
+    ellipse = "ellipse" if scene.dimension == 2 else "spheroid"
+    return f"{ellipse} of aspect {_reference_aspect(record):.3g}"
+
+
+def _reference_aspect(record):
+    return 1.0 if is_compared(record) else record["parameters"]["aspect"]
 
 
 def before_and_after(record: JsonObject) -> list[Panel]:
@@ -34,15 +51,15 @@ def before_and_after(record: JsonObject) -> list[Panel]:
     Raises:
       NotConverged: a flow did not converge.
     """
-    start, optimum = solve_run(record)
+    reference, optimum = solve_run(record)
     reynolds, lifting = f"Re {record['reynolds']:.4g}", not has_no_lift(record)
-    before = [reynolds, run_scene(record).family.round_body, *_coefficients(start, lifting)]
+    before = [reynolds, reference_name(record), *_coefficients(reference, lifting)]
     after = [reynolds, "optimum", *_coefficients(optimum, lifting)]
-    if not is_about_lift(record):
-        after.append(f"{100 * (optimum.drag / start.drag - 1):+.1f} %")
+    if is_compared(record):
+        after.append(f"{100 * (optimum.drag / reference.drag - 1):+.1f} %")
     before, after = (GAP.join(words) for words in (before, after))
     return [
-        Panel(start, before, f"{'loads' if lifting else 'drag'} by the flow solver"),
+        Panel(reference, before, f"{'loads' if lifting else 'drag'} by the flow solver"),
         Panel(optimum, after, f"{origin(record)}, {standing(record)}"),
     ]
 
@@ -50,6 +67,12 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 def has_no_lift(record: JsonObject) -> bool:
     """Return whether the bodies of a run's scene are all symmetric."""
     return run_scene(record).family.body_class.symmetric
+
+
+def is_compared(record: JsonObject) -> bool:
+    """Return whether a run's drag is compared with that of the cylinder (sphere)."""
+    unsolved = record.get("cd_verified") is not None and record.get("cd_start") is None
+    return not unsolved and not is_about_lift(record)
 
 
 def is_about_lift(record: JsonObject) -> bool:
