@@ -11,7 +11,6 @@ gradients in shape and Re.
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -29,7 +28,7 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_jacobian
 from surrogate.model.network import LoadNetwork
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
+from surrogate.training.methods.inverse import samples_with_residuals, weight_step
 from surrogate.training.methods.labels import (
     LABEL_FLOW,
     FullSolve,
@@ -50,9 +49,6 @@ from surrogate.training.physics import Physics, Sample
 
 FLOW = NewtonSettings(1e-4, 10, 40)
 TANGENT = Effort(1e-2, 30)
-
-Weights = Float[Array, " weights"]
-Residuals = Callable[[Weights, Int[Array, ""]], Float[Array, " outcomes"]]  # of one sample
 
 
 @dataclasses.dataclass(frozen=True)
@@ -219,7 +215,7 @@ class PublishedHalfInverseGradients(Method, Evaluator):
 
         step = weight_step(residuals, network.weights, batch, y, self.tau, self.kappa)
         rate = self.eta / (1 + optimiser / self.decay)
-        loss = jnp.sum(y**2) / _count(y) / 2
+        loss = jnp.sum(y**2) / samples_with_residuals(y) / 2
         return network.with_weights(network.weights - rate * step), optimiser + 1, loss
 
 
@@ -261,57 +257,3 @@ def with_goal_row(
     error = jnp.einsum("bm,bm->b", row, jnp.linalg.solve(compliance, slip[..., None])[..., 0])
     y = jnp.concatenate([slip, error[:, None]], axis=1)
     return y, jnp.concatenate([compliance, row[:, None]], axis=1)
-
-
-def weight_step(
-    residuals: Residuals,
-    weights: Weights,
-    batch: Batch,
-    y: Float[Array, "batch outcomes"],
-    tau: float,
-    kappa: float,
-    vectors: int | None = None,
-    limited: bool = False,
-) -> Weights:
-    """Return V S^-kappa U^T y / sqrt(B), the step in the weights, dense or by Lanczos vectors.
-
-    J = dy/d(weights) / sqrt(B) = U S V^T is the Jacobian of a batch, B the number of its samples
-    whose y is not zero. The new weights are the old ones minus a learning rate times this step.
-
-    Args:
-      residuals: function of the weights and the index of one sample that returns its residuals;
-        they need only have the right derivatives, the values are taken from ``y``.
-      weights: at which J is evaluated.
-      batch: indices of the samples.
-      y: residuals of these samples; all zero for a sample that has none.
-      tau: singular values up to ``tau`` times the largest are dropped.
-      kappa: exponent of the inverse: 1/2 for HIG, 1 for Gauss-Newton, -1 for gradient descent.
-      vectors: number of Lanczos vectors; None for the dense inverse.
-      limited: no component exceeds 1.5 times Gauss-Newton's step, as in ``partial_inverse``.
-
-    Returns:
-      The step, of the shape of the weights.
-    """
-    root = jnp.sqrt(_count(y))
-    y = y / root
-    if vectors is None:
-        rows = jax.vmap(jax.jacrev(residuals), (None, 0))(weights, batch) / root
-        rows = rows.reshape(y.size, -1)
-        return partial_inverse(rows, y.ravel(), tau, kappa, limited)
-
-    forward = jax.linearize(lambda w: jax.vmap(residuals, (None, 0))(w, batch) / root, weights)[1]
-    adjoint = jax.linear_transpose(forward, weights)
-    return partial_inverse_lanczos(
-        lambda v: forward(v).ravel(),
-        lambda z: adjoint(z.reshape(y.shape))[0],
-        y.ravel(),
-        tau,
-        kappa,
-        vectors,
-        limited,
-    )
-
-
-def _count(y):
-    """Samples with residuals that are not all zero, at least 1."""
-    return jnp.maximum(jnp.sum(jnp.any(y != 0, axis=1)), 1)

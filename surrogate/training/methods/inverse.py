@@ -1,6 +1,7 @@
-"""The partial inverse V S^-kappa U^T y of a matrix J = U S V^T, truncated: dense or matrix-free.
+"""The partial inverse V S^-kappa U^T y of a matrix J = U S V^T, and the step of weights by it.
 
-kappa 1/2 is the half inverse, 1 Gauss-Newton, -1 gradient descent. Both functions use
+kappa 1/2 is the half inverse, 1 Gauss-Newton, -1 gradient descent; small singular values are
+dropped. It is computed dense, or without the matrix by Lanczos vectors, both by
 
     V S^-kappa U^T = J^T (J J^T)^(-(1 + kappa) / 2),
 
@@ -11,11 +12,69 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from surrogate.training.methods.method import Batch
+
+Weights = Float[Array, " weights"]
+Residuals = Callable[[Weights, Int[Array, ""]], Float[Array, " outcomes"]]  # of one sample
 LinearMap = Callable[[Array], Array]
 OVERSHOOT = 1.5  # times Gauss-Newton's step, at most, where steps are limited
 EXHAUSTED = 1e-13  # a Lanczos vector of this relative length is rounding error
+
+
+def weight_step(
+    residuals: Residuals,
+    weights: Weights,
+    batch: Batch,
+    y: Float[Array, "batch outcomes"],
+    tau: float,
+    kappa: float,
+    vectors: int | None = None,
+    limited: bool = False,
+) -> Weights:
+    """Return V S^-kappa U^T y / sqrt(B), the step in the weights, dense or by Lanczos vectors.
+
+    J = dy/d(weights) / sqrt(B) = U S V^T is the Jacobian of a batch, B the number of its samples
+    whose y is not zero. The new weights are the old ones minus a learning rate times this step.
+
+    Args:
+      residuals: function of the weights and the index of one sample that returns its residuals;
+        they need only have the right derivatives, the values are taken from ``y``.
+      weights: at which J is evaluated.
+      batch: indices of the samples.
+      y: residuals of these samples; all zero for a sample that has none.
+      tau: singular values up to ``tau`` times the largest are dropped.
+      kappa: exponent of the inverse: 1/2 for HIG, 1 for Gauss-Newton, -1 for gradient descent.
+      vectors: number of Lanczos vectors; None for the dense inverse.
+      limited: no component exceeds 1.5 times Gauss-Newton's step, as in ``partial_inverse``.
+
+    Returns:
+      The step, of the shape of the weights.
+    """
+    root = jnp.sqrt(samples_with_residuals(y))
+    y = y / root
+    if vectors is None:
+        rows = jax.vmap(jax.jacrev(residuals), (None, 0))(weights, batch) / root
+        rows = rows.reshape(y.size, -1)
+        return partial_inverse(rows, y.ravel(), tau, kappa, limited)
+
+    forward = jax.linearize(lambda w: jax.vmap(residuals, (None, 0))(w, batch) / root, weights)[1]
+    adjoint = jax.linear_transpose(forward, weights)
+    return partial_inverse_lanczos(
+        lambda v: forward(v).ravel(),
+        lambda z: adjoint(z.reshape(y.shape))[0],
+        y.ravel(),
+        tau,
+        kappa,
+        vectors,
+        limited,
+    )
+
+
+def samples_with_residuals(y: Float[Array, "batch outcomes"]) -> Int[Array, ""]:
+    """Return the number of samples whose residuals are not all zero, at least 1."""
+    return jnp.maximum(jnp.sum(jnp.any(y != 0, axis=1)), 1)
 
 
 def partial_inverse(
