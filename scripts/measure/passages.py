@@ -46,8 +46,8 @@ def payoff(result: Callable[[str], Result]) -> str:
         "Means over {count} designs, each a local optimum of the flow; trainings on "
         "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
         "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to as many "
-        "flows, gradient-enhanced kriging errs by {off[gradient-enhanced kriging]} on average, "
-        "kriging by {off[kriging]}, a polynomial by {off[polynomial]}; as published SIP errs by "
+        "flows, kriging errs by {off[gradient-enhanced kriging]} on average with gradients, by "
+        "{off[kriging]} without, a polynomial by {off[polynomial]}; as published SIP errs by "
         "{off[sip, as published]:.3%}, HIG by {off[hig, as published]:.3%}, DP by "
         "{off[dp, as published]:.3%}."
     )
@@ -102,7 +102,7 @@ def _robust(result):
     cases = max(row["cases"] for row in rows)
     flows = {row["strategy"]: row["flows"] for row in rows if row["cases"] == cases}
     form = (
-        "Robust designs: of {cases} cases, one takes {network, and kriging:.0f} flows led by the "
+        "A robust design over {cases} cases takes {network, and kriging:.0f} flows led by the "
         "network, {kriging from nothing:.0f} by kriging, {direct:.0f} by `direct`."
     )
     return words(form, cases=cases, **flows)

@@ -18,6 +18,8 @@ from surrogate.model.surrogate import Surrogate
 def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None) -> Design:
     """Return the body of the scene's family that minimises the problem's objective.
 
+    Flows are steady ones, also beyond the estimated onset of instability of a body.
+
     Args:
       problem: objective and constraints.
       model: a surrogate of the problem's scene, or the scene's flow.

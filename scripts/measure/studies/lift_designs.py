@@ -91,7 +91,7 @@ def when_to_train(result: Result) -> str:
     return (
         f"Sections at incidence: {led['asked']} unseen queries, least drag at a lift or best glide "
         f"ratio, take {led['flows']:.1f} flows each led by `{NAME}` ({result['bodies']:,} bodies), "
-        f"{flows}, up to {100 * lines[DIRECT]['gap']:.0f} % above the best objective."
+        f"{flows}; `direct` ends up to {100 * lines[DIRECT]['gap']:.0f} % above the best optimum."
     )
 
 
