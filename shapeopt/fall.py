@@ -161,7 +161,7 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
         )
     if isinstance(parameters, dict):
         parameters = {"incidence": 0.0} | parameters
-    body = np.array(family.array(parameters), float)
+    body = np.array(family.numbers(parameters))
     body[family.names.index("incidence")] = 0.0
     surrogate.loads(body, surrogate.scene.reynolds[0])  # refuses bodies outside the ranges
     return body

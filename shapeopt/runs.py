@@ -44,7 +44,8 @@ def save_run(
     """Write a design into a folder: run.json, contour.csv, contour.vtp and body.stl.
 
     contour.vtp carries the flow's surface loads if it is verified. In 3-D contour.csv is the
-    outline seen from the side, and contour.vtp the surface.
+    outline seen from the side, and contour.vtp the surface. contour.csv, and in 2-D body.stl, show
+    the body at zero incidence, the others as it lies in the stream.
 
     Args:
       folder: new, empty, or of an earlier run; other files in it stay.
@@ -101,7 +102,8 @@ def save_run(
             named = scene.family.named(design.parameters)
             write_skin(family_shape(named, dimension=3), vtp, stl, solution)
         else:
-            write_contour_vtp(contour, vtp, solution and solution.surface())
+            turned = np.asarray(scene.family.body_class.contour(design.parameters, SURFACE_POINTS))
+            write_contour_vtp(turned, vtp, solution and solution.surface())
             write_solid_stl(contour, stl)
         record["files_sha256"] = {path.name: file_digest(path) for path in sorted(part.iterdir())}
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")

@@ -22,12 +22,12 @@ def use_compilation_cache() -> None:
     if jax.config.jax_compilation_cache_dir is not None:
         return
     root = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    root = root if root.is_absolute() else Path.home() / ".cache"
-    folder = root / "drag-surrogates" / "compiled"  # "jax" is that of versions without a bound
     try:
+        root = root if root.is_absolute() else Path.home() / ".cache"
+        folder = root / "drag-surrogates" / "compiled"  # "jax" is that of versions without a bound
         make_folder(folder)
         _complete(folder)
-    except (InvalidInput, OSError):
+    except (InvalidInput, OSError, RuntimeError):  # the last where the user has no home
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", LARGEST)

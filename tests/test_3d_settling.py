@@ -6,6 +6,7 @@ from conftest import ROUGH_3D
 from correlations import Ellipsoid, ellipsoid, oberbeck
 
 from surrogate import Flow, InvalidInput, Particle, Scene, family_shape, settle
+from surrogate.flow.settling import sphere_reynolds
 
 DRAFT = Flow(Scene(dimension=3, reynolds=(0.01, 100), fidelity="draft"))
 SPHERE = family_shape({"aspect": 1.0}, dimension=3)
@@ -40,6 +41,12 @@ def test_particles_too_large_to_settle_steadily_are_refused(aspect, onset, size)
     body = family_shape({"aspect": aspect}, dimension=3)
     with pytest.raises(InvalidInput, match=rf"beyond Re {onset}, .* smaller size"):
         settle(rough, body, Particle(2.65, 1e-6, size))
+
+
+def test_particles_of_any_size_have_a_speed_or_are_refused():
+    assert sphere_reynolds(1e-30) == pytest.approx(1e-30 / 18, rel=1e-6)  # Stokes
+    with pytest.raises(InvalidInput, match="smaller size would do"):
+        settle(DRAFT, SPHERE, Particle(2.65, 1e-6, 5.0))
 
 
 def test_particles_without_weight_or_size_are_refused():

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -105,5 +106,22 @@ def test_an_entry_without_its_time_stamp_gets_one(tmp_path, monkeypatch):
     try:
         use_compilation_cache()
         assert len((folder / "program-atime").read_bytes()) == 8
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+
+
+def test_without_a_home_there_is_no_cache(monkeypatch):
+    """As in a container whose user has neither HOME nor an entry in passwd."""
+
+    def home():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", home)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    before = jax.config.jax_compilation_cache_dir
+    jax.config.update("jax_compilation_cache_dir", None)
+    try:
+        use_compilation_cache()
+        assert jax.config.jax_compilation_cache_dir is None
     finally:
         jax.config.update("jax_compilation_cache_dir", before)

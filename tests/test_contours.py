@@ -50,6 +50,8 @@ FORMATS = {
     "minus signs": lines(SECTION).replace("-", "\N{MINUS SIGN}"),
     "a solved flow's": "x,y,Cp,Cf\n" + lines(SECTION, ",").replace("\n", ",0.5,0.01\n"),
     "comments": "# one\n# two\nx,y\n" + lines(SECTION, ","),
+    "units": "x [mm]; y [mm]; Cp\n" + lines(SECTION, ";").replace("\n", ";0.5\n"),
+    "shares of the chord": "x/c,y/c\n" + lines(SECTION, ","),
 }
 
 
@@ -67,8 +69,10 @@ def test_contours_of_every_usual_format_are_read(tmp_path, form):
         lambda row, k: f"P{k} {row}" if k < 15 else row,
         lambda row, k: row.replace(".", ",").replace(" ", ",") if k < 12 else row,
         lambda row, k: f"y x\n{row}" if k == 0 else row,
+        lambda row, k: f"Y [mm]; X [mm]\n{row}" if k == 0 else row,
+        lambda row, k: f"y/c,x/c\n{row}" if k == 0 else row,
     ],
-    ids=["third column", "names", "commas", "y first"],
+    ids=["third column", "names", "commas", "y first", "y first, in mm", "y first, over c"],
 )
 def test_no_row_of_a_contour_is_dropped_silently(tmp_path, spoil):
     rows = lines(SECTION).splitlines()
@@ -94,3 +98,19 @@ def test_files_without_a_contour_are_refused(tmp_path, text):
     (tmp_path / "c.csv").write_text(text)
     with pytest.raises(InvalidInput, match=r"c\.csv: (none of its|row)"):
         read_contour(tmp_path / "c.csv")
+
+
+def test_a_first_point_is_not_taken_for_counts_of_points(tmp_path):
+    """As Lednicer's would be, if 100 + 20 points in two sides followed."""
+    t = np.linspace(0, 2 * np.pi, 120, endpoint=False)
+    rest = np.stack([99.9 * np.cos(t), 20 + 49 * np.sin(t)], axis=1)
+    (tmp_path / "c.dat").write_text("100 20\n" + lines(rest))
+    np.testing.assert_allclose(read_contour(tmp_path / "c.dat")[1:], rest, atol=1e-5)
+
+
+@pytest.mark.parametrize("nodes", [100, 101])
+def test_smoothing_keeps_the_size_and_gives_as_many_points_as_asked_for(nodes):
+    t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    found = smooth_contour(np.stack([np.cos(t), np.sin(t)], axis=1) / 2, nodes, keep_size=True)
+    assert found.shape == (nodes, 2)
+    np.testing.assert_allclose(np.hypot(*found.T), 0.5, atol=1e-4)

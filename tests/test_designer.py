@@ -206,6 +206,19 @@ def test_a_proposal_that_is_not_found_does_not_end_a_design(tiny_scene, monkeypa
     assert design.kkt_residual <= 1e-2
 
 
+def test_a_design_ends_where_no_model_has_an_optimum(tiny_scene, monkeypatch):
+    """As where a bound on the lift is out of reach; else it would take 60 flows."""
+
+    def hopeless(*arguments, **settings):
+        raise NotConverged("lift 3 is out of reach")
+
+    monkeypatch.setattr(designer_module, "propose", hopeless)
+    designer = Designer(Flow(tiny_scene))
+    with pytest.raises(NotConverged, match="lift 3 is out of reach"):
+        designer.design(Problem(tiny_scene, 10.0, max_length=1.3))
+    assert designer.memory.flows <= 10
+
+
 def test_a_design_without_any_flow_says_so(tiny_scene, monkeypatch):
     designer = Designer(Flow(tiny_scene))
     failed = fail(designer.memory, monkeypatch, lambda parameters: True)

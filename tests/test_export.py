@@ -22,8 +22,9 @@ DTYPES = {"double": np.float64, "single": np.float32}
 
 
 EGG = {"beta2": [-0.3, 0.2]}
+MANY = {f"beta{k}": [-0.02, 0.02] for k in range(3, 8)}  # for lines longer than Fortran's
 LIFTING = {
-    "lifting": EGG | {"gamma2": [-0.2, 0.5], "incidence": [-4, 12]},
+    "lifting": EGG | MANY | {"gamma2": [-0.2, 0.5], "gamma3": [-0.1, 0.1], "incidence": [-4, 12]},
     # in space: with two even sine modes, and alike fore and aft
     "turning": EGG | {"flatness": [1, 2], "beta4": [-0.1, 0.1], "incidence": [0, 90]},
     "turning alike": {"flatness": [1, 2], "beta3": [-0.2, 0.2], "incidence": [0, 90]},

@@ -108,6 +108,10 @@ def test_a_flow_is_written_whole_and_read_back(cylinder, tmp_path):
     np.testing.assert_allclose(stored.contour[:, 2], cylinder.surface().cp, atol=1e-8)
     pixels(tmp_path / "flow" / "flow.png")
     cylinder.write(tmp_path / "flow")  # its own folder may be written again
+    fields = tmp_path / "flow" / "fields.npz"
+    fields.write_bytes(fields.read_bytes()[: fields.stat().st_size // 2])
+    with pytest.raises(InvalidInput, match="flow: cannot be read"):
+        read_flow(tmp_path / "flow")
 
 
 def test_a_foreign_folder_is_refused_and_kept(cylinder, tmp_path):

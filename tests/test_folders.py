@@ -47,10 +47,12 @@ def test_another_payoff_into_the_folder_of_one_is_refused(tmp_path):
         assert (tmp_path / "payoff.json").read_text() == record
 
 
-def test_the_memory_file_must_be_outside_the_run(tmp_path):
+@pytest.mark.parametrize("file", ["memory.json", "cache/memory.json"])
+def test_the_memory_file_must_be_outside_the_run(tmp_path, file):
     words = ["--until", "flow", "--reynolds", "20", "--out", f"{tmp_path}/a"]
     with pytest.raises(InvalidInput, match="choose a file outside it"):
-        optimize_shape.main([*words, "--memory", f"{tmp_path}/a/memory.json"])
+        optimize_shape.main([*words, "--memory", f"{tmp_path}/a/{file}"])
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -304,6 +304,13 @@ def test_conflicts_are_named(pretrained, constraints, message):
         assert "min radius" not in str(refusal.value)  # which has no part in it
 
 
+def test_a_family_without_a_body_is_named_itself():
+    scene = Scene(family=Family(aspect=(1, 3), beta2=(0.5, 0.9)))
+    for constraints in ({}, {"max_length": 2.0}):
+        with pytest.raises(InvalidInput, match="family: every body in its ranges"):
+            candidates(Problem(scene, 20.0, **constraints))
+
+
 def test_a_needle_of_feasible_bodies_is_found(pretrained):
     """Chance finds no such body; repair does."""
     problem = Problem(pretrained.scene, 20.0, max_length=1.002, min_thickness=1.3)

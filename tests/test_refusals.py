@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise, save_run, verify
+from shapeopt.fall import fall
 from shapeopt.payoff.queries import query_stream
 from surrogate import (
     Family,
@@ -18,6 +19,7 @@ from surrogate import (
     Particle,
     Scene,
     contour_shape,
+    export,
     family_shape,
     load,
     naca4,
@@ -153,6 +155,16 @@ WRONG_TYPES = {
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),
+    "export": lambda net: export("pretrained", "s.c"),
+    "prefix": lambda net: export(net, "s.c", prefix=None),
+    "of each 4 parameters": lambda net: net.drag([[]], 20.0),
+    "min moment 0.2 is above max": lambda net: Problem(
+        load("pretrained:lift").scene, 20.0, min_moment=0.2, max_moment=0.1
+    ),
+    "4 parameters are needed": lambda net: fall(
+        load("pretrained:particle"), [2.0, 1.0], Particle(1.2, 1e-6, 4e-4), 1.0
+    ),
+    "surface points": lambda net: Flow(net.scene).solve(BODY, 20.0, estimate=False).surface(1.5),
     "save_run": lambda net: save_run("x", None),
     "four digits": lambda net: naca4(12),
     "bodies 'x'": lambda net: net.scene.explain("x"),

@@ -351,3 +351,7 @@ def test_a_narrow_tunnel_is_refused_by_the_height_of_the_turned_body():
     with pytest.raises(InvalidInput, match=r"box 1\.\d+ D high .* tunnel:2\.\d+ would do"):
         check_stream(Tunnel(2.0), FIDELITIES["draft"], shape.extent, (1.0, 0.5))
     check_stream(Tunnel(shape.extent[1] + 1), FIDELITIES["draft"], shape.extent, (1.0, 0.5))
+
+
+def test_no_domain_for_a_wake_is_higher_than_the_highest():
+    assert Fidelity("wide", 10, 30, 30, 78).for_wake(40, 2.2).height == 80

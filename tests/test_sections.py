@@ -19,11 +19,12 @@ from shapeopt.commands.arguments import add_body_arguments
 from shapeopt.commands.cli import Parser, run
 from shapeopt.commands.ranges import MOST, numbers
 from shapeopt.commands.sections import POWERS, by_reference
-from shapeopt.commands.sweep import text_table
+from shapeopt.commands.sweep import Case, solve_cases, text_table
 from surrogate import (
     Fidelity,
     Flow,
     InvalidInput,
+    NotConverged,
     Scene,
     Shape,
     contour_shape,
@@ -331,3 +332,18 @@ def test_optimised_bodies_tell_their_chords(capsys, tmp_path):
     assert {round(row["reynolds"], 9) for row in rows} == {1, 40}
     for row in rows:
         assert row["chord"] == pytest.approx(np.sqrt(row["parameters"]["aspect"]), rel=1e-12)
+
+
+def test_an_interrupted_sweep_leaves_the_rows_so_far(tmp_path):
+    def solve(case):
+        if case.reynolds == 3.0:
+            raise KeyboardInterrupt
+        if case.reynolds == 2.0:
+            raise NotConverged("a flow")
+        return {"reynolds": case.reynolds, "cd": 1.5}
+
+    cases = [Case(family_shape({"aspect": 2.0}), 0.0, re) for re in (0.5, 1.0, 2.0, 3.0)]
+    with pytest.raises(KeyboardInterrupt):
+        solve_cases(cases, solve, tmp_path / "polar.csv")
+    rows = list(csv.DictReader((tmp_path / "polar.csv").open()))
+    assert [row["reynolds"] for row in rows] == ["0.5", "1.0"]

@@ -227,6 +227,21 @@ def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, 
     assert resumed.history[-1].green_applications == whole.history[-1].green_applications
 
 
+def test_a_training_by_time_makes_the_step_that_was_interrupted(plan, setup, tmp_path):
+    """Even if its flows took all of the time before the first report."""
+    plan = dataclasses.replace(plan, method="hig", budget_s=1e-9)
+
+    def killed(done, count, of):
+        if count == of:
+            raise Killed
+
+    checkpoint = tmp_path / "checkpoint"
+    run = functools.partial(run_training, plan, setup, checkpoint, checkpoint_every_s=0.0)
+    with pytest.raises(Killed):
+        run(evaluating=killed)
+    assert [point.iteration for point in run().history] == [1]
+
+
 @pytest.mark.slow
 def test_interrupted_between_the_flows_of_a_step(plan, setup, tmp_path, monkeypatch):
     """Flows that a checkpoint has are not solved again."""

@@ -59,7 +59,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             f"from {Domain2D.MIN_THICKNESS:g} cells thick can be marched"
         )
     check_target(out, "march.json", ("blockage", "gif"), others=("march.gif",))
-    drag, lift, frames = _march(box, markers, re, duration, kick=0.5 if sheds else 0.0)
+    steps = max(1, round(duration / box.step / FRAMES))  # of a frame
+    duration = FRAMES * steps * box.step
+    drag, lift, frames = _march(box, markers, re, steps, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
         **reference_record(re, shape.chord),
@@ -83,11 +85,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _march(
-    box: Box, markers: AnyArray, re: float, duration: float, kick: float
+    box: Box, markers: AnyArray, re: float, steps: int, kick: float
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Histories of drag and lift at all time steps, and the velocity at every frame."""
     marcher, velocity = make_marcher(box, markers, re), start(box, kick)
-    steps = max(1, round(duration / box.step / FRAMES))
     drags, lifts, frames = [], [], []
     with progress_bar("marching") as progress:
         for k in range(FRAMES):

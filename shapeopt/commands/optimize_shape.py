@@ -106,7 +106,7 @@ def _design(
 
 
 def _within(file: str, folder: str) -> bool:
-    return path_of(file).resolve().parent == path_of(folder).resolve()
+    return path_of(folder).resolve() in path_of(file).resolve().parents
 
 
 def _text(r: JsonObject, problem: Problem, out: str) -> str:

@@ -112,10 +112,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "best": best,
         **_pictures(strategies, groups[0][best], queries[: PLAIN[preset]], best, out),
     }
-    _emit(result, arguments.json)
     with whole_file(out / RECORD) as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
-    return result
+    return _emit(result, arguments.json)
 
 
 def _emit(result: JsonObject, as_json: bool) -> JsonObject:

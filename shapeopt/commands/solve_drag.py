@@ -70,12 +70,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         )
         return by_reference(case.record | _row(solution)) | keep(case, solution)
 
-    results = solve_cases(cases, solve)
-    result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
+    results = solve_cases(cases, solve, arguments.table)
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
         plot_polar(results, _title(arguments, results[0]), arguments.plot)
+    result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
     check_converged(results)
     return result
 
@@ -197,10 +197,13 @@ def _row(s: Solution) -> JsonObject:
 
 def _text(results: list[JsonObject]) -> str:
     """The results for a person: a line for each if it is one or has a gradient, else a table."""
-    in_lines = len(results) == 1 or all(row["gradient"] for row in results)
-    text = "\n".join(map(_line, results)) if in_lines else text_table(results)
-    if not in_lines:
-        text += "".join(f"\n{forces_line(row)}" for row in results if row.get("forces_N"))
+    found = [row for row in results if row["converged"]]
+    if len(results) == 1 or all(row["gradient"] for row in found):
+        text = "\n".join(map(_line, found))
+    else:
+        late = [row for row in found if row["reynolds"] > row["onset"]]
+        forces = [forces_line(row) for row in found if row.get("forces_N")]
+        text = "\n".join([text_table(results), *forces, *map(unsteady_remark, late)])
     return f"{reference_line(results[0])}\n{text}"
 
 

@@ -52,12 +52,17 @@ class Case(NamedTuple):
         return f"Re {self.reynolds:.4g}{turned}"
 
 
-def solve_cases(cases: Sequence[Case], solve: Callable[[Case], JsonObject]) -> list[JsonObject]:
+def solve_cases(
+    cases: Sequence[Case],
+    solve: Callable[[Case], JsonObject],
+    table: str | Path | None = None,
+) -> list[JsonObject]:
     """Return one row of results for each case, without numbers where the flow does not converge.
 
     Args:
       cases: to be solved in this order, with a progress bar.
       solve: returns the row of a case.
+      table: CSV file of the rows so far, written after each, so that an interruption loses none.
 
     Raises:
       NotConverged: no flow converged.
@@ -68,6 +73,8 @@ def solve_cases(cases: Sequence[Case], solve: Callable[[Case], JsonObject]) -> l
             try:
                 rows.append(solve(case))
                 state = f"Cd {rows[-1]['cd']:.4f}"
+                if table is not None:
+                    write_table([row for row in rows if row], table)
             except NotConverged as error:
                 rows.append({})
                 failures.append(error)

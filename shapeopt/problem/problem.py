@@ -77,6 +77,9 @@ class Problem:
         for name in LOAD_BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_load(self.scene, name, bound))
+        low, high = self.min_moment, self.max_moment
+        if low is not None and high is not None and low > high:
+            raise InvalidInput(f"min moment {low:g} is above max moment {high:g}")
         object.__setattr__(self, "trust", finite_number("trust", self.trust))
         if not 0 <= self.trust < 0.5:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")

@@ -5,7 +5,15 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from shapeopt.render.figures import FROM_ABOVE, QUIET, STYLE, draw_body, plt, save_figure
+from shapeopt.render.figures import (
+    FROM_ABOVE,
+    QUIET,
+    STYLE,
+    draw_body,
+    plt,
+    save_figure,
+    width_over_height,
+)
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
 
@@ -23,7 +31,7 @@ def plot_designs(family: Family, rows: list[JsonObject], path: str | Path) -> Pa
     bodies = [
         np.asarray(family.body_class.contour(family.parameters(r["parameters"]), 300)) for r in rows
     ]
-    wide = [row["parameters"].get("flatness", 1.0) for row in rows]
+    wide = [width_over_height(row["parameters"]) for row in rows]
     sides = [np.ptp(body, axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
     size = np.max(sides, axis=0) + np.array([GAP, 2 * GAP])
     most = max(0.01, *(row["excess"] for row in rows))

@@ -1,6 +1,6 @@
 """The style of matplotlib figures, and how they are saved."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -25,6 +25,14 @@ STYLE = {
     "axes.titlelocation": "left",
     "legend.frameon": False,
 }
+
+
+def width_over_height(parameters: Mapping[str, float]) -> float:
+    """Return by what a body's outline is to be stretched for its view from above.
+
+    It is the flatness; 1 of bodies at incidence, whose view from above is not of this shape.
+    """
+    return 1.0 if parameters.get("incidence") else parameters.get("flatness", 1.0)
 
 
 def draw_body(

@@ -14,6 +14,7 @@ from shapeopt.render.figures import (
     draw_body,
     plt,
     save_figure,
+    width_over_height,
 )
 from shapeopt.render.sheets import is_about_lift, reference_name, standing
 from shapeopt.runs import run_body, run_scene
@@ -59,7 +60,7 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     """
     records = sorted(records, key=lambda record: record["reynolds"])
     bodies = [np.asarray(run_scene(r).family.body_class.contour(run_body(r), 400)) for r in records]
-    wide = [record["parameters"].get("flatness", 1.0) for record in records]
+    wide = [width_over_height(record["parameters"]) for record in records]
     sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
     x, y = np.max(sides, axis=0) * 1.06
     y = max(y, 0.53)  # the cylinder is drawn too

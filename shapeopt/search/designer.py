@@ -101,18 +101,16 @@ class Designer:
         before = memory.flows, memory.green_applications
         try:
             problem, evaluated, failures, calls = self._follow(problem, report)
+            best = best_design(evaluated)
+            loads = self._nominal_loads(problem, best)
         finally:
             self._save()
-        best = best_design(evaluated)
         if best.kkt_residual > KKT_ACCEPTED:
             lost = f" and {failures} that were not found" if failures else ""
             raise NotConverged(
                 f"optimise on the flow: KKT residual {best.kkt_residual:.1e} after "
                 f"{memory.flows - before[0]} flows{lost}; it must be at most {KKT_ACCEPTED:g}"
             )
-        loads = [float("nan")] * len(memory.flow.bodies.loads)
-        with contextlib.suppress(NotConverged):  # known already, unless the case is no nominal one
-            loads = memory.evaluate(best.parameters, problem.objective.nominal).loads
         return Design(
             problem=problem,
             parameters=best.parameters,
@@ -126,6 +124,13 @@ class Designer:
             green_applications=memory.green_applications - before[1],
             seconds=time.perf_counter() - begin,
         )
+
+    def _nominal_loads(self, problem, best):
+        """Return the loads at the nominal Re, known already if it is a case; NaN if not found."""
+        if best.kkt_residual <= KKT_ACCEPTED:
+            with contextlib.suppress(NotConverged):
+                return self.memory.evaluate(best.parameters, problem.objective.nominal).loads
+        return np.full(len(self.memory.flow.bodies.loads), np.nan)
 
     def _save(self) -> None:
         """Write flows to the file; where that fails the design is still returned."""
@@ -166,14 +171,20 @@ class Designer:
         """Return the evaluated bodies, the number of failed ones, and that of drags of models.
 
         Raises:
-          NotConverged: no flow was found.
+          NotConverged: no flow was found, or none of the last ``MAX_FAILURES`` models has an
+            optimum, as where bounds on loads are out of reach.
         """
         memory, evaluated, failed = self.memory, list[EvaluatedDesign](), list[np.ndarray]()
-        calls = tightness = 0
+        calls = tightness = without = 0
         for _ in range(MAX_BODIES):
-            proposal = _propose(problem, memory.model(tightness), evaluated)
+            try:
+                proposal = _propose(problem, memory.model(tightness), evaluated)
+            except NotConverged:
+                proposal, without = None, without + 1
+                if without == MAX_FAILURES and not _accepted(evaluated):
+                    raise
             if proposal is not None:
-                calls += proposal.calls
+                calls, without = calls + proposal.calls, 0
                 if _finished(proposal, evaluated):
                     break
                 if distance(problem, proposal.parameters, _parameters(evaluated)) < NEAR:
@@ -224,13 +235,19 @@ def check_problem(problem: Problem, scene: Scene) -> None:
 def _propose(
     problem: Problem, model: LoadModel | None, evaluated: Sequence[EvaluatedDesign]
 ) -> Proposal | None:
-    """Return the model's optimum; None where there is no model, or no search on it succeeded."""
+    """Return the model's optimum, None without a model.
+
+    Raises:
+      NotConverged: no search on the model reached an optimum.
+    """
     if model is None:
         return None
     best = sorted(evaluated, key=lambda body: body.rank)[:STARTS]
-    with contextlib.suppress(NotConverged):
-        return propose(problem, model, _parameters(best), require_converged=False)
-    return None
+    return propose(problem, model, _parameters(best), require_converged=False)
+
+
+def _accepted(evaluated: Sequence[EvaluatedDesign]) -> bool:
+    return any(body.kkt_residual <= KKT_ACCEPTED for body in evaluated)
 
 
 def _finished(proposal: Proposal, evaluated: Sequence[EvaluatedDesign]) -> bool:

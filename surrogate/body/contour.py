@@ -174,6 +174,7 @@ def _fourier(points, nodes):
     """Low-pass Fourier series at ``nodes`` points; harmonics above nodes / 8 fade out."""
     wave = np.fft.fftfreq(len(points), 1 / len(points))
     spectrum = np.fft.fft(points, axis=0) * np.exp(-((wave / (nodes / 8)) ** 4))[:, None]
-    half = nodes // 2
-    kept = np.concatenate([spectrum[:half], np.zeros((1, 2)), spectrum[len(points) - half + 1 :]])
+    fastest = np.zeros((1 - nodes % 2, 2))  # of an even number of nodes there is one of no sign
+    ahead, behind = spectrum[: (nodes + 1) // 2], spectrum[len(points) - (nodes - 1) // 2 :]
+    kept = np.concatenate([ahead, fastest, behind])
     return np.fft.ifft(kept, axis=0).real * nodes / len(points)

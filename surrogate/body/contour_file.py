@@ -11,6 +11,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import path_of
 
 FAR = 8.0  # sizes from the body, beyond which a first row is not a point of it
+TOGETHER = 0.1  # sizes of the body between the first points of both sides, at most
 TITLES = 5  # rows of titles and headers, at most
 LARGEST = 1 << 27  # bytes of a file, at most
 
@@ -30,9 +31,10 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
     rows = [(k, _words(line)) for k, line in enumerate(lines, start=1) if line]
     count, header = len(rows), list[str]()
     while rows and _is_title(rows[0][1]) and count - len(rows) < TITLES:
-        if rows[0][1][:2] in (["y", "x"], ["Y", "X"]):
+        header = _columns(rows[0][1])
+        if header[:2] == ["y", "x"]:
             raise InvalidInput(f"contour {path}: row {rows[0][0]} names y first; x comes first")
-        header, rows = rows[0][1], rows[1:]
+        rows = rows[1:]
     if not rows:
         raise InvalidInput(
             f"contour {path}: none of its {len(lines)} rows is two finite numbers, x and y; "
@@ -40,14 +42,14 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
         )
     points = []
     for k, words in rows:
-        named = len(words) == len(header) and [name.lower() for name in header[:2]] == ["x", "y"]
+        named = len(words) == len(header) and header[:2] == ["x", "y"]
         if (pair := _pair(words[:2] if named else words)) is None:
             raise InvalidInput(f"contour {path}: row {k} must be two finite numbers, x and y")
         points.append(pair)
     counts, sides = points[0], np.array(points[1:]).reshape(-1, 2)
     if len(sides) and np.abs(counts - sides.mean(axis=0)).max() > FAR * np.ptp(sides):
         points = points[1:]  # numbers that stand so far off are a title, or Lednicer's counts
-    if sum(counts) == len(sides) and min(counts) >= 2:  # Lednicer: both sides from nose to tail
+    if _are_counts(counts, sides):  # Lednicer: both sides from nose to tail
         upper = int(counts[0])
         return np.concatenate([sides[:upper], sides[: upper - 1 : -1]])
     if len(points) == len(sides) and _nearly(counts, len(sides)):
@@ -92,6 +94,20 @@ def _words(line):
     if len(columns) == 2 and re.search(r"\d,\d", line):
         return [re.sub(r"(?<=\d),(?=\d)", ".", column) for column in columns]
     return re.split(r"[\s,;|]+", line)
+
+
+def _columns(words):
+    """Return the names of a header's columns in lower case, without units: x of ``x[mm]``, x/c."""
+    names = (re.match(r"[A-Za-z]+", word) for word in words)
+    return [name[0].lower() for name in names if name]
+
+
+def _are_counts(counts, sides):
+    """Whether two numbers are Lednicer's counts of the points that follow, noses together."""
+    upper = int(counts[0])
+    if sum(counts) != len(sides) or counts[0] != upper or min(counts) < 2:
+        return False
+    return np.abs(sides[0] - sides[upper]).max() < TOGETHER * np.ptp(sides)
 
 
 def _nearly(counts, points):

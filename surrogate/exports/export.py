@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import Literal, get_args
 
+from surrogate.checks import expect
 from surrogate.errors import InvalidInput
 from surrogate.exports.c import c_file
 from surrogate.exports.fortran import fortran_file
@@ -49,6 +50,9 @@ def export(
     Raises:
       InvalidInput: an argument is invalid, the file cannot be written, or onnx is not installed.
     """
+    expect("export", surrogate, Surrogate, "Surrogate, as load() returns")
+    for name, text in {"to": to, "precision": precision, "prefix": prefix}.items():
+        expect(name, text, str, "string")
     if to not in TARGETS:
         raise InvalidInput(f"export to {to!r}: one of {', '.join(TARGETS)}")
     if precision not in PRECISIONS:

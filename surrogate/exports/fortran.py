@@ -73,17 +73,17 @@ def _data(plain, precision):
         **{"quadratic": plain.quadratic.T},
         **{"weights": flat(plain.weights), "biases": flat(plain.biases)},
     }
-    logs = ", ".join(".true." if log else ".false." for log in plain.logs)
+    logs = [".true." if log else ".false." for log in plain.logs]
     whole = {"sizes": ("layers + 1", plain.sizes), "source": ("features_", plain.sources + 1)}
     whole |= {"wave": ("features_", plain.waves)}
     levers = (plain.levers + 1).tolist() or [1]  # an array of none has no literal
     whole |= {"lever": (len(levers), levers)}
     lines = [
         *(
-            f"    integer, parameter :: {name}({size}) = [{', '.join(map(str, values))}]"
+            _constants("integer", name, size, list(map(str, values)))
             for name, (size, values) in whole.items()
         ),
-        f"    logical, parameter :: logs(inputs_) = [{logs}]",
+        _constants("logical", "logs", "inputs_", logs),
     ]
     for name, values in numbers.items():
         flat_name = name if values.ndim == 1 else f"{name}_values"
@@ -94,6 +94,11 @@ def _data(plain, precision):
             lines.append(f"    real(rk), save :: {name}({shape})")
             lines.append(f"    equivalence ({name}, {flat_name})")
     return "\n".join(lines)
+
+
+def _constants(kind, name, size, values):
+    body = " &\n".join(wrapped(values, indent="        ").splitlines())
+    return f"    {kind}, parameter :: {name}({size}) = [ &\n{body}]"
 
 
 def _statements(name, values, literal):

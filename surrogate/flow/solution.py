@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
+from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.fields import Fields, fields_of
@@ -228,10 +229,15 @@ class Solution:
     def surface(self, points: int = SURFACE_POINTS) -> Surface:
         """Return Cp and Cf along the contour of a 2-D body.
 
+        Args:
+          points: number of points of the contour, from 16 to 8192.
+
         Raises:
-          InvalidInput: the body is 3-D, where ``skin_loads`` has them.
+          InvalidInput: the body is 3-D, where ``skin_loads`` has them, or the number is out of
+            range.
         """
         if self.shape.dimension == 3:
             raise InvalidInput("surface: is for 2-D bodies; skin_loads is for 3-D ones")
+        points = whole_number("surface points", points, 16, 8192)
         contour: AnyArray = self.shape.draw(points)
         return surface_of(self.domain, self.markers, self.state, contour, self.reynolds)

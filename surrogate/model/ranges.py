@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
 
-ROUNDING = 1e-9  # by which a value may exceed its range, relative to its width plus 1
+# By which a value may exceed its range, relative to its width plus 1: single precision is enough.
+ROUNDING = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)

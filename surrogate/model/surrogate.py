@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from typing import Any
 
 import equinox as eqx
@@ -16,8 +17,8 @@ from surrogate.errors import InvalidInput
 from surrogate.model.card import SYMBOLS, model_card
 from surrogate.model.confidence import Novelty
 from surrogate.model.network import LoadNetwork
-from surrogate.model.ranges import ROUNDING, TrainedRanges
-from surrogate.scene.limits import REYNOLDS, check_reynolds
+from surrogate.model.ranges import TrainedRanges
+from surrogate.scene.limits import REYNOLDS, ROUNDING, check_reynolds
 from surrogate.scene.samples import Samples, training_samples
 from surrogate.scene.scene import Scene
 from surrogate.summary import aligned
@@ -245,7 +246,8 @@ class Surrogate:
         if many is None or many.ndim < 2:
             parameters = family.check(parameters)
         else:
-            parameters = family.check_all(many.reshape(-1, many.shape[-1])).reshape(many.shape)
+            rows = many.reshape(math.prod(many.shape[:-1]), many.shape[-1])
+            parameters = family.check_all(rows).reshape(many.shape)
         many = real_numbers(reynolds)
         extremes = (many.min(), many.max()) if many is not None and many.size else (reynolds,)
         for value in extremes if np.size(many) else ():

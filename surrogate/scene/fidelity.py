@@ -101,7 +101,8 @@ class Fidelity:
             return self
         longer = self.downstream + LONGER if missing <= LONGER else LONGEST_DOWNSTREAM
         longer = min(longer, LONGEST_DOWNSTREAM)
-        return dataclasses.replace(self, downstream=longer, height=self.height + 4)
+        higher = min(self.height + 4, LONGEST)
+        return dataclasses.replace(self, downstream=longer, height=higher)
 
     def for_layers(self, reynolds: float, nose: float) -> "Fidelity":
         """Return the fidelity with cells that are small enough for the boundary layers of bodies.

@@ -165,7 +165,7 @@ def run_training(
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
     stopped, last_good, done = None, state, _done(plan, state)
-    while int(state.iteration) < plan.iterations and done < 1:
+    while _goes_on(plan, state):
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
             state = part
@@ -254,8 +254,16 @@ def _batches(plan, size):
 def _done(plan, state):
     """Return the fraction of the training that is over, by time or by iterations."""
     if plan.budget_s:
-        return float(broadcast_from_first(state.seconds / plan.budget_s))
+        return min(float(broadcast_from_first(state.seconds / plan.budget_s)), 1.0)
     return int(state.iteration) / plan.iterations
+
+
+def _goes_on(plan, state):
+    """Return whether another step is made; one that a checkpoint interrupted is made to its end."""
+    if int(state.iteration) >= plan.iterations:
+        return False
+    begun = np.any(state.evaluated) or not points_of(state.history)
+    return bool(begun) or _done(plan, state) < 1
 
 
 def _point(state, setup, loss):

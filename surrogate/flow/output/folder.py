@@ -2,8 +2,10 @@
 
 import dataclasses
 import json
+import zlib
 from pathlib import Path
 from typing import NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float
@@ -18,6 +20,11 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
 
 RECORD = "flow.json"
+# What damaged files raise, .npz files those of the last line.
+UNREADABLE = (
+    *(OSError, ValueError, KeyError, TypeError, RecursionError),
+    *(EOFError, BadZipFile, zlib.error),
+)
 KEYS = ("kind", "dimension", "reynolds", "cd", "cl", "cm")
 HEADER = "x,y,Cp,Cf"
 
@@ -92,7 +99,7 @@ def read_flow(folder: str | Path) -> StoredFlow:
             fields = Fields(axes, velocity, file["p"], file["vorticity"], file["inside"])
         contour = np.loadtxt(folder / "contour.csv", delimiter=",", skiprows=1)
         return StoredFlow(record, fields, contour)
-    except (OSError, ValueError, KeyError, TypeError, EOFError) as problem:
+    except UNREADABLE as problem:
         raise _unreadable(folder, problem) from None
 
 
