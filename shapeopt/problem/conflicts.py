@@ -36,7 +36,10 @@ def explain_conflict(problem: Problem) -> str:
     constraints = _constraints(problem)
     free = _without(problem, constraints)
     if not _feasible(free):
-        return "family: every body in its ranges crosses itself or is too thin; wider ones would do"
+        return (
+            "family: every body in its ranges, with the deviations of a Robust objective, crosses "
+            "itself or is too thin; other ranges would do"
+        )
     alone = {c: _without(problem, [d for d in constraints if d is not c]) for c in constraints}
     impossible = [
         f"{constraint.name}: {_nearest_value(constraint, free, single)}"
