@@ -189,6 +189,11 @@ def test_exact_mean_over_orientations_in_stokes_flow(net):
     mean = float(model_objective(StokesLoads(), body, problem.scenarios))
     assert mean == pytest.approx((along + 2 * across) / 3, rel=1e-12)
     assert problem.limits.low[3] == problem.limits.high[3] == 45.0
+    counted = problem.scenarios.counted()  # those that take a flow
+    assert len(counted.weight) == 6
+    assert float(model_objective(StokesLoads(), body, counted)) == pytest.approx(mean, rel=1e-14)
+    bounded = Problem(net.scene, Tumbling(2.0), max_moment=0.1)
+    assert len(bounded.scenarios.counted().weight) == len(bounded.scenarios.weight) == 8
 
 
 @pytest.mark.slow

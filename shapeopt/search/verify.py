@@ -80,7 +80,7 @@ def verify(problem: Problem, parameters: Body) -> Verified:
         the objective is relative.
     """
     expect("verify", problem, Problem, "Problem")
-    flow, scenarios = Flow(problem.scene), problem.scenarios
+    flow, scenarios = Flow(problem.scene), problem.scenarios.counted()
     parameters = problem.scene.family.check(parameters)
     cylinder = cylinder_drags(problem)
     solutions = tuple(
@@ -108,16 +108,17 @@ def cylinder_drags(problem: Problem) -> tuple[float | None, ...]:
     """
     flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
     known: dict[float, float | None] = {}
-    if problem.is_about_lift and not problem.scenarios.relative:
-        return (None,) * len(problem.scenarios.reynolds)
-    for reynolds in map(float, problem.scenarios.reynolds):
+    scenarios = problem.scenarios.counted()
+    if problem.is_about_lift and not scenarios.relative:
+        return (None,) * len(scenarios.reynolds)
+    for reynolds in map(float, scenarios.reynolds):
         if reynolds in known:
             continue
         try:
             found = flow.solve(cylinder, reynolds, estimate=False, allow_unsteady=True)
             known[reynolds] = found.drag
         except NotConverged:
-            if problem.scenarios.relative:
+            if scenarios.relative:
                 raise
             known[reynolds] = None
-    return tuple(known[float(reynolds)] for reynolds in problem.scenarios.reynolds)
+    return tuple(known[float(reynolds)] for reynolds in scenarios.reynolds)
