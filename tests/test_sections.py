@@ -280,7 +280,7 @@ def test_a_refusal_of_a_kept_size_names_the_cells_that_do(capsys, section, monke
     assert "--cells" in refusal(capsys, *arguments, "--cells", int(cells) - 1)
     seen = []
     monkeypatch.setattr(
-        "shapeopt.commands.solve_drag.solve_cases", lambda cases, _: seen.extend(cases) or []
+        "shapeopt.commands.solve_drag.solve_cases", lambda cases, *_: seen.extend(cases) or []
     )
     monkeypatch.setattr("shapeopt.commands.solve_drag._text", lambda _: "")
     assert call(*arguments, "--cells", cells) == 0  # gets as far as the flow
