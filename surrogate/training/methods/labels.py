@@ -36,9 +36,6 @@ from surrogate.training.methods.method import (
 from surrogate.training.physics import Physics, Sample
 
 LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
-# Of slopes, whose adjoints are solved to 2e-4. The last bit of those in Re in double precision
-# depends on the number of devices for which XLA compiles; that of single precision does not.
-SLOPES = jnp.float32
 
 
 class TrainingLabels(NamedTuple):
@@ -71,8 +68,7 @@ def no_labels(physics: Physics) -> TrainingLabels:
     It holds tractions and outputs of the Oseen flows; no label is valid or converged.
     """
     none = jnp.zeros(physics.count, bool)
-    shape = *physics.outputs.shape, physics.samples.parameters.shape[1] + 1
-    slopes = jnp.zeros(shape, SLOPES)
+    slopes = jnp.zeros((*physics.outputs.shape, physics.samples.parameters.shape[1] + 1))
     return TrainingLabels(physics.tractions, physics.outputs, slopes, none, none)
 
 
@@ -172,7 +168,7 @@ class Inversion(Evaluator):
         Zeros where the flow has not converged, or where ``slopes`` is false.
         """
         loads = sample.flow.bodies.loads
-        zeros = jnp.zeros((len(loads), sample.parameters.size + 1), SLOPES)
+        zeros = jnp.zeros((len(loads), sample.parameters.size + 1))
         none = zeros, jnp.array(True), jnp.array(0)
         if not self.slopes:
             return none
@@ -189,7 +185,7 @@ class Inversion(Evaluator):
             slopes = jnp.column_stack([by_shape, reynolds * by_re])
             slopes = output_gradients(sample.loads(state.amplitude), slopes)
             sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
-            return jnp.where(sound, slopes, 0.0).astype(SLOPES), sound, found.work.products
+            return jnp.where(sound, slopes, 0.0), sound, found.work.products
 
         return compute_where(converged, adjoint, none)
 
