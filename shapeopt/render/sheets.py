@@ -19,8 +19,9 @@ def solve_run(record: JsonObject) -> tuple[Solution, Solution]:
     Raises:
       NotConverged: a flow did not converge.
     """
-    family, flow = run_scene(record).family, Flow(run_scene(record))
-    bodies = family.ellipse(_reference_aspect(record)), run_body(record)
+    scene = run_scene(record)
+    flow = Flow(scene)
+    bodies = scene.family.ellipse(_reference_aspect(record)), run_body(record)
     reference, optimum = (
         flow.solve(body, record["reynolds"], estimate=False, allow_unsteady=True) for body in bodies
     )
