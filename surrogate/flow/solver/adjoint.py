@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray, compute_where, single
+from surrogate.arrays import AnyArray, compute_where, full_single_precision, single
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import Load
@@ -137,6 +137,7 @@ def by_stream(
     return jax.vmap(optax.tree.vdot, (0, None))(adjoints, change)
 
 
+@full_single_precision
 def adjoint_solver(
     domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> Callable[[Float[Array, " modes"]], tuple[FlowState, Work]]:

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from surrogate.arrays import full_single_precision
+
 
 class KrylovResult(NamedTuple):
     """The solution x of A x = b, and how GMRES ended.
@@ -26,6 +28,7 @@ class KrylovResult(NamedTuple):
     converged: Bool[Array, ""]
 
 
+@full_single_precision
 def gmres(
     matvec: Callable[[PyTree], PyTree], b: PyTree, tolerance: float | Array, max_vectors: int
 ) -> KrylovResult:

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from surrogate.arrays import single
+from surrogate.arrays import full_single_precision, single
 from surrogate.flow.solver.krylov import gmres
 
 Operator = Callable[[PyTree], PyTree]
@@ -93,6 +93,7 @@ def root(
         b = system.precondition(system.residual(system.data, x))
         return b, norm(b) / norm(x)
 
+    @full_single_precision
     def direction(x, b, size, reduction):
         jacobian = _jacobian(system.residual, rough, single(x))
         target = jnp.maximum(0.5 * settings.tolerance / size, SINGLE)

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray, single
+from surrogate.arrays import AnyArray, full_single_precision, single
 from surrogate.flow.grid.domain import Domain, GreenFunction
 from surrogate.flow.grid.immersed import Spreading
 
@@ -62,6 +62,7 @@ class CompressedResponse(eqx.Module):
 Response = FullResponse | CompressedResponse
 
 
+@full_single_precision
 def mode_response(
     domain: Domain, green: GreenFunction, body: Spreading, reynolds: Float[AnyArray, ""]
 ) -> Response:

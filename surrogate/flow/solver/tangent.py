@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from surrogate.arrays import single
+from surrogate.arrays import full_single_precision, single
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver.adjoint import Effort, Work, coupled_jacobian
 from surrogate.flow.solver.krylov import gmres
@@ -21,6 +21,7 @@ from surrogate.flow.solver.steady import (
 )
 
 
+@full_single_precision
 def coupled_step(
     domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[FlowState, Work]:
@@ -39,6 +40,7 @@ def coupled_step(
     return jax.tree.map(jnp.subtract, state, result.x), Work(result.steps + 1, result.converged)
 
 
+@full_single_precision
 def slip_adjoint(
     domain: Domain,
     operators: Operators,
@@ -68,6 +70,7 @@ def slip_adjoint(
     return gradient.astype(float), Work(result.steps + 1, result.converged)
 
 
+@full_single_precision
 def slip_jacobian(
     domain: Domain, operators: Operators, state: FlowState, effort: Effort
 ) -> tuple[Float[Array, "modes modes"], Work]:
