@@ -8,6 +8,7 @@ import pytest
 
 from surrogate import InvalidInput, load
 from surrogate.model.confidence import Novelty
+from surrogate.model.surrogate import Surrogate
 from surrogate.scene.samples import training_samples
 from surrogate.training.infill import infill_positions
 from surrogate.training.loop import make_setup, run_training
@@ -26,8 +27,9 @@ def trained(tiny_scene):
 
 def test_every_choice_has_the_largest_bound_given_those_before_it(monkeypatch):
     monkeypatch.setattr("surrogate.training.infill.CANDIDATES", 256)
-    net = load("pretrained:lift")
-    own, seed = net.record["samples"], net.record["seed"]
+    shipped, own = load("pretrained:lift"), 256  # as if trained on fewer, without infill
+    record = shipped.record | {"samples": own, "infill": []}
+    net, seed = Surrogate(shipped.network, shipped.scene, record), shipped.record["seed"]
     positions = infill_positions(net, net.scene, seed, own + 2)
     candidates = training_samples(net.scene, seed, own + 256).at(np.arange(own, own + 256))
     scales = [net.record[f"{name}_error_scale"] for name in ("drag", "lift", "moment")]
@@ -62,15 +64,19 @@ def test_a_training_with_infill_is_kept_and_goes_on(tiny_scene, trained, tmp_pat
     plan = dataclasses.replace(plan, iterations=4, report_every=2)
     refined = train_plan(plan, tmp_path / "refined", progress=False)
     assert refined.record["infill"] == list(plan.infill)
+    before = trained.record["green_applications"]
+    assert refined.record["earlier_green_applications"] == before > 0
     assert len(plan.infill) == 4
     stored = load(tmp_path / "refined")
     assert not plan_differences(plan, stored.record)
     assert "infill" in plan_differences(dataclasses.replace(plan, infill=()), stored.record)
     again = train_plan(plan, tmp_path / "refined", progress=False)
     np.testing.assert_array_equal(again.network.weights, refined.network.weights)
-    more = infill_positions(stored, tiny_scene, 0, 20)
-    assert more[:4] == plan.infill
-    assert len(set(more)) == 8
+    more = make_plan(tiny_scene, "sip", samples=20, infill_from=stored)
+    before += stored.record["green_applications"]
+    assert more.earlier_green_applications == before
+    assert more.infill[:4] == plan.infill
+    assert len(set(more.infill)) == 8
     np.testing.assert_array_equal(
         stored.training_samples.parameters[12:],
         training_samples(tiny_scene, 0, 4, plan.infill).parameters,

@@ -83,6 +83,7 @@ class Plan:
       published: the method as published instead of at its best.
       infill: positions of the last samples in the Sobol sequence (``infill_positions``); the others
         are the first of the sequence.
+      earlier_green_applications: convolutions of the trainings whose surrogates chose the infill.
     """
 
     method: MethodName
@@ -95,6 +96,7 @@ class Plan:
     report_every: int = 10
     published: bool = False
     infill: tuple[int, ...] = ()
+    earlier_green_applications: int = 0
 
     def make_method(self) -> Method:
         """Return the method with its default settings."""
@@ -151,12 +153,17 @@ def make_plan(
     held_out = chosen.held_out if held_out is None else held_out
     held_out = whole_number("held-out bodies", held_out, 4, 10**6)
     seed = whole_number("seed", seed, 0, 2**31 - 1)
-    infill = () if infill_from is None else infill_positions(infill_from, scene, seed, samples)
+    infill, earlier = (), 0
+    if infill_from is not None:
+        infill = infill_positions(infill_from, scene, seed, samples)
+        earlier = infill_from.recorded("green_applications")
+        earlier += infill_from.record.get("earlier_green_applications", 0)
     return Plan(
         method=method,
         scene=scene,
         samples=samples,
         infill=infill,
+        earlier_green_applications=earlier,
         held_out=held_out,
         iterations=10**6 if budget_seconds else iterations,
         seed=seed,

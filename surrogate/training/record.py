@@ -48,6 +48,7 @@ def surrogate_of(
         "trained_for": "traction" if plan.make_method().trains_traction else "drag",
         **_errors(plan, trained.network, setup.held_out, setup.labels.loads),
         "green_applications": last.green_applications,
+        "earlier_green_applications": plan.earlier_green_applications,
         "train_s": last.seconds,
         "weights": int(trained.network.weights.size),
         "command": command_line(),

@@ -72,7 +72,7 @@ def training(run: Run, _: Result) -> Result:
     record = load(NAME).record
     errors = [[record[f"{name}_error_{of}"] for name in LOAD_NAMES] for of in ("mean", "max")]
     return {
-        "training_g": record["green_applications"],
+        "training_g": record["green_applications"] + record["earlier_green_applications"],
         "bodies": record["samples"],
         "error_mean": errors[0],
         "error_max": max(errors[1]),
@@ -98,8 +98,8 @@ def when_to_train(result: Result) -> str:
 def text(result: Result) -> str:
     """Return the strategies over all queries, and from which design the training pays."""
     work = (
-        f"The training of {NAME} on {result['bodies']:,} sections took {result['training_g']:,} "
-        "convolutions (G)."
+        f"The training of {NAME} on {result['bodies']:,} sections, and the one before that chose "
+        f"its infill, took {result['training_g']:,} convolutions (G)."
     )
     by_network = LED_ROWS([row for row in result["rows"] if row["problem"] is None])
     table = STRATEGIES(strategies(result))
