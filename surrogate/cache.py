@@ -1,6 +1,6 @@
 """JAX's persistent compilation cache, which later processes start from; on by default.
 
-JAX's own settings rule: ``JAX_COMPILATION_CACHE_DIR=/folder`` moves it (and leaves its limits to
+JAX's own settings rule: ``JAX_COMPILATION_CACHE_DIR=/folder`` moves it (and leaves its size to
 JAX), ``JAX_ENABLE_COMPILATION_CACHE=false`` turns it off. The same by ``jax.config.update``.
 """
 
@@ -14,11 +14,16 @@ from surrogate.errors import InvalidInput
 from surrogate.files import make_folder
 
 LARGEST = 2 * 1024**3  # bytes; JAX then removes what was not used for longest
-LEAST_SECONDS = 0.1  # of compilation that are worth a file
+LEAST_SECONDS, JAX_SECONDS = 0.1, 1.0  # of compilation that are worth a file, here and by default
 
 
 def use_compilation_cache() -> None:
-    """Keep compiled code in the user's cache folder, if it is writable and no other is set."""
+    """Keep compiled code in the user's cache folder, if it is writable and no other is set.
+
+    In any folder, code is worth a file that took a tenth of a second unless the user says else.
+    """
+    if jax.config.jax_persistent_cache_min_compile_time_secs == JAX_SECONDS:
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)
     if jax.config.jax_compilation_cache_dir is not None:
         return
     root = Path(os.environ.get("XDG_CACHE_HOME", ""))
@@ -31,7 +36,6 @@ def use_compilation_cache() -> None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", LARGEST)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
 
 
