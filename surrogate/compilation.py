@@ -1,6 +1,7 @@
 """How programs are compiled: quickly, since most of them run for less time than they compile."""
 
 import functools
+import inspect
 import os
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
@@ -8,6 +9,7 @@ from typing import ParamSpec, TypeVar
 import jax
 
 from surrogate.checks import transformed
+from surrogate.lowering import lowered, settings
 
 # On a CPU, XLA compiles the flow in half the time with its older emitters and without the costlier
 # optimisations of LLVM, and the program takes at most a tenth longer: most of its time goes into
@@ -43,31 +45,74 @@ def quick_options() -> dict[str, bool | int]:
     return QUICK if quick else {}
 
 
+def same_options() -> dict[str, bool | int | str]:
+    """Return quick options by which no number of devices changes the results.
+
+    XLA runs its algebraic simplifier once more on partitioned programs, which changes the
+    rounding. With that pass disabled results agree to the last bit, at 5 % more time on a CPU.
+    XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so the
+    pass that calls it, ``dot-library-rewriter``, is disabled too.
+    """
+    same = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"}
+    return quick_options() | (same if jax.default_backend() == "cpu" else {})
+
+
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Function = Callable[Parameters, Result]
+Options = Callable[[], dict[str, bool | int | str]]
 
 
-def compiled(*static: str) -> Callable[[Function], Function]:
+def compiled(*static: str, options: Options = quick_options) -> Callable[[Function], Function]:
     """Return a decorator like ``jax.jit`` that compiles quickly, with these ``static`` arguments.
 
     Static arguments are hashed. Inside another transformation of JAX it is ``jax.jit`` itself, as
     only an outermost program has options of compilation. Where the user has set ``XLA_FLAGS`` these
-    rule.
+    rule. On a CPU later processes need not trace it (``lowering``).
     """
 
     def decorate(function: Function) -> Function:
+        signature, programs = inspect.signature(function), {}
         nested = jax.jit(function, static_argnames=static, inline=True)
 
         @functools.cache
-        def program():
-            return jax.jit(function, static_argnames=static, compiler_options=quick_options())
+        def traced_here():
+            return jax.jit(function, static_argnames=static, compiler_options=options())
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-            inner = nested if transformed(*jax.tree.leaves((args, kwargs))) else program()
-            return inner(*args, **kwargs)
+            if transformed(*jax.tree.leaves((args, kwargs))):
+                return nested(*args, **kwargs)
+            if not _on_cpu():
+                return traced_here()(*args, **kwargs)
+            bound = signature.bind(*args, **kwargs)
+            bound.apply_defaults()
+            given = bound.arguments
+            fixed = {name: given.pop(name) for name in static}
+            leaves, structure = jax.tree.flatten(given)
+            key = *fixed.values(), structure, *map(jax.typeof, leaves), settings()
+            if key not in programs:
+                programs[key] = _program(function, fixed, given, options())
+            return programs[key](*leaves)
 
         return call
 
     return decorate
+
+
+def _on_cpu():
+    device = jax.config.jax_default_device
+    return (getattr(device, "platform", device) or jax.default_backend()) == "cpu"
+
+
+def _program(function, static, arguments, options):
+    """A compiled function of the leaves of the arguments."""
+    program, result = lowered(function, static, arguments)
+    outputs = jax.tree.structure(result)
+
+    def call(*leaves):
+        return program.call(*leaves)
+
+    call.__name__ = function.__name__
+    compiled_call = jax.jit(call, compiler_options=options)
+    return lambda *leaves: jax.tree.unflatten(outputs, compiled_call(*leaves))

@@ -19,7 +19,7 @@ from jaxtyping import PyTree
 
 from surrogate.arrays import Number
 from surrogate.checks import whole_number
-from surrogate.compilation import quick_options
+from surrogate.compilation import compiled, same_options
 from surrogate.errors import InvalidInput
 from surrogate.processes import gather_to_host
 
@@ -50,19 +50,6 @@ class Devices:
     def count(self) -> int:
         """Number of devices."""
         return self.mesh.size
-
-    @property
-    def options(self) -> dict[str, str | int]:
-        """Compiler options: quick ones, and such that no number of devices changes the results.
-
-        XLA runs its algebraic simplifier once more on partitioned programs, which changes the
-        rounding. With that pass disabled results agree to the last bit, at 5 % more time on a CPU.
-        XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so the
-        pass that calls it, ``dot-library-rewriter``, is disabled too.
-        """
-        on_cpu = self.mesh.devices.flat[0].platform == "cpu"
-        same = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"} if on_cpu else {}
-        return quick_options() | same
 
     def place(self, tree: PyTree) -> PyTree:
         """Put a pytree on the mesh: ``Sharded`` arrays split by body, all else replicated."""
@@ -143,11 +130,18 @@ def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: 
     Returns:
       The results of all rows, in their order, on the host.
     """
+    if devices.count == jax.process_count() == 1:
+        return jax.tree.map(np.asarray, _on_one_device(function, model, rows))
     count = len(jax.tree.leaves(rows)[0])
     padded = np.arange(-(-count // devices.count) * devices.count) % count
     rows = Sharded(jax.tree.map(lambda leaf: np.asarray(leaf)[padded], rows))
     results = _mapped(devices, function)(*devices.place((model, rows)))
     return jax.tree.map(lambda leaf: gather_to_host(leaf)[:count], results.rows)
+
+
+@compiled("function", options=same_options)
+def _on_one_device(function, model, rows):
+    return function(model, *rows)
 
 
 @functools.cache
@@ -158,4 +152,4 @@ def _mapped(devices, function):
 
         return devices.shard_map(local, (model, rows), Sharded(()))(model, rows)
 
-    return jax.jit(mapped, compiler_options=devices.options)
+    return jax.jit(mapped, compiler_options=same_options())

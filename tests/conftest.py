@@ -51,6 +51,14 @@ def memory_maps():
         jax.clear_caches()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_lowered_files():
+    """Lowered programs stay in memory: tests replace constants on which these depend."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("surrogate.lowering.folder", lambda: None)
+        yield
+
+
 @pytest.fixture
 def generator() -> np.random.Generator:
     return np.random.default_rng(0)

@@ -11,7 +11,7 @@ from correlations import Ellipsoid, ellipsoid, oberbeck
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
 from surrogate.body.skin import HALVES, SkinNodes
-from surrogate.devices import choose_devices
+from surrogate.compilation import same_options
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
@@ -55,7 +55,7 @@ def test_programs_of_many_bodies_contain_the_adjoint_of_the_kernel():
     kernel = space_kernel(lattice, jnp.asarray(7.0))
     force, field = jnp.asarray(rng.normal(size=(2, 3, *lattice.shape)))
     transposed = jax.linear_transpose(kernel, force)
-    adjoint = jax.jit(lambda u: transposed(u)[0], compiler_options=choose_devices().options)
+    adjoint = jax.jit(lambda u: transposed(u)[0], compiler_options=same_options())
     both = float(jnp.vdot(field, kernel(force))), float(jnp.vdot(adjoint(field), force))
     assert both[0] == pytest.approx(both[1], rel=1e-9)
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
+from surrogate.compilation import same_options
 from surrogate.devices import Devices
 from surrogate.flow.derivatives import LoadsAndGradients, load_values, loads_and_gradients
 from surrogate.flow.discrete import DiscreteBodies
@@ -61,4 +62,4 @@ def batch_solver(
         one = gradient if gradients else flow
         return partition.gather(partition.map(one, partition.scatter((parameters, reynolds))))
 
-    return jax.jit(every, compiler_options=devices.options)
+    return jax.jit(every, compiler_options=same_options())

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from surrogate.arrays import AnyArray
+from surrogate.compilation import same_options
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import NotConverged
 from surrogate.flow.batch import FlowBatch
@@ -111,7 +112,7 @@ def make_setup(
         (samples, partition_samples(plan.scene.family, samples, devices))
     )
     start = time.perf_counter()
-    prepare = prepare_physics.lower(flow, samples, partition).compile(devices.options)
+    prepare = prepare_physics.lower(flow, samples, partition).compile(same_options())
     compiled = time.perf_counter()
     physics = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start

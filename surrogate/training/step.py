@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, PyTree
 
 from surrogate.arrays import AnyArray
+from surrogate.compilation import same_options
 from surrogate.devices import Devices, Sharded
 from surrogate.model.network import LoadNetwork
 from surrogate.partition import Partition
@@ -159,4 +160,4 @@ def _evaluation(evaluator: Evaluator, devices: Devices):
         mapped = devices.shard_map(evaluator.evaluate, arguments, (labels, velocities, NO_COST))
         return mapped(*arguments)
 
-    return jax.jit(run, donate_argnums=(3,), compiler_options=devices.options)
+    return jax.jit(run, donate_argnums=(3,), compiler_options=same_options())

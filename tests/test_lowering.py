@@ -1,0 +1,126 @@
+"""Lowered programs: a later process finds them in files, and never another program's."""
+
+import json
+import os
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from surrogate import Fidelity, Flow, Scene, lowering
+from surrogate.compilation import compiled
+
+DRAG = """
+import json, jax, numpy as np
+from surrogate import Fidelity, Flow, Scene
+seen = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, seconds, **more: seen.append(more.get("fun_name")) if "trace" in event else None
+)
+flow = Flow(Scene(fidelity=Fidelity("kept", 8, 2.5, 4, 4, 5, wake=0.0)))
+found = flow.loads_and_gradients(np.array([2.0, 0.1, 0.0, 0.0]), 10.0)
+print(json.dumps({"drag": float(found.drag), "slope": found.gradients.tolist(), "traced": seen}))
+"""
+
+
+@compiled("power")
+def sum_of_powers(values, power):
+    return {"sum": jnp.sum(values["x"] ** power), "values": values}
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """The folder of the files, with no program in memory."""
+    monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "lowered")
+    return tmp_path / "lowered"
+
+
+def lower(power=2, count=3):
+    return lowering.lowered(
+        sum_of_powers.__wrapped__, {"power": power}, {"values": {"x": np.arange(float(count))}}
+    )
+
+
+def test_a_program_is_read_from_its_file(files, monkeypatch):
+    first = lower()
+    assert len(list(files.iterdir())) == 1
+    monkeypatch.setattr(lowering, "_lower", None)  # to lower it anew would fail
+    again = lower()
+    assert again.result == first.result == {"sum": 0, "values": {"x": 1}}
+    assert [float(x) for x in again.program.call(np.array([1.0, 2.0, 3.0]))[:1]] == [14.0]
+
+
+@pytest.mark.parametrize("change", [{"power": 3}, {"count": 4}, "source", "precision"])
+def test_another_program_has_another_file(files, monkeypatch, change):
+    lower()
+    if change == "source":
+        monkeypatch.setattr(lowering, "_sources", lambda: "edited")
+        lower()
+    elif change == "precision":
+        with jax.default_matmul_precision("float32"):
+            lower()
+    else:
+        lower(**change)
+    assert len(list(files.iterdir())) == 2
+
+
+def test_a_damaged_file_is_replaced(files):
+    lower()
+    (path,) = files.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-100])
+    assert lower().result == {"sum": 0, "values": {"x": 1}}
+    assert len(path.read_bytes()) == pytest.approx(len(whole), rel=0.1)
+
+
+def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):
+    for power in (5, 4, 3):
+        lower(power)
+    for path in files.iterdir():
+        os.utime(path, (1e9, 1e9))
+    lower(5)  # its use renews it
+    monkeypatch.setattr(lowering, "LARGEST", 2.5 * path.stat().st_size)
+    lower(6)
+    assert len(list(files.iterdir())) == 2
+    monkeypatch.setattr(lowering, "_lower", None)
+    assert lower(5).result == lower(6).result
+
+
+def test_without_a_writable_folder_programs_are_lowered(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "file" / "lowered")
+    assert lower().result == {"sum": 0, "values": {"x": 1}}
+
+
+def test_functions_without_a_name_of_their_own_have_no_file(files):
+    found = lowering.lowered(lambda x: 2 * x, {}, {"x": np.ones(3)})
+    assert np.asarray(found.program.call(np.ones(3))[0]).tolist() == [2.0] * 3
+    assert not files.exists()
+
+
+def test_compiled_functions_equal_those_of_jit():
+    values = {"x": np.array([1.0, 2.0, 3.0])}
+    found = sum_of_powers(values, power=2)
+    assert float(found["sum"]) == 14.0
+    assert found["values"]["x"].tolist() == [1.0, 2.0, 3.0]
+    slope = jax.grad(lambda x: sum_of_powers({"x": x}, 3)["sum"])(jnp.ones(2))
+    assert slope.tolist() == [3.0, 3.0]
+    assert float(sum_of_powers({"x": np.ones(2, np.float32)}, 2)["sum"]) == 2.0
+
+
+@pytest.mark.slow
+def test_a_later_process_traces_no_flow_and_finds_the_same_bits(tmp_path):
+    home = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    runs = [
+        subprocess.run([sys.executable, "-c", DRAG], env=home, check=True, stdout=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    cold, warm = (json.loads(run.stdout) for run in runs)
+    assert "program" in cold["traced"]
+    assert "program" not in warm["traced"]
+    assert (cold["drag"], cold["slope"]) == (warm["drag"], warm["slope"])
+    here = Flow(Scene(fidelity=Fidelity("kept", 8, 2.5, 4, 4, 5, wake=0.0)))
+    assert float(here.drag([2.0, 0.1, 0.0, 0.0], 10.0)) == pytest.approx(warm["drag"], rel=1e-12)
