@@ -7,6 +7,7 @@ its arguments and the source code of this project, all of which it depends on.
 
 import functools
 import hashlib
+import inspect
 import io
 import pickle
 from collections.abc import Callable, Mapping
@@ -70,10 +71,11 @@ def folder() -> Path | None:
 def _lower(function, static, arguments):
     leaves, structure = jax.tree.flatten(dict(arguments))
     types = [jax.ShapeDtypeStruct(*_type(leaf)) for leaf in leaves]
-    results = []
+    signature, results = inspect.signature(function), []
 
     def program(*leaves):
-        result = function(**static, **jax.tree.unflatten(structure, leaves))
+        bound = signature.bind(**static, **jax.tree.unflatten(structure, leaves))
+        result = function(*bound.args, **bound.kwargs)
         values, outputs = jax.tree.flatten(result)
         results.append(jax.tree.unflatten(outputs, range(len(values))))
         return values

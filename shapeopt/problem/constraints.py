@@ -16,6 +16,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import least
 from surrogate.body.validity import CLEAR_THICKNESS_RATIO
+from surrogate.compilation import compiled
 
 FEASIBLE = -1e-6  # constraint value down to which a body counts as feasible: rounding and solver
 EVERY = "every body of the family"
@@ -119,7 +120,7 @@ def constraint_values(
     return jnp.hstack(values)
 
 
-@jax.jit
+@compiled()
 def constraint_values_and_jacobian(
     parameters: Float[AnyArray, " parameters"], limits: Limits
 ) -> tuple[Float[Array, " constraints"], Float[Array, "constraints parameters"]]:

@@ -28,6 +28,7 @@ from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
 from surrogate.body.skin import Skin, SkinNodes
+from surrogate.compilation import compiled
 
 NODES = 128  # of the contours that a family's extent is measured on
 Range = tuple[float, float]
@@ -254,7 +255,7 @@ def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
     return 2 * np.pi * np.arange(nodes) / nodes
 
 
-@functools.partial(jax.jit, static_argnums=(0, 2))
+@compiled("body_class", "nodes")
 def drawn_outline(
     body_class: BodyClass, parameters: Float[AnyArray, " parameters"], nodes: int
 ) -> Float[Array, "nodes 2"]:

@@ -1,7 +1,6 @@
 """A discretised class of bodies: everything static that a compiled program depends on."""
 
 import dataclasses
-import functools
 from typing import NamedTuple
 
 import jax
@@ -13,6 +12,7 @@ from surrogate.arrays import AnyArray, padded
 from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import body_markers
+from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain, too_thin
@@ -102,6 +102,6 @@ class DiscreteBodies:
         return found
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@compiled("bodies")
 def _coverages(bodies, parameters):
     return jax.vmap(bodies.coverage)(parameters)

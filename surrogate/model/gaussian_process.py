@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.compilation import compiled
 
 # Priors and bounds in logs. They were set on the default scene, where a likelihood alone fits few
 # flows too closely; no study of them is kept.
@@ -136,7 +137,7 @@ def solve(data: Data, mean: Float[AnyArray, ""], hyper: Hyper) -> Float[Array, "
     return jax.scipy.linalg.cho_solve(factor, centred.ravel()).reshape(centred.shape)
 
 
-@jax.jit
+@compiled()
 @jax.value_and_grad
 def negative_log_posterior(
     theta: Float[AnyArray, " numbers"],

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from scipy.optimize import minimize
 
 from surrogate.arrays import AnyArray
+from surrogate.compilation import compiled
 from surrogate.model.gaussian_process import (
     AMPLITUDE,
     BOUNDS,
@@ -184,7 +185,7 @@ def _parity(loads):
     return np.append(1.0, -np.ones(loads - 1))
 
 
-@jax.jit
+@compiled()
 def _residuals(inputs, base, parameters, reynolds, loads, slopes):
     """Return scaled inputs, and outputs and slopes in them minus those of the base, loads first."""
     z = jax.vmap(inputs)(parameters, reynolds)

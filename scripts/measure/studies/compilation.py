@@ -28,14 +28,18 @@ SHORT = "import surrogate, jax.numpy\njax.numpy.arange(3.0).sum()"  # of tiny ru
 # What surrounds the code of a child process: it lists all programs that are compiled or loaded.
 CHILD = """
 import json, time
-start, programs = time.perf_counter(), []
+start, programs, traced = time.perf_counter(), [], 0.0
 import jax
 def listen(event, seconds, **more):
+    global traced
     if event == "/jax/core/compile/backend_compile_duration":
         programs.append([more.get("fun_name", "?"), seconds])
+    elif event.startswith("/jax/core/compile/jaxpr_"):
+        traced += seconds
 jax.monitoring.register_event_duration_secs_listener(listen)
 {code}
-print(json.dumps({{"seconds": time.perf_counter() - start, "programs": programs}}))
+seconds = time.perf_counter() - start
+print(json.dumps({{"seconds": seconds, "programs": programs, "traced": traced}}))
 """
 
 
@@ -66,6 +70,7 @@ def _process(code, scratch, name):
     return {
         "seconds": said["seconds"],
         "programs": len(said["programs"]),
+        "trace_s": said["traced"],
         "compile_s": sum(total.values()),
         "longest": ", ".join(f"{program} {seconds:.1f} s" for program, seconds in longest),
     }
@@ -97,7 +102,8 @@ def options(run: Run, name: str, options: Row) -> Row:
 
 PROCESSES = columns(
     "process {what} | cache {cache} | in all {seconds:.0f} s | programs {programs}"
-    " | compiling or loading them {compile_s:.0f} s | most of it {longest}"
+    " | tracing and lowering them {trace_s:.0f} s | compiling or loading them {compile_s:.0f} s"
+    " | most of it {longest}"
 )
 OPTIONS = columns(
     "XLA's options {name} | compiling a flow {compile_s:.1f} s | running it {run_s:.3f} s"

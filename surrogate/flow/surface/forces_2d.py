@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.compilation import compiled
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.wall_2d import outward
@@ -25,7 +26,7 @@ def coefficients_2d(
     return _coefficients(domain, markers, state, jnp.asarray(reynolds, float))
 
 
-@functools.partial(jax.jit, static_argnames="domain")
+@compiled("domain")
 def _coefficients(domain, markers, state, reynolds):
     """Split the drag by the friction of the wall vorticity; pressure drag is the rest.
 
