@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from types import UnionType
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -179,4 +178,4 @@ def transformed(*values: object) -> bool:
 
     Public functions then answer invalid inputs by NaN, since they cannot raise an exception.
     """
-    return traced(*values) or traced(jnp.zeros(()))
+    return traced(*values) or traced(jax.lax.full((), 0.0))

@@ -1,7 +1,6 @@
 """How programs are compiled: quickly, since most of them run for less time than they compile."""
 
 import functools
-import inspect
 import os
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
@@ -9,7 +8,7 @@ from typing import ParamSpec, TypeVar
 import jax
 
 from surrogate.checks import transformed
-from surrogate.lowering import lowered, settings
+from surrogate.lowering import from_file
 
 # On a CPU, XLA compiles the flow in half the time with its older emitters and without the costlier
 # optimisations of LLVM, and the program takes at most a tenth longer: most of its time goes into
@@ -72,28 +71,17 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
     """
 
     def decorate(function: Function) -> Function:
-        signature, programs = inspect.signature(function), {}
         nested = jax.jit(function, static_argnames=static, inline=True)
 
         @functools.cache
-        def traced_here():
-            return jax.jit(function, static_argnames=static, compiler_options=options())
+        def program():
+            traced = from_file(function, static) if _on_cpu() else function
+            return jax.jit(traced, static_argnames=static, compiler_options=options())
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-            if transformed(*jax.tree.leaves((args, kwargs))):
-                return nested(*args, **kwargs)
-            if not _on_cpu():
-                return traced_here()(*args, **kwargs)
-            bound = signature.bind(*args, **kwargs)
-            bound.apply_defaults()
-            given = bound.arguments
-            fixed = {name: given.pop(name) for name in static}
-            leaves, structure = jax.tree.flatten(given)
-            key = *fixed.values(), structure, *map(jax.typeof, leaves), settings()
-            if key not in programs:
-                programs[key] = _program(function, fixed, given, options())
-            return programs[key](*leaves)
+            inner = nested if transformed(*jax.tree.leaves((args, kwargs))) else program()
+            return inner(*args, **kwargs)
 
         return call
 
@@ -103,16 +91,3 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
 def _on_cpu():
     device = jax.config.jax_default_device
     return (getattr(device, "platform", device) or jax.default_backend()) == "cpu"
-
-
-def _program(function, static, arguments, options):
-    """A compiled function of the leaves of the arguments."""
-    program, result = lowered(function, static, arguments)
-    outputs = jax.tree.structure(result)
-
-    def call(*leaves):
-        return program.call(*leaves)
-
-    call.__name__ = function.__name__
-    compiled_call = jax.jit(call, compiler_options=options)
-    return lambda *leaves: jax.tree.unflatten(outputs, compiled_call(*leaves))

@@ -10,7 +10,7 @@ import hashlib
 import inspect
 import io
 import pickle
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,29 +37,45 @@ class Lowered(NamedTuple):
     result: PyTree
 
 
+def from_file(function: Callable[..., Any], static: Sequence[str]) -> Callable[..., Any]:
+    """Return a function of the same results that is read from a file instead of being traced.
+
+    Args:
+      function: of a module, else no file is kept; to be called inside ``jax.jit`` alone.
+      static: names of its static arguments.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def call(*args, **kwargs):
+        bound = signature.bind(*args, **kwargs)
+        bound.apply_defaults()
+        arguments = bound.arguments
+        fixed = {name: arguments.pop(name) for name in static}
+        program, result = lowered(function, fixed, arguments)
+        values = program.call(*jax.tree.leaves(arguments))
+        return jax.tree.unflatten(jax.tree.structure(result), values)
+
+    return call
+
+
 def lowered(
     function: Callable[..., Any], static: Mapping[str, Any], arguments: Mapping[str, PyTree]
 ) -> Lowered:
     """Return the lowered program of a function, from its file if there is one.
 
     Args:
-      function: to be lowered; of a module, else no file is kept.
+      function: to be lowered.
       static: values of its static arguments.
       arguments: the other ones, of which types and shapes matter.
     """
     path = _path(function, static, arguments)
     found = path and _read(path)
-    if found:
-        return found
-    found = _lower(function, static, arguments)
-    if path:
-        _write(path, found)
+    if not found:
+        found = _lower(function, static, arguments)
+        if path:
+            _write(path, found)
     return found
-
-
-def settings() -> tuple[bool, str | None]:
-    """Return the settings of JAX on which a lowered program depends."""
-    return jax.config.jax_enable_x64, jax.config.jax_default_matmul_precision
 
 
 def folder() -> Path | None:
@@ -93,12 +109,12 @@ def _path(function, static, arguments):
     if where is None or "<locals>" in name:
         return None
     leaves, structure = jax.tree.flatten(dict(arguments))
-    types = [_type(leaf) for leaf in leaves]
+    types, precision = [_type(leaf) for leaf in leaves], jax.config.jax_default_matmul_precision
     asked = io.BytesIO()
     pickler = pickle.Pickler(asked)
     pickler.fast = True  # the same bytes whether or not equal parts are the same object
     try:
-        pickler.dump((name, dict(static), structure, types, settings(), _sources()))
+        pickler.dump((name, dict(static), structure, types, precision, _sources()))
     except (pickle.PicklingError, AttributeError, TypeError):
         return None
     return where / DIGEST(asked.getvalue()).hexdigest()
