@@ -67,7 +67,7 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
 
     Static arguments are hashed. Inside another transformation of JAX it is ``jax.jit`` itself, as
     only an outermost program has options of compilation. Where the user has set ``XLA_FLAGS`` these
-    rule. On a CPU later processes need not trace it (``lowering``).
+    rule. On one CPU device later processes need not trace it (``lowering``).
     """
 
     def decorate(function: Function) -> Function:
@@ -75,7 +75,7 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
 
         @functools.cache
         def program():
-            traced = from_file(function, static) if _on_cpu() else function
+            traced = from_file(function, static) if _on_one_cpu() else function
             return jax.jit(traced, static_argnames=static, compiler_options=options())
 
         @functools.wraps(function)
@@ -88,6 +88,6 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
     return decorate
 
 
-def _on_cpu():
-    device = jax.config.jax_default_device
-    return (getattr(device, "platform", device) or jax.default_backend()) == "cpu"
+def _on_one_cpu():
+    """Whether results belong on the only device: those of lowered programs are committed to it."""
+    return jax.default_backend() == "cpu" and jax.device_count() == 1
