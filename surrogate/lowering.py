@@ -2,7 +2,8 @@
 
 JAX finds compiled code by a program's StableHLO, so a process traces and lowers every program anew,
 which takes longer than loading the code. Here the StableHLO is found by the function, the types of
-its arguments and the source code of this project, all of which it depends on.
+its arguments and the source code of this project, all of which it depends on. Values that a process
+replaces in modules of this project, as tests do, are not seen.
 """
 
 import functools
@@ -10,6 +11,7 @@ import hashlib
 import inspect
 import io
 import pickle
+import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -24,6 +26,7 @@ from surrogate.files import whole_file
 
 LARGEST = 512 * 1024**2  # bytes of all files; those that were not used for longest are removed
 PACKAGES = ("jax", "jaxlib", "equinox", "jax-cfd", "numpy", "optax")
+LOADED = time.time()
 HERE = Path(__file__).parent
 SOURCES = HERE, HERE.parent / "shapeopt"
 DIGEST = hashlib.sha256
@@ -106,28 +109,34 @@ def _type(leaf):
 def _path(function, static, arguments):
     """The file of a program; None where there is no folder or it cannot be told from others."""
     where, name = folder(), f"{function.__module__}.{function.__qualname__}"
-    if where is None or "<locals>" in name:
+    code = _code()
+    if where is None or code is None or "<locals>" in name:
         return None
     leaves, structure = jax.tree.flatten(dict(arguments))
-    types, precision = [_type(leaf) for leaf in leaves], jax.config.jax_default_matmul_precision
+    types = [_type(leaf) for leaf in leaves]
+    settings = jax.config.jax_enable_x64, jax.config.jax_default_matmul_precision
     asked = io.BytesIO()
     pickler = pickle.Pickler(asked)
     pickler.fast = True  # the same bytes whether or not equal parts are the same object
     try:
-        pickler.dump((name, dict(static), structure, types, precision, _sources()))
+        pickler.dump((name, dict(static), structure, types, settings, code))
     except (pickle.PicklingError, AttributeError, TypeError):
         return None
     return where / DIGEST(asked.getvalue()).hexdigest()
 
 
+def _code():
+    """The source code and what it uses, as a digest; None if it was edited since it was loaded."""
+    files, digest = _sources()
+    return None if any(file.stat().st_mtime > LOADED for file in files) else digest
+
+
 @functools.cache
 def _sources():
-    """The digest of the source code, and the versions of the packages that it uses."""
+    """The files of the source code, and the digest of them and the versions of other packages."""
     files = sorted(path for source in SOURCES for path in source.rglob("*.py"))
-    digest = DIGEST()
-    for path in files:
-        digest.update(path.read_bytes())
-    return digest.digest(), [metadata.version(package) for package in PACKAGES]
+    versions = [metadata.version(package).encode() for package in PACKAGES]
+    return files, DIGEST(b"\n".join([*versions, *(path.read_bytes() for path in files)])).digest()
 
 
 def _read(path):

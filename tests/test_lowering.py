@@ -57,7 +57,7 @@ def test_a_program_is_read_from_its_file(files, monkeypatch):
 def test_another_program_has_another_file(files, monkeypatch, change):
     lower()
     if change == "source":
-        monkeypatch.setattr(lowering, "_sources", lambda: "edited")
+        monkeypatch.setattr(lowering, "_code", lambda: b"edited")
         lower()
     elif change == "precision":
         with jax.default_matmul_precision("float32"):
@@ -93,6 +93,13 @@ def test_without_a_writable_folder_programs_are_lowered(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "file" / "lowered")
     assert lower().result == {"sum": 0, "values": {"x": 1}}
+
+
+def test_code_that_was_edited_since_it_was_loaded_has_no_file(files, monkeypatch):
+    """What runs then is the code of before, which the file's text no longer shows."""
+    monkeypatch.setattr(lowering, "LOADED", 0.0)
+    assert lower().result == {"sum": 0, "values": {"x": 1}}
+    assert not files.exists()
 
 
 def test_functions_without_a_name_of_their_own_have_no_file(files):
