@@ -47,7 +47,7 @@ def full_single_precision(function: Callable) -> Callable:
     """Decorate a function so that its matrix products in single precision keep all 24 bits.
 
     By default GPUs round their factors to 11 bits (TF32) and TPUs to 8, with which GMRES misses
-    its tolerances.
+    its tolerances. What a function returns to be called later is not decorated by it.
     """
     return jax.default_matmul_precision("float32")(function)
 

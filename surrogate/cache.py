@@ -21,7 +21,8 @@ LEAST_SECONDS, JAX_SECONDS = 0.1, 1.0  # of compilation that are worth a file, h
 def use_compilation_cache() -> None:
     """Keep compiled code in the user's cache folder, if it is writable and no other is set.
 
-    In any folder, code is worth a file that took a tenth of a second unless the user says else.
+    In any folder, code is worth a file that took a tenth of a second, unless the user has set a
+    least time other than JAX's default.
     """
     if jax.config.jax_persistent_cache_min_compile_time_secs == JAX_SECONDS:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)

@@ -80,6 +80,8 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+            if jax.config.jax_disable_jit:
+                return function(*args, **kwargs)
             inner = nested if transformed(*jax.tree.leaves((args, kwargs))) else program()
             return inner(*args, **kwargs)
 
@@ -89,5 +91,8 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
 
 
 def _on_one_cpu():
-    """Whether results belong on the only device: those of lowered programs are committed to it."""
+    """Whether JAX has one CPU device and no other.
+
+    Results of lowered programs are committed to a device, which would be wrong among several.
+    """
     return jax.default_backend() == "cpu" and jax.device_count() == 1

@@ -35,6 +35,7 @@ def sum_of_powers(values, power):
 def files(tmp_path, monkeypatch):
     """The folder of the files, with no program in memory."""
     monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "lowered")
+    monkeypatch.setattr(lowering, "OWN", {"surrogate", __name__})
     return tmp_path / "lowered"
 
 
@@ -91,24 +92,68 @@ def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):
 
 def test_without_a_writable_folder_programs_are_lowered(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
+    monkeypatch.setattr(lowering, "OWN", {"surrogate", __name__})
     monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "file" / "lowered")
     assert lower().result == {"sum": 0, "values": {"x": 1}}
 
 
-def test_code_that_was_edited_since_it_was_loaded_has_no_file(files, monkeypatch):
-    """What runs then is the code of before, which the file's text no longer shows."""
-    monkeypatch.setattr(lowering, "LOADED", 0.0)
-    assert lower().result == {"sum": 0, "values": {"x": 1}}
+@pytest.mark.parametrize("case", ["edited", "removed", "a lambda", "of a script"])
+def test_what_cannot_be_told_from_others_has_no_file(files, monkeypatch, case):
+    """What runs after an edit is the code of before, which the file's text no longer shows."""
+    if case == "edited":
+        monkeypatch.setattr(lowering, "LOADED", 0.0)
+    elif case == "removed":
+        monkeypatch.setattr(lowering, "_sources", lambda: ([files / "gone.py"], b""))
+    elif case == "of a script":
+        monkeypatch.setattr(lowering, "OWN", {"surrogate"})
+    if case == "a lambda":
+        assert lowering.lowered(lambda x: 2 * x, {}, {"x": np.ones(3)}) is None
+    else:
+        assert lower() is None
     assert not files.exists()
 
 
-def test_functions_without_a_name_of_their_own_have_no_file(files):
-    found = lowering.lowered(lambda x: 2 * x, {}, {"x": np.ones(3)})
-    assert np.asarray(found.program.call(np.ones(3))[0]).tolist() == [2.0] * 3
-    assert not files.exists()
+def applied(function, x):
+    return function(x)
 
 
-def test_compiled_functions_equal_those_of_jit():
+@pytest.mark.parametrize(("module", "kept"), [("__main__", False), (__name__, True)])
+def test_static_functions_of_scripts_have_no_file(files, monkeypatch, module, kept):
+    """Only their names are stored, and scripts are not among the source code."""
+    monkeypatch.setattr(halved, "__module__", module)
+    found = lowering.lowered(applied, {"function": halved}, {"x": np.ones(3)})
+    assert (found is not None) == files.exists() == kept
+
+
+def with_a_callback(x):
+    jax.debug.print("x = {}", x)
+    return 2 * x
+
+
+def test_callbacks_are_traced(files):
+    traced = lowering.from_file(with_a_callback, ())
+    assert jax.jit(traced)(np.ones(2)).tolist() == [2.0, 2.0]
+
+
+def test_without_jit_functions_run_in_python():
+    with jax.disable_jit():
+        found = sum_of_powers({"x": np.ones(2)}, 2)
+    assert isinstance(found["values"]["x"], np.ndarray)
+
+
+def test_weak_types_do_not_reach_other_runs(files):
+    first = jax.jit(lowering.from_file(halved, ()))(2.0)
+    again = jax.jit(lowering.from_file(halved, ()))(2.0)
+    assert first.dtype == again.dtype == np.float64
+    assert not first.weak_type
+    assert not again.weak_type
+
+
+def halved(x):
+    return jnp.where(x > 0, x / 2, 0.0)
+
+
+def test_compiled_functions_equal_those_of_jit(files):
     values = {"x": np.array([1.0, 2.0, 3.0])}
     found = sum_of_powers(values, power=2)
     assert float(found["sum"]) == 14.0
@@ -116,6 +161,7 @@ def test_compiled_functions_equal_those_of_jit():
     slope = jax.grad(lambda x: sum_of_powers({"x": x}, 3)["sum"])(jnp.ones(2))
     assert slope.tolist() == [3.0, 3.0]
     assert float(sum_of_powers({"x": np.ones(2, np.float32)}, 2)["sum"]) == 2.0
+    assert len(list(files.iterdir())) == 2
 
 
 @pytest.mark.slow

@@ -155,9 +155,9 @@ def make_plan(
     seed = whole_number("seed", seed, 0, 2**31 - 1)
     infill, earlier = (), 0
     if infill_from is not None:
-        infill = infill_positions(infill_from, scene, seed, samples)
         earlier = infill_from.recorded("green_applications")
         earlier += infill_from.record.get("earlier_green_applications", 0)
+        infill = infill_positions(infill_from, scene, seed, samples)
     return Plan(
         method=method,
         scene=scene,
