@@ -199,8 +199,10 @@ def _read(path):
         return None
     with contextlib.suppress(OSError):
         os.utime(path)  # the time of its last use
-    program, result = pickle.loads(content[SIZE:])
-    return Lowered(export.deserialize(bytearray(program)), result)
+    with contextlib.suppress(Exception):  # as of another Python, or without flatbuffers
+        program, result = pickle.loads(content[SIZE:])
+        return Lowered(export.deserialize(bytearray(program)), result)
+    return None
 
 
 def _write(path, found):

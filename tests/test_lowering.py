@@ -77,6 +77,13 @@ def test_a_damaged_file_is_replaced(files):
     assert len(path.read_bytes()) == pytest.approx(len(whole), rel=0.1)
 
 
+def test_a_file_that_cannot_be_understood_is_replaced(files, monkeypatch):
+    lower()
+    with monkeypatch.context() as patch:
+        patch.setattr("jax.export.deserialize", lambda program: 1 / 0)
+        assert lower().result == {"sum": 0, "values": {"x": 1}}
+
+
 def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):
     for power in (5, 4, 3):
         lower(power)
