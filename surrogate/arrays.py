@@ -46,8 +46,8 @@ def compute_where(wanted: Bool[AnyArray, ""], compute: Callable, otherwise: PyTr
 def full_single_precision(function: Callable) -> Callable:
     """Decorate a function so that its matrix products in single precision keep all 24 bits.
 
-    By default GPUs round their factors to 11 bits (TF32) and TPUs to 8, with which GMRES misses
-    its tolerances. What a function returns to be called later is not decorated by it.
+    By default GPUs round their factors to 11 bits (TF32) and TPUs to 8, with which GMRES does
+    not converge to its tolerance. A returned function, called later, is not decorated.
     """
     return jax.default_matmul_precision("float32")(function)
 

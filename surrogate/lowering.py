@@ -37,6 +37,7 @@ PACKAGES = (
     *("jax", "jaxlib", "jax-cfd", "equinox", "optax", "numpy", "scipy"),
     *("jaxtyping", "opt-einsum", "tree-math"),
 )
+OTHERS = {name.replace("-", "_") for name in PACKAGES} | sys.stdlib_module_names
 SETTINGS = (
     *("jax_enable_x64", "jax_default_matmul_precision", "jax_default_prng_impl"),
     *("jax_numpy_dtype_promotion", "jax_numpy_rank_promotion"),
@@ -135,7 +136,7 @@ def _type(leaf):
 
 
 def _path(function, static, arguments):
-    """The file of a program; None where there is no folder or it cannot be told from others."""
+    """The file of a program; None where there is no folder or no unique name."""
     where = folder()
     code = None if where is None else _code()
     if code is None:
@@ -164,9 +165,7 @@ class _Pickler(pickle.Pickler):
 def _check_known(value):
     """Raise PicklingError for what is stored by its name, where its code is no part of the key."""
     package = value.__module__.partition(".")[0]
-    others = {name.replace("-", "_") for name in PACKAGES}
-    known = package in OWN | others or package in sys.stdlib_module_names
-    if not known or "<" in value.__qualname__:
+    if package not in OWN | OTHERS or "<" in value.__qualname__:
         raise pickle.PicklingError(f"{value!r} is unknown")
 
 

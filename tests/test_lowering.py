@@ -105,7 +105,7 @@ def test_without_a_writable_folder_programs_are_lowered(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", ["edited", "removed", "a lambda", "of a script"])
-def test_what_cannot_be_told_from_others_has_no_file(files, monkeypatch, case):
+def test_programs_without_a_unique_name_have_no_file(files, monkeypatch, case):
     """What runs after an edit is the code of before, which the file's text no longer shows."""
     if case == "edited":
         monkeypatch.setattr(lowering, "LOADED", 0.0)

@@ -1,7 +1,7 @@
 """Products of matrices in single precision, which accelerators round further unless asked not to.
 
-A GPU's TF32 keeps 11 bits of a factor: GMRES then misses its tolerances, and some flows end without
-a solution that a CPU finds.
+A GPU's TF32 keeps 11 bits of a factor: GMRES then does not converge to its tolerance, and some
+flows that converge on a CPU do not.
 """
 
 import jax
