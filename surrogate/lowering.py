@@ -1,24 +1,15 @@
-"""Programs as lowered by an earlier process, from files beside JAX's cache of compiled code.
+"""Programs as an earlier process lowered them, instead of being traced again.
 
 Lowering turns the traced Python function into StableHLO, the text that XLA compiles. JAX finds
 compiled code by this text, so a process traces and lowers every program anew, which takes longer
-than loading the code. Here the StableHLO is found by all that it depends on: the function, the
-types of its arguments, settings of JAX, the source code of this project and the versions of others.
-Values that a process replaces in modules of this project, as tests do, are not seen.
+than loading the code. Here the text itself is kept in a file (``program_files``).
 """
 
 import contextlib
 import functools
-import hashlib
 import inspect
-import io
-import os
 import pickle
-import sys
-import time
-import types
 from collections.abc import Callable, Mapping, Sequence
-from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,24 +17,7 @@ import jax
 from jax import export
 from jaxtyping import PyTree
 
-from surrogate.files import whole_file
-
-LARGEST = 512 * 1024**2  # bytes of all files; those that were not used for longest are removed
-LOADED = time.time()
-HERE = Path(__file__).parent
-SOURCES = HERE, HERE.parent / "shapeopt"
-OWN = {"surrogate", "shapeopt"}
-PACKAGES = (
-    *("jax", "jaxlib", "jax-cfd", "equinox", "optax", "numpy", "scipy"),
-    *("jaxtyping", "opt-einsum", "tree-math"),
-)
-OTHERS = {name.replace("-", "_") for name in PACKAGES} | sys.stdlib_module_names
-SETTINGS = (
-    *("jax_enable_x64", "jax_default_matmul_precision", "jax_default_prng_impl"),
-    *("jax_numpy_dtype_promotion", "jax_numpy_rank_promotion"),
-)
-DIGEST = hashlib.sha256
-SIZE = DIGEST().digest_size
+from surrogate.program_files import program_path, read_content, type_of, write_content
 
 
 class Lowered(NamedTuple):
@@ -91,7 +65,7 @@ def lowered(
     Returns:
       The program; None if it can be kept in no file.
     """
-    path = _path(function, static, arguments)
+    path = program_path(function, static, arguments)
     if path is None:
         return None
     found = _read(path)
@@ -104,16 +78,9 @@ def lowered(
     return found
 
 
-def folder() -> Path | None:
-    """Return the folder of the files, None where JAX's cache of compiled code is off or remote."""
-    cache = jax.config.jax_compilation_cache_dir
-    local = cache and "://" not in cache and jax.config.jax_enable_compilation_cache
-    return Path(cache) / "lowered" if local else None
-
-
 def _lower(function, static, arguments):
     leaves, structure = jax.tree.flatten(dict(arguments))
-    types = [jax.ShapeDtypeStruct(*_type(leaf)) for leaf in leaves]
+    types = [jax.ShapeDtypeStruct(*type_of(leaf)) for leaf in leaves]
     signature, results = inspect.signature(function), []
 
     def program(*leaves):
@@ -131,87 +98,17 @@ def _strong(value):
     return jax.lax.convert_element_type(value, jax.typeof(value).dtype)
 
 
-def _type(leaf):
-    return jax.typeof(leaf).shape, jax.typeof(leaf).dtype
-
-
-def _path(function, static, arguments):
-    """The file of a program; None where there is no folder or no unique name."""
-    where = folder()
-    code = None if where is None else _code()
-    if code is None:
-        return None
-    leaves, structure = jax.tree.flatten(dict(arguments))
-    settings = [getattr(jax.config, name) for name in SETTINGS]
-    asked = io.BytesIO()
-    pickler = _Pickler(asked)
-    pickler.fast = True  # the same bytes whether or not equal parts are the same object
-    name = function.__module__, function.__qualname__
-    try:
-        _check_known(function)
-        pickler.dump((name, dict(static), structure, [*map(_type, leaves)], settings, code))
-    except (pickle.PicklingError, AttributeError, TypeError, ValueError, RecursionError):
-        return None
-    return where / DIGEST(asked.getvalue()).hexdigest()
-
-
-class _Pickler(pickle.Pickler):
-    def reducer_override(self, value):
-        if isinstance(value, type | types.FunctionType):
-            _check_known(value)
-        return NotImplemented
-
-
-def _check_known(value):
-    """Raise PicklingError for what is stored by its name, where its code is no part of the key."""
-    package = value.__module__.partition(".")[0]
-    if package not in OWN | OTHERS or "<" in value.__qualname__:
-        raise pickle.PicklingError(f"{value!r} is unknown")
-
-
-def _code():
-    """The source code and what it uses, as a digest; None if it was edited since it was loaded."""
-    try:
-        files, digest = _sources()
-        states = [file.stat() for file in files]
-    except (OSError, metadata.PackageNotFoundError):
-        return None
-    edited = any(max(state.st_mtime, state.st_ctime) > LOADED for state in states)
-    return None if edited else digest
-
-
-@functools.cache
-def _sources():
-    """The files of the source code, and the digest of them and the versions of other packages."""
-    files = sorted(path for source in SOURCES for path in source.rglob("*.py"))
-    versions = [metadata.version(package).encode() for package in PACKAGES]
-    return files, DIGEST(b"\n".join([*versions, *(path.read_bytes() for path in files)])).digest()
-
-
-def _read(path):
-    """What a file holds; None if there is none, or a damaged one."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    if DIGEST(content[SIZE:]).digest() != content[:SIZE]:
-        return None
-    with contextlib.suppress(OSError):
-        os.utime(path)  # the time of its last use
-    with contextlib.suppress(Exception):  # as of another Python, or without flatbuffers
-        program, result = pickle.loads(content[SIZE:])
-        return Lowered(export.deserialize(bytearray(program)), result)
+def _read(path: Path) -> Lowered | None:
+    """Return what a file holds; None if there is none, or one that cannot be understood."""
+    content = read_content(path)
+    if content is not None:
+        with contextlib.suppress(Exception):  # as of another Python, or without flatbuffers
+            program, result = pickle.loads(content)
+            return Lowered(export.deserialize(bytearray(program)), result)
     return None
 
 
-def _write(path, found):
-    """Write a file if that is possible, and remove others if all are too large."""
+def _write(path: Path, found: Lowered) -> None:
+    """Write a program to its file if that is possible."""
     with contextlib.suppress(Exception):  # it would only save time
-        content = pickle.dumps((bytes(found.program.serialize()), found.result))
-        with whole_file(path) as part:
-            part.write_bytes(DIGEST(content).digest() + content)
-        size = 0
-        for file in sorted(path.parent.iterdir(), key=lambda file: -file.stat().st_mtime):
-            size += file.stat().st_size
-            if size > LARGEST:
-                file.unlink(missing_ok=True)
+        write_content(path, pickle.dumps((bytes(found.program.serialize()), found.result)))

@@ -55,7 +55,7 @@ def memory_maps():
 def no_lowered_files():
     """Lowered programs stay in memory: tests replace constants on which these depend."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("surrogate.lowering.folder", lambda: None)
+        patch.setattr("surrogate.program_files.folder", lambda: None)
         yield
 
 

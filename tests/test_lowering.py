@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import lowering
+from surrogate import lowering, program_files
 from surrogate.compilation import compiled
 
 DRAG = """
@@ -34,8 +34,8 @@ def sum_of_powers(values, power):
 @pytest.fixture
 def files(tmp_path, monkeypatch):
     """The folder of the files, with no program in memory."""
-    monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "lowered")
-    monkeypatch.setattr(lowering, "OWN", {"surrogate", __name__})
+    monkeypatch.setattr(program_files, "folder", lambda: tmp_path / "lowered")
+    monkeypatch.setattr(program_files, "OWN", {"surrogate", __name__})
     return tmp_path / "lowered"
 
 
@@ -58,7 +58,7 @@ def test_a_program_is_read_from_its_file(files, monkeypatch):
 def test_another_program_has_another_file(files, monkeypatch, change):
     lower()
     if change == "source":
-        monkeypatch.setattr(lowering, "_code", lambda: b"edited")
+        monkeypatch.setattr(program_files, "_code", lambda: b"edited")
         lower()
     elif change == "precision":
         with jax.default_matmul_precision("float32"):
@@ -90,7 +90,7 @@ def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):
     for path in files.iterdir():
         os.utime(path, (1e9, 1e9))
     lower(5)  # its use renews it
-    monkeypatch.setattr(lowering, "LARGEST", 2.5 * path.stat().st_size)
+    monkeypatch.setattr(program_files, "LARGEST", 2.5 * path.stat().st_size)
     lower(6)
     assert len(list(files.iterdir())) == 2
     monkeypatch.setattr(lowering, "_lower", None)
@@ -99,8 +99,8 @@ def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):
 
 def test_without_a_writable_folder_programs_are_lowered(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
-    monkeypatch.setattr(lowering, "OWN", {"surrogate", __name__})
-    monkeypatch.setattr(lowering, "folder", lambda: tmp_path / "file" / "lowered")
+    monkeypatch.setattr(program_files, "OWN", {"surrogate", __name__})
+    monkeypatch.setattr(program_files, "folder", lambda: tmp_path / "file" / "lowered")
     assert lower().result == {"sum": 0, "values": {"x": 1}}
 
 
@@ -108,11 +108,11 @@ def test_without_a_writable_folder_programs_are_lowered(tmp_path, monkeypatch):
 def test_programs_without_a_unique_name_have_no_file(files, monkeypatch, case):
     """What runs after an edit is the code of before, which the file's text no longer shows."""
     if case == "edited":
-        monkeypatch.setattr(lowering, "LOADED", 0.0)
+        monkeypatch.setattr(program_files, "LOADED", 0.0)
     elif case == "removed":
-        monkeypatch.setattr(lowering, "_sources", lambda: ([files / "gone.py"], b""))
+        monkeypatch.setattr(program_files, "_sources", lambda: ([files / "gone.py"], b""))
     elif case == "of a script":
-        monkeypatch.setattr(lowering, "OWN", {"surrogate"})
+        monkeypatch.setattr(program_files, "OWN", {"surrogate"})
     if case == "a lambda":
         assert lowering.lowered(lambda x: 2 * x, {}, {"x": np.ones(3)}) is None
     else:
