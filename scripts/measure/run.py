@@ -60,7 +60,8 @@ MODULES = {  # the studies of every module
     "particle": "particle",
     "particle_codes": "particle_codes",
     "settling": "settling",
-    "speed": "speed space_speed space_rival network",
+    "speed": "speed network",
+    "speed_3d": "space_speed space_rival",
     "three_loads": "three_loads three_loads_lift",
     "training": "training training_space",
     "trust": "trust trust_space",
@@ -181,6 +182,11 @@ def keep(
     with whole_file(Path(out) / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n")
     return record
+
+
+def recorded(name: str) -> Result:
+    """Return the result of a study from its record."""
+    return json.loads((RESULTS / f"{name}.json").read_text())["result"]
 
 
 def _machine() -> Row:

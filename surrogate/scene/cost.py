@@ -24,8 +24,8 @@ class Convolutions(NamedTuple):
         too large to be stored.
       design_flows: flows, each with its adjoint, of a design without a surrogate.
       overhead: seconds of a whole flow over those of its convolutions alone, as
-        ``convolution_seconds`` has them. It depends on the processor: in 3-D it was 1.7 on an Intel
-        Xeon, and half of that on an AMD EPYC.
+        ``convolution_seconds`` has them. It depends on the processor and on the hour: on an AMD
+        EPYC 0.8 and 2.0 were measured for symmetric 3-D bodies on two days.
     """
 
     flow: float
@@ -37,9 +37,9 @@ class Convolutions(NamedTuple):
 
 # By the dimension, and whether bodies have the mirror plane y = 0, in 3-D z = 0.
 CONVOLUTIONS = {
-    (2, True): Convolutions(34.0, 8.4, 0.0, 11.0, 1.8),
-    (2, False): Convolutions(56.0, 50.0, 19.0, 8.0, 1.7),
-    (3, True): Convolutions(47.0, 7.4, 33.0, 5.0, 1.0),
+    (2, True): Convolutions(35.0, 8.6, 0.0, 6.0, 2.2),
+    (2, False): Convolutions(56.0, 50.0, 19.0, 8.0, 1.9),
+    (3, True): Convolutions(47.0, 7.4, 33.0, 5.0, 1.6),
     (3, False): Convolutions(83.0, 26.0, 54.0, 6.5, 1.0),
 }
 
