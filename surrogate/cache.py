@@ -1,8 +1,8 @@
 """JAX's persistent compilation cache, which later processes start from; on by default.
 
 JAX's own settings rule: ``JAX_COMPILATION_CACHE_DIR=/folder`` moves it (and leaves its size to
-JAX), ``JAX_ENABLE_COMPILATION_CACHE=false`` turns it off. The same by ``jax.config.update``. The files
-of ``program_files`` lie in the same folder.
+JAX), ``JAX_ENABLE_COMPILATION_CACHE=false`` turns it off. The same by ``jax.config.update``. The
+files of ``program_files`` lie in the same folder.
 """
 
 import os

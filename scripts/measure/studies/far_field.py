@@ -10,7 +10,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from studies.constants import record
+from run import recorded
 from studies.lift import BODIES
 from studies.trust import against_elements
 from study import TINY, Result, Row, Run, Study, Table, cases, columns
@@ -29,7 +29,7 @@ CASES = cases(kind=KINDS, order=(2, 3))
 
 def symmetric_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
     """Yield the symmetric bodies of ``trust`` with their Re and loads, by elements."""
-    for row in against_elements(record("trust")):
+    for row in against_elements(recorded("trust")):
         truth = row["drag"] / (1 + row["error"])
         yield family_shape(row["parameters"]), row["reynolds"], np.array([truth, 0.0, 0.0])
 
@@ -37,7 +37,7 @@ def symmetric_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
 def lifting_bodies() -> Iterator[tuple[Shape, float, np.ndarray]]:
     """Yield the bodies of ``lift`` with their Re and loads, by elements."""
     parameters = {name_of(body): body for body, _ in BODIES}
-    for row in record("lift")["rows"]:
+    for row in recorded("lift")["rows"]:
         if row["fidelity"] == "standard":
             drag = row["cd"] / (1 + row["cd_error"])
             loads = (row[name] - row[f"{name}_error"] * drag for name in ("cd", "cl", "cm"))
