@@ -13,7 +13,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from study import TINY, Row, Run, Study, Table, columns
+from study import TINY, Row, Run, Study, Table, cases, columns
 from tools import cold_cache
 
 from surrogate import Flow, Scene
@@ -21,7 +21,9 @@ from surrogate.compilation import QUICK
 from surrogate.flow.solver import steady
 
 ROOT = Path(__file__).parents[3]
-EXAMPLE = "the README's example"
+EXAMPLE, COMMAND = "the README's example", "the README's first command"
+PAYOFF = "from shapeopt.commands.payoff_command import main\n"
+PAYOFF += 'main(["--preset", "quick", "--out", "quick"])'
 SHOWN = 8  # programs of each run
 ROUNDS = 9  # runs of a program, of which the fastest counts
 SHORT = "import surrogate, jax.numpy\njax.numpy.arange(3.0).sum()"  # of tiny runs
@@ -45,7 +47,7 @@ print(json.dumps({{"seconds": seconds, "programs": programs, "traced": traced}})
 
 def processes(run: Run, what: str) -> list[Row]:
     """Run code in a new process, first without compiled code, then with what the first left."""
-    code = SHORT if run.tiny else _example()
+    code = run.pick(SHORT, PAYOFF if what == COMMAND else _example())
     with tempfile.TemporaryDirectory() as scratch:
         return [{"cache": cache} | _process(code, scratch, cache) for cache in ("empty", "filled")]
 
@@ -112,7 +114,7 @@ WAYS = [{"name": "default", "options": {}}, {"name": "quick", "options": QUICK}]
 STUDIES = {
     "compilation": Study(
         [
-            Table([{"what": EXAMPLE}], processes, PROCESSES),
+            Table(cases(what=(EXAMPLE, COMMAND)), processes, PROCESSES),
             Table(WAYS, options, OPTIONS, key="options", tiny="last"),
         ]
     )
