@@ -9,9 +9,11 @@ import pytest
 
 from shapeopt.commands.cli import Parser
 from surrogate import InvalidInput
+from surrogate.scene.fidelity import NAMED
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
+GLOSSARY = ROOT / "surrogate" / "GLOSSARY.md"
 MODULES = {"payoff": "payoff_command"}  # of commands that are called otherwise
 
 
@@ -44,6 +46,12 @@ def test_the_first_hour_runs(tmp_path, capsys):
 def test_ci_runs_the_readmes_test_command():
     command = next(line for line in README.splitlines() if line.endswith("-m pytest"))
     assert command in (ROOT / ".ci" / "run").read_text().splitlines()
+
+
+def test_the_glossary_has_the_tolerances():
+    (line,) = re.findall(r"\| fidelity \| (.*) \|", GLOSSARY.read_text())
+    stated = [float(number) / 100 for number in re.findall(r"([\d.]+) %", line)]
+    assert stated == [level.tolerance for d in (2, 3) for level in NAMED[d].values()]
 
 
 def test_every_script_and_picture_named_exists():
