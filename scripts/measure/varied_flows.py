@@ -121,6 +121,7 @@ def surface_errors(what: str, run: Run, value: tuple[float, ...]) -> Iterator[fl
         body = domain, shape.markers(domain.nodes), solve(domain, shape, 1.0)
         vorticity = mock.patch.object(forces_2d, "VORTICITY_PROBES", value)
         with vorticity, mock.patch.object(pressure, "PRESSURE_PROBES", value):
+            forces_2d.friction_coefficient.clear_cache()  # compiled with the last value
             found = surface_of(*body, shape.draw(400), 1.0)
         along, waves = outward(jnp.asarray(found.markers))[:, 1], abs(np.fft.rfft(found.cf))
         yield {
