@@ -10,8 +10,17 @@ import pytest
 
 import shapeopt
 from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise
-from shapeopt.commands import entry, optimize_shape, solve_drag
-from surrogate import Family, Flow, InvalidInput, Scene, family_shape, load, naca4
+from shapeopt.commands import entry, optimize_shape, predict_drag, solve_drag
+from surrogate import (
+    Family,
+    Flow,
+    InvalidInput,
+    Scene,
+    contour_shape,
+    family_shape,
+    load,
+    naca4,
+)
 
 BODY = [2.0, 0.1, 0.0, 0.0]
 
@@ -43,6 +52,49 @@ def test_the_name_of_a_section_is_a_body(tiny_scene):
     assert flow.solve("NACA 0050", 10.0, estimate=False).shape.chord == pytest.approx(1.5, abs=0.2)
     with pytest.raises(InvalidInput, match="four digits"):
         flow.solve("circle", 10.0)
+
+
+def test_sections_by_other_spellings():
+    section = naca4("2412")
+    for code in ("NACA 2412", "naca2412", 2412):
+        assert np.array_equal(naca4(code), section)
+    with pytest.raises(InvalidInput, match=r"contour_shape\(read_contour\(file\)\)"):
+        naca4("wing.csv")
+
+
+def test_a_contour_in_millimetres_that_keeps_its_size_has_a_hint():
+    with pytest.raises(InvalidInput, match="80 D long as given; without keep_size"):
+        contour_shape(80.0 * naca4("0012"), keep_size=True)
+
+
+@pytest.mark.parametrize(
+    ("option", "meant"),
+    [("--aoa", "--incidence"), ("--Re", "--reynolds"), ("--AoA", "--incidence")],
+)
+def test_options_as_other_programs_call_them(option, meant):
+    with pytest.raises(InvalidInput, match=f"did you mean {meant}"):
+        solve_drag.main(["--aspect", "2", option, "3"])
+
+
+def test_several_incidences_are_predicted_at_once():
+    words = [
+        "--surrogate",
+        "pretrained:lift",
+        "--aspect",
+        "3",
+        "--reynolds",
+        "20,40",
+        "--incidence",
+    ]
+    rows = predict_drag.main([*words, "0,4"])["results"]
+    assert [(row["incidence"], row["reynolds"]) for row in rows] == [
+        (0, 20),
+        (0, 40),
+        (4, 20),
+        (4, 40),
+    ]
+    assert rows[3]["cl"] == predict_drag.main([*words, "4"])["results"][1]["cl"] > 0.2
+    assert rows[0]["cl"] == 0
 
 
 def test_problems_take_plain_numbers(net):
@@ -153,5 +205,5 @@ def test_help_tells_the_familys_formula_and_what_its_parameters_do(capsys):
     printed = capsys.readouterr().out
     assert "beta3 sin 3t" in printed
     assert Path(printed.split("words and symbols: ")[1].strip()).is_file()
-    for phrase in ("fuller fore or aft", "blunt or pointed ends", "finer fore and aft"):
+    for phrase in ("fuller fore or aft", "blunt or pointed ends", "fuller nose and finer tail"):
         assert phrase in printed

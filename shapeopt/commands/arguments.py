@@ -68,9 +68,27 @@ def add_body_arguments(parser: Parser) -> None:
         help="CSV of x,y, Selig or Lednicer .dat; the stream is along +x, the area scaled to pi/4",
     )
     add("--naca", help="NACA 4-digit section, as 0012")
+    add_incidence_argument(parser)
+    add(
+        "--keep-size",
+        action="store_true",
+        help="points are in D already: not scaled to the area pi/4",
+    )
+
+
+def add_incidence_argument(parser: Parser) -> None:
+    """Add the option --incidence, of one or several angles."""
     incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or FIRST:LAST:COUNT (0)"
-    add("--incidence", default="0", help=incidence)
-    add("--keep-size", action="store_true", help="do not scale a contour")
+    parser.add_argument("--incidence", default="0", help=incidence)
+
+
+def incidences_of(arguments: argparse.Namespace) -> list[float]:
+    """Return the incidences that the option gives, in degrees.
+
+    Raises:
+      InvalidInput: it gives none.
+    """
+    return numbers(arguments.incidence, "--incidence", "-4,0,4", "-4:12:9", logarithmic=False)
 
 
 def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, Shape]:
@@ -79,8 +97,7 @@ def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, 
     Raises:
       InvalidInput: there is none, or options contradict each other.
     """
-    turns = numbers(arguments.incidence, "--incidence", "-4,0,4", "-4:12:9", logarithmic=False)
-    return {turn: _shape(arguments, turn, dimension) for turn in turns}
+    return {turn: _shape(arguments, turn, dimension) for turn in incidences_of(arguments)}
 
 
 def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:

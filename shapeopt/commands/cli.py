@@ -1,7 +1,9 @@
 """What all commands share: argument parsing, exit statuses, SIGTERM and JSON output."""
 
 import argparse
+import contextlib
 import json
+import os
 import re
 import signal
 import sys
@@ -23,6 +25,11 @@ STATUSES = (
     "130 interrupted"
 )
 
+OTHER_WORDS = {  # options by which other programs call the same
+    **dict.fromkeys(("--aoa", "--alpha", "--angle-of-attack"), "--incidence"),
+    **dict.fromkeys(("--re", "--rey"), "--reynolds"),
+    "--cl": "--lift",
+}
 GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")
 
 
@@ -52,8 +59,9 @@ class Parser(argparse.ArgumentParser):
         """Raise InvalidInput with argparse's message and the option or choice that may be meant."""
         hint = ""
         if wrong := re.search(r"unrecognized arguments: (--[\w-]+)", message):
-            known = (name for action in self._actions for name in action.option_strings)
-            hint = did_you_mean(wrong[1], known)
+            known = [name for action in self._actions for name in action.option_strings]
+            word = OTHER_WORDS.get(wrong[1].lower(), wrong[1].lower())
+            hint = did_you_mean(word, known)
         elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
         raise InvalidInput(message + hint)
@@ -70,7 +78,7 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
     """Run the main function of a command and return the exit status.
 
     An error becomes one line on stderr, and so does every warning. SIGTERM, by which job schedulers
-    end a job, acts as Ctrl-C.
+    end a job, acts as Ctrl-C, which ends the process.
     """
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -88,11 +96,20 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
             raise
         status, message = BAD_INPUT, FULL
     except KeyboardInterrupt:
-        status, message = INTERRUPTED, "interrupted; the same command resumes a training"
+        _print_line("interrupted; the same command resumes a training")
+        _end_at_once(INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)
     _print_line(message)
     return status
+
+
+def _end_at_once(status: int) -> NoReturn:
+    """End the process; XLA's threads that compile still would crash a usual end now and then."""
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(status)
 
 
 def memory_is_full(error: jax.errors.JaxRuntimeError) -> bool:

@@ -20,7 +20,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments and write the file."""
     parser = Parser(__doc__)
     parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
-    parser.add_argument("--to", required=True, choices=TARGETS, help="language of the file")
+    parser.add_argument(
+        "--to", type=str.lower, required=True, choices=TARGETS, help="language of the file"
+    )
     parser.add_argument("--out", required=True, help="file: .c, .f90, .py or .onnx")
     parser.add_argument("--prefix", default=PREFIX, help="of the names in C and Fortran")
     parser.add_argument("--precision", default="double", choices=PRECISIONS, help="of all numbers")

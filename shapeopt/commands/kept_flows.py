@@ -19,7 +19,10 @@ EXAMPLE = "0.3,0.001,1.2,1.5e-5"
 def add_kept_arguments(parser: Parser) -> None:
     """Add the options --out (folder of the flow) and --fluid (forces in newtons)."""
     parser.add_argument("--out", help="folder of contour, fields and picture; one each of several")
-    fluid = "forces in N (2-D: a metre of span) for U,D,RHO[,NU] in m/s, m, kg/m^3, m^2/s"
+    fluid = (
+        "forces in N (2-D: a metre of span) for U,D,RHO[,NU] in m/s, m, kg/m^3, m^2/s, D the "
+        "equivalent diameter"
+    )
     parser.add_argument("--fluid", help=f"{fluid}, as {EXAMPLE}; NU checks that Re = U D / nu")
 
 

@@ -99,7 +99,8 @@ def _design(
             design = designer.design(problem, report)
         else:
             design = optimise(problem, model)
-        progress(0.5, f"{design.objective:.4f} after {design.calls + design.flows} drags")
+        work = f"after {design.calls + design.flows} drags, to be verified"
+        progress(0.5, f"{design.objective:.4f} {work}")
         verified = design.verified
         progress(1.0, f"{verified.objective:.4f} verified")
     return design
@@ -122,9 +123,10 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
         lifts += f"; none settles faster at Archimedes number {archimedes:g}"
-    beside = "" if lifting else _beside(r, round_body)
+    beside = "" if lifting else _beside(r, round_body, relative)
+    numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     lines = [
-        f"Re {r['reynolds']:g}: {shape}, chord {r['chord']:.4f} D{lifts}",
+        f"Re {', '.join(f'{re:g}' for re in numbers)}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
@@ -133,7 +135,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     if late := [case for case in known if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
-        lines.append(f"  at the end of its range: {', '.join(ends)}; a wider one may have better")
+        wider = "surrogates and scenes of wider ranges may have better"
+        lines.append(f"  at the end of its range: {', '.join(ends)}; {wider}")
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "
@@ -143,13 +146,14 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     return "\n".join(lines)
 
 
-def _beside(r: JsonObject, round_body: str) -> str:
+def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
     """The drag beside that of the cylinder or sphere; empty where that is not known."""
     if r["cd_start"] is None:
         return ""
     gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
     side = "below" if gain >= 0 else "above"
-    return f"{abs(gain):.1f} % {side} the {round_body}'s {r['cd_start']:.4f}; "
+    whose = round_body if relative else f"{round_body}'s {r['cd_start']:.4f}"
+    return f"{abs(gain):.1f} % {side} the {whose}; "
 
 
 def _parser() -> Parser:

@@ -3,18 +3,27 @@
 python scripts/predict_drag.py --surrogate pretrained --aspect 2 --reynolds 1,10,40
 python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reynolds 20 --verify
 python scripts/predict_drag.py --aspect 4 --chord-reynolds 2:60:log20 --reference chord --json
+python scripts/predict_drag.py --surrogate pretrained:lift --aspect 3 --incidence 0,4 --reynolds 40
 python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
 
 Bodies with camber or incidence have Cl and Cm too, where the surrogate was trained for them.
 """
 
+import argparse
 from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from shapeopt.commands.arguments import METHODS_HELP, add_family_arguments, family_named
+from shapeopt.commands.arguments import (
+    METHODS_HELP,
+    SECTION,
+    add_family_arguments,
+    add_incidence_argument,
+    family_named,
+    incidences_of,
+)
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.sections import (
     CHORD,
@@ -26,6 +35,7 @@ from shapeopt.commands.sections import (
     reynolds_of,
     unsteady_remark,
 )
+from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import family_shape
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
@@ -41,28 +51,42 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = _parser().parse_args(argv)
     if arguments.aspect is None:
         raise InvalidInput("body: --aspect is needed")
-    surrogate, named = load(arguments.surrogate), family_named(arguments)
-    dimension = surrogate.scene.dimension
-    check_reference(arguments.reference, dimension)
-    shape = family_shape(named, dimension=dimension)  # refuses what is no body
-    reynolds, onset = reynolds_of(arguments, shape.chord, dimension), onset_of(shape)
-    parameters = surrogate.scene.family.parameters(named)
-    at = arguments.reference, arguments.extrapolate
-    results = [_predict(surrogate, parameters, re, *at) | {"onset": onset} for re in reynolds]
-    if arguments.verify:
-        for row in results:
-            row |= _verify(surrogate, parameters, row)
+    surrogate, turns = load(arguments.surrogate), incidences_of(arguments)
+    check_reference(arguments.reference, surrogate.scene.dimension)
+    results = [row for turn in turns for row in _at_incidence(surrogate, arguments, turn)]
+    family = surrogate.scene.family
     result = {
         "results": results,
         "surrogate": arguments.surrogate,
         "method": surrogate.recorded("method"),
         "warning": surrogate.inaccuracy,
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
-        "parameters": surrogate.scene.family.named(parameters),
+        "parameters": family.named(family.parameters(_named(arguments, turns[0]))),
     }
     return emit(
         result, arguments.json, "\n".join([reference_line(results[0]), *map(_line, results)])
     )
+
+
+def _named(arguments: argparse.Namespace, incidence: float) -> dict[str, float]:
+    """Return the body's parameters by name, its incidence too unless it is 0."""
+    named = family_named(arguments, SECTION)
+    return named | {INCIDENCE.name: incidence} if incidence else named
+
+
+def _at_incidence(
+    surrogate: Surrogate, arguments: argparse.Namespace, incidence: float
+) -> list[JsonObject]:
+    """Return the rows of the body at one incidence, for every Re."""
+    family, named = surrogate.scene.family, _named(arguments, incidence)
+    shape = family_shape(named, dimension=family.dimension)  # refuses what is no body
+    parameters, rows = family.parameters(named), []
+    for reynolds in reynolds_of(arguments, shape.chord, family.dimension):
+        at = parameters, reynolds, arguments.reference
+        row = {"incidence": incidence, **_predict(surrogate, *at, arguments.extrapolate)}
+        row["onset"] = onset_of(shape)
+        rows.append(row | (_verify(surrogate, parameters, row) if arguments.verify else {}))
+    return rows
 
 
 def _predict(
@@ -138,7 +162,8 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
 
 
 def _line(r: JsonObject) -> str:
-    line = f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
+    turned = f"incidence {r['incidence']:<5g} " if r["incidence"] else ""
+    line = f"{turned}Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
     lifts = r["cl"] or r["cm"]
     line += f" Cl {r['cl']:.4f} Cm {r['cm']:.4f}" if lifts else ""
     if r["cd_error_bound"] is not None:
@@ -159,7 +184,8 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     models = f"folder, or pretrained[:METHOD]; {METHODS_HELP}"
     parser.add_argument("--surrogate", default="pretrained", help=models)
-    add_family_arguments(parser)
+    add_family_arguments(parser, SECTION)
+    add_incidence_argument(parser)
     add_reynolds_arguments(parser)
     add_reference_argument(parser)
     beyond = "answer outside the trained ranges too"

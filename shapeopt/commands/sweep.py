@@ -20,7 +20,7 @@ COLUMNS = {  # of the text: key in a row, head and format
     "cd_pressure": ("pressure", ".4f"),
     "cd_friction": ("friction", ".4f"),
     "cl": ("Cl", ".4f"),
-    "estimated_lift_error": ("Cl +-", ".4f"),
+    "estimated_lift_error": ("Cl bound", ".4f"),
     "cm": ("Cm", ".4f"),
     "expected_error": ("expected error", ".2%"),
     "estimated_error": ("bound", ".2%"),

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.problem.scenarios import Scenarios
+from shapeopt.problem.scenarios import NO_LIFT, Scenarios
 from surrogate.arrays import AnyArray, Number
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput
@@ -94,7 +94,7 @@ class Glide(AtReynolds):
           InvalidInput: the scene's bodies have no lift, or Re is outside its range.
         """
         if scene.family.body_class.symmetric:
-            raise InvalidInput("glide: the bodies of this scene have no lift; camber or incidence")
+            raise InvalidInput(f"glide: {NO_LIFT}")
         return scenarios_of(scene, [scene.check_reynolds(self.reynolds)], [1.0], glide=True)
 
 

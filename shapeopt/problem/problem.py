@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from shapeopt.problem.constraints import BOUNDS, Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Weighted
-from shapeopt.problem.scenarios import LOAD_BOUNDS, UNBOUNDED, Scenarios
+from shapeopt.problem.scenarios import LOAD_BOUNDS, NO_LIFT, UNBOUNDED, Scenarios
 from surrogate.arrays import AnyArray
 from surrogate.checks import did_you_mean, expect, finite_number, interval, shown
 from surrogate.errors import InvalidInput
@@ -178,7 +178,7 @@ def _checked_station(given: object) -> Station:
 def _checked_load(scene: Scene, name: str, given: object) -> float:
     text = name.replace("_", " ")
     if scene.family.body_class.symmetric:
-        raise InvalidInput(f"{text}: the bodies of this scene have no lift; camber or incidence")
+        raise InvalidInput(f"{text}: {NO_LIFT}")
     value = finite_number(text, given)
     if not abs(value) < UNBOUNDED:
         raise InvalidInput(f"{text} {value:g}: a coefficient below {UNBOUNDED:g} in magnitude")

@@ -39,6 +39,10 @@ class LoadBound(NamedTuple):
     symbol: str
 
 
+NO_LIFT = (
+    "the bodies of this scene have no lift; those of pretrained:lift have, and those of scenes "
+    "with camber or incidence"
+)
 LOAD_BOUNDS = {
     "lift": LoadBound(1, 1, "Cl"),
     "min_moment": LoadBound(2, 1, "Cm"),

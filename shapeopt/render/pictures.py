@@ -20,6 +20,7 @@ VIEW = (-1.6, 4.4, -1.35, 1.35)  # x and y range shown, in D
 PIXELS = 150  # per D
 STRIP = 0.5  # white strip above a field for its caption, in D
 GAP = 0.06  # white margin around a field, in D
+TITLE = 58  # characters of a title at its usual size; longer ones are drawn smaller
 BAR = 0.5  # height of the strip with the colour bar, in D
 INK, QUIET, BODY, GHOST = "#1a1a1a", "#5f6368", "#f2efe6", "#9aa0a6"
 COLOURS = "RdBu_r"
@@ -145,7 +146,8 @@ def _draw_flow(plotter: pv.Plotter, panel: Panel, mesh: pv.ImageData, limit: flo
         plotter.add_mesh(lines, color=INK, line_width=1.2, opacity=0.5, lighting=False)
     plotter.add_mesh(polygon(panel.solution.markers, 0.02), color=BODY, lighting=False)
     plotter.add_mesh(outline(panel.solution.markers, 0.03), color=INK, line_width=3, lighting=False)
-    write_caption(plotter, panel.title, (0.012, 0.925), 15)
+    size = round(15 * min(1.0, TITLE / len(panel.title)))
+    write_caption(plotter, panel.title, (0.012, 0.925), size)
     write_caption(plotter, panel.note, (0.012, 0.868), 11, QUIET)
     left, right, low, high = VIEW
     _look_at(plotter, (left - GAP, right + GAP, low - GAP, high + GAP + STRIP))

@@ -1,5 +1,7 @@
 """Closed contours: checked, smoothed, and resampled to markers at equidistant t."""
 
+import re
+
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
@@ -16,13 +18,13 @@ FINE = 4096  # points of the intermediate resampling: far more than markers
 LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which it is refused
 
 
-def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
+def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
     """Return a NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin.
 
     The points lead from the nose over the upper side to the tail and back along the lower side.
 
     Args:
-      code: the four digits, as "0012".
+      code: the four digits, as "0012", "NACA 2412" or 2412.
       points: number of points, rounded down to an even number; at least 8.
 
     Raises:
@@ -30,11 +32,13 @@ def naca4(code: str, points: int = 200) -> Float[AnyArray, "points 2"]:
         of range.
     """
     points = whole_number("points", points, 8, 10**6)
-    if not isinstance(code, str) or len(code) != 4 or not code.isdecimal() or code[2:] == "00":
+    digits = str(code).upper().removeprefix("NACA").strip()
+    if not re.fullmatch(r"[0-9]{4}", digits) or digits.endswith("00"):
+        hint = "; contour_shape(read_contour(file)) makes a body of a file" if "." in digits else ""
         raise InvalidInput(
-            f"NACA {code}: four digits with a thickness above 00 are needed, as 0012"
+            f"NACA {code}: four digits with a thickness above 00 are needed, as 0012{hint}"
         )
-    camber, position, thickness = int(code[0]) / 100, int(code[1]) / 10, int(code[2:]) / 100
+    camber, position, thickness = int(digits[0]) / 100, int(digits[1]) / 10, int(digits[2:]) / 100
     if (camber > 0) != (position > 0):
         raise InvalidInput(f"NACA {code}: camber and its position must both be zero or neither")
     x = (1 - np.cos(np.linspace(0, np.pi, points // 2 + 1))) / 2
@@ -113,8 +117,11 @@ def smooth_contour(
     smooth = _fourier(_by_bend(dense), nodes)
     off = _farthest(dense, smooth)
     if off > LARGEST_LOSS:
+        length = np.ptp(points[:, 0])
+        given = f" ({length:.3g} D long as given; without keep_size its area is scaled)"
         raise InvalidInput(
-            f"contour: {off:.2g} D of it would be lost to smoothing; fewer, larger waves are kept"
+            f"contour: {off:.2g} D of it would be lost to smoothing{given if keep_size else ''}; "
+            "fewer, larger waves are kept"
         )
     area, centroid = (np.asarray(value) for value in moments(smooth))
     return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))

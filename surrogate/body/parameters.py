@@ -93,7 +93,7 @@ def _camber_mode(k, effect):
     return Parameter(f"gamma{k}", -2.0, 2.0, 0.0, effect.lower(), label, Kind.CAMBER, k)
 
 
-EFFECTS = {2: "Fuller fore or aft", 3: "Blunt or pointed ends", 4: "Finer fore and aft"}
+EFFECTS = {2: "Fuller fore or aft", 3: "Blunt or pointed ends", 4: "Fuller nose and finer tail"}
 CAMBERS = {2: "Camber, highest in the middle", 3: "Camber fore or aft, or reflexed"}
 RATIOS = (  # limits: what the flow solver is tested for
     Parameter(

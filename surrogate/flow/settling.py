@@ -102,7 +102,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
       InvalidInput: the body is 2-D, or moves too fast for a steady flow.
       NotConverged: a flow did not converge, or drag and weight did not balance.
     """
-    expect("settling", flow, Flow, "Flow")
+    expect("settling", flow, Flow, "Flow; shapeopt.fall takes surrogates")
     expect("settling", shape, Shape, "Shape; family_shape(..., dimension=3) makes one")
     expect("settling", particle, Particle, "Particle(density_ratio, viscosity, size)")
     if shape.dimension != 3:

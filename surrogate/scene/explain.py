@@ -93,8 +93,9 @@ def explain_scene(
             f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
-            f"On this machine a flow takes {1e3 * seconds:.2g} ms per convolution with G, so "
-            f"{bodies} bodies of a training cost {cost(training)}, their shape gradients "
+            f"On this machine a convolution with G takes {1e3 * seconds:.2g} ms, a flow about "
+            f"{takes.flow:.0f} of them, so {bodies} bodies of a training cost {cost(training)}, "
+            "their shape gradients "
             f"{cost(bodies * takes.adjoint)}; a design by the flow's adjoint alone {cost(design)}; "
             f"one flow to verify a surrogate's design {cost(takes.flow)}. Compilation and the "
             "network's own steps come on top.",
