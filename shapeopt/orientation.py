@@ -66,6 +66,30 @@ def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> lis
     return [*found, Orientation(180.0, moment(179.5) > 0)] if abs(moments[-1]) < LEVEL else found
 
 
+def moment_is_known(surrogate: Surrogate, parameters: Body, reynolds: float) -> bool:
+    """Return whether the largest moment of all incidences exceeds the largest bound of its error.
+
+    If not, as for bodies that are nearly round, orientations by the surrogate mean nothing. True
+    where no bounds are known, as for surrogates of older trainings.
+
+    Args:
+      surrogate: as for ``shapeopt.fall.fall``.
+      parameters: likewise.
+      reynolds: Reynolds number of the motion.
+
+    Raises:
+      InvalidInput: an argument is invalid or outside the trained ranges.
+    """
+    if "moment_error_scale" not in surrogate.record:
+        return True
+    body, names = checked_body(surrogate, parameters), surrogate.scene.family.names
+    bodies = np.tile(body, (SCAN, 1))
+    bodies[:, names.index("incidence")] = np.linspace(0, 180, SCAN)
+    loads = np.asarray(surrogate.loads(bodies, reynolds))
+    bounds = surrogate.error_bounds(bodies, reynolds)
+    return bool(np.max(np.abs(loads[:, 2]) / loads[:, 0]) > np.max(bounds[:, 2]))
+
+
 def small_swings(
     surrogate: Surrogate, parameters: Body, particle: Particle, found: Fall
 ) -> tuple[float | None, float]:

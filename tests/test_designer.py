@@ -237,6 +237,10 @@ DAMAGES = {
     ),
     "not finite": (lambda text: text.replace("10.0", "NaN"), "damaged"),
     "an altered body": (lambda text: text.replace("[[[2.0", "[[[2.5"), "damaged"),
+    "another scene's, of more parameters": (
+        lambda text: text.replace("unbounded", "tunnel:16").replace("[[[2.0", "[[[2.0, 1.0"),
+        "of another scene",
+    ),
     "another scene's": (lambda text: text.replace("unbounded", "tunnel:16"), "of another scene"),
 }
 

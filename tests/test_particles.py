@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from studies.particle_codes import BY_SPHERICITY, SOURCE
 
 from shapeopt import Problem, Tumbling, optimise
 from shapeopt.fall import fall
-from shapeopt.orientation import orientations
+from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.problem.scenarios import model_objective
 from surrogate import Flow, InvalidInput, Particle, export, load
 from surrogate.scene.samples import held_out_samples
@@ -75,6 +76,26 @@ def test_the_moment_by_inertia_has_a_limit_at_low_reynolds_numbers(net):
     assert float(slower) == pytest.approx(float(slow), rel=0.2)
     slow, slower = (net.loads(egg, re)[2] * re for re in (0.3, 0.1))
     assert float(slower) == pytest.approx(float(slow), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("beta2", "incidence", "sign"), [(0.1, -30, -1), (-0.1, 150, -1), (-0.1, -150, 1)]
+)
+def test_exact_a_body_may_be_described_otherwise(net, beta2, incidence, sign):
+    """The trained ranges hold one description of a body; the others have the same loads."""
+    body, other = [2.0, 1.0, 0.1, 30.0], [2.0, 1.0, beta2, float(incidence)]
+    loads, same = np.asarray(net.loads(body, 20.0)), np.asarray(net.loads(other, 20.0))
+    assert same == pytest.approx(loads * [1, sign, sign], rel=1e-12)
+    assert net.error_bounds(other, 20.0) == pytest.approx(net.error_bounds(body, 20.0), rel=1e-9)
+    assert np.asarray(jax.jit(net.loads)(np.array(other), 20.0)) == pytest.approx(same, rel=1e-12)
+    assert net.outside(other, 20.0) == {}
+    with pytest.raises(InvalidInput, match=r"trained from 0\.3 to 4"):
+        net.loads([5.0, *other[1:]], 20.0)
+
+
+@pytest.mark.parametrize(("aspect", "known"), [(1.0, False), (2.0, True), (0.5, True)])
+def test_the_moment_of_a_sphere_is_below_its_error_bound(net, aspect, known):
+    assert moment_is_known(net, [aspect, 1.0, 0.0, 0.0], 5.0) == known
 
 
 def test_eggs_tend_to_an_orientation_of_their_own(net):

@@ -15,7 +15,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.sweep import write_table
 from shapeopt.fall import Fall, fall
-from shapeopt.orientation import orientations
+from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.render.falls import plot_fall
 from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.errors import InvalidInput
@@ -44,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     found = fall(surrogate, body, particle, arguments.seconds, arguments.tilt)
     reynolds = max(float(found.reynolds[-1]), surrogate.scene.reynolds[0])
     stable = [o.incidence for o in orientations(surrogate, body, reynolds) if o.stable]
+    known = moment_is_known(surrogate, body, reynolds)
     horizontal, upward = found.velocity[-1].tolist()
     result = {
         "seconds": float(found.time[-1]),
@@ -54,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "tilt": float(found.tilt[-1]),
         "incidence": float(found.incidence[-1]),
         "stable_incidences": stable,
+        "moment_is_known": known,
         "parameters": surrogate.scene.family.named(body),
         "surrogate": arguments.surrogate,
     }
@@ -69,6 +71,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "degrees above the horizontal\nincidences, from 0 to 180 degrees, that are stable at this "
         f"Re: {', '.join(f'{degrees:.3g}' for degrees in stable) or 'none'}"
     )
+    if not known:
+        text += "\nbut its moment is below the bound of the surrogate's error at all incidences: "
+        text += "whether the body turns, and which of them are stable, is not known"
     return emit(result, arguments.json, text)
 
 

@@ -35,6 +35,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from shapeopt.search.optimise import optimise
 from shapeopt.stored import design_settings, stored_run
 from surrogate.errors import InvalidInput
@@ -159,7 +160,10 @@ def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add_problem_arguments(parser)
-    until = "end at the surrogate's optimum (default), or at the flow's"
+    until = (
+        "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with "
+        f"the violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most {KKT_ACCEPTED:g}"
+    )
     parser.add_argument("--until", choices=["surrogate", "flow"], help=until)
     memory = "JSON file of solved flows and adjoints, which later designs use and extend"
     parser.add_argument("--memory", help=memory)

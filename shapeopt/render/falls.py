@@ -52,7 +52,7 @@ def plot_fall(
         plane.set_xlim(*(1e3 * (middle + side * 0.6 * room) for side in (-1, 1)))
         for row, values, label in (
             (0, found.reynolds, "Reynolds number"),
-            (1, found.incidence, "incidence, degrees"),
+            (1, np.unwrap(found.incidence, period=360), "incidence, degrees"),
         ):
             axis = figure.add_subplot(grid[row, 1])
             axis.plot(found.time, values, color=OPTIMUM, lw=1.8)

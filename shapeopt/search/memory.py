@@ -156,30 +156,37 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        digest = json_digest(record["flows"])
-        if record.get("sha256", digest) != digest:  # files of older versions have none
-            raise ValueError
-        rows = [
-            # files of older versions have Cd alone
-            Observation(np.array(p), re, np.atleast_1d(loads), np.atleast_2d(slopes))
-            for p, re, loads, slopes in record["flows"]
-        ]
-        count = len(flow.bodies.loads)
-        size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
-        for seen in rows:
-            numbers = np.concatenate([seen.parameters, seen.loads, seen.slopes.ravel()])
-            shapes = seen.parameters.shape, seen.loads.shape, seen.slopes.shape
-            known = shapes == ((size,), (count,), (count, size + 1))
-            sound = numbers.dtype.kind == "f" and known
-            bounded = sound and np.all(np.abs(numbers) < LARGEST)
-            if not (bounded and 0 < seen.drag < LARGEST and least <= seen.reynolds <= most):
-                raise ValueError
-        if rows:
-            flow.scene.family.check_all(np.array([seen.parameters for seen in rows]))
+        of_another_scene = record["scene"] != flow.scene.record
+        rows = [] if of_another_scene else _rows(record, flow)
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InvalidInput(f"{file}: damaged, or no {KIND}; name another file") from None
-    if record["scene"] != flow.scene.record:
+    if of_another_scene:
         raise InvalidInput(f"{file}: is of another scene; name another file")
+    return rows
+
+
+def _rows(record, flow):
+    """Return the observations of a file's record; ValueError, KeyError or TypeError if damaged."""
+    digest = json_digest(record["flows"])
+    if record.get("sha256", digest) != digest:  # files of older versions have none
+        raise ValueError
+    rows = [
+        # files of older versions have Cd alone
+        Observation(np.array(p), re, np.atleast_1d(loads), np.atleast_2d(slopes))
+        for p, re, loads, slopes in record["flows"]
+    ]
+    count = len(flow.bodies.loads)
+    size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
+    for seen in rows:
+        numbers = np.concatenate([seen.parameters, seen.loads, seen.slopes.ravel()])
+        shapes = seen.parameters.shape, seen.loads.shape, seen.slopes.shape
+        known = shapes == ((size,), (count,), (count, size + 1))
+        sound = numbers.dtype.kind == "f" and known
+        bounded = sound and np.all(np.abs(numbers) < LARGEST)
+        if not (bounded and 0 < seen.drag < LARGEST and least <= seen.reynolds <= most):
+            raise ValueError
+    if rows:
+        flow.scene.family.check_all(np.array([seen.parameters for seen in rows]))
     return rows

@@ -59,3 +59,23 @@ def in_first_quarter(
     nearest = jnp.where(backward, HALF_TURN - jnp.abs(angle), jnp.abs(angle))
     image = jnp.where((angle < 0) ^ backward, -1.0, 1.0)
     return values.at[index].set(nearest), image
+
+
+def other_description(
+    parameters: tuple[Parameter, ...], dimension: int, values: Float[AnyArray, " parameters"]
+) -> Float[Array, " parameters"]:
+    """Return other parameters of the same body, or of its mirror image, in the same stream.
+
+    In 3-D they have an incidence from 0 to 90 degrees (``in_first_quarter``). In 2-D they are those
+    of the mirror image: camber and incidence change their signs. Cd is the same, and Cl and Cm are
+    up to their signs.
+
+    Args:
+      parameters: of the body's class.
+      dimension: 2 or 3.
+      values: of the parameters.
+    """
+    if dimension == 3 and INCIDENCE.name in [p.name for p in parameters]:
+        return in_first_quarter(parameters, values)[0]
+    signs = np.array([1.0 if p.keeps_mirror_plane else -1.0 for p in parameters])
+    return signs * jnp.asarray(values)

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.incidence import other_description
 from surrogate.scene.scene import Scene
 
 # By which a value may exceed its range, relative to its width plus 1: single precision is enough.
@@ -19,8 +20,9 @@ ROUNDING = 1e-6
 class TrainedRanges:
     """The ranges of a scene's shape parameters and of log Re.
 
-    The last axis of all arrays is (parameters, log Re), as in ``names``; leading axes of bodies and
-    Reynolds numbers broadcast.
+    A body is inside them where another description of it is (``other_description``), since networks
+    have the symmetries of the flow. The last axis of all arrays is (parameters, log Re), as in
+    ``names``; leading axes of bodies and Reynolds numbers broadcast.
     """
 
     scene: Scene
@@ -46,11 +48,15 @@ class TrainedRanges:
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
     ) -> Float[Array, "*batch inputs"]:
         """Return how far each value lies outside its range; 0 inside, up to rounding."""
-        low, high = self.bounds.T
-        values = self._values(parameters, reynolds)
-        distance = jnp.maximum(low - values, values - high)
-        # NaN for NaN: a comparison with it is false
-        return jnp.where(distance <= self.slack, 0.0, distance)
+        excess = self._excess(self._values(parameters, reynolds))
+        body_class = self.scene.family.body_class
+
+        def described(body):
+            return other_description(body_class.parameters, body_class.dimension, body)
+
+        others = jnp.vectorize(described, signature="(n)->(n)")(jnp.asarray(parameters, float))
+        inside = self._excess(self._values(others, reynolds)) == 0
+        return jnp.where(jnp.all(inside, axis=-1, keepdims=True), 0.0, excess)
 
     def outside(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
@@ -70,6 +76,12 @@ class TrainedRanges:
             where = f" at index {', '.join(map(str, index))}" if batch else ""
             words.append(f"{name} {value:.10g}{where} (trained from {low:g} to {high:g})")
         return ", ".join(words)
+
+    def _excess(self, values):
+        low, high = self.bounds.T
+        distance = jnp.maximum(low - values, values - high)
+        # NaN for NaN: a comparison with it is false
+        return jnp.where(distance <= self.slack, 0.0, distance)
 
     def _values(self, parameters, reynolds):
         parameters, logs = jnp.asarray(parameters, float), jnp.log(jnp.asarray(reynolds, float))
