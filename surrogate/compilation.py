@@ -3,6 +3,7 @@
 import functools
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import jax
@@ -14,7 +15,6 @@ from surrogate.lowering import from_file
 # optimisations of LLVM, and the program takes at most a tenth longer: most of its time goes into
 # Fourier transforms (study ``compilation``).
 QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
-
 
 # Devices wait for each other at the end of each chunk of bodies, and flows differ in cost; without
 # this XLA warns where CPU cores wait for 20 seconds and ends a process where they wait a minute.
@@ -56,6 +56,7 @@ def same_options() -> dict[str, bool | int | str]:
     return quick_options() | (same if jax.default_backend() == "cpu" else {})
 
 
+MOST_MAPS = 0.6  # memory maps over those that Linux allows a process, from which there is no room
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Function = Callable[Parameters, Result]
@@ -82,12 +83,30 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
             if jax.config.jax_disable_jit:
                 return function(*args, **kwargs)
-            inner = nested if transformed(*jax.tree.leaves((args, kwargs))) else program()
-            return inner(*args, **kwargs)
+            if transformed(*jax.tree.leaves((args, kwargs))):
+                return nested(*args, **kwargs)
+            known = program()._cache_size()
+            result = program()(*args, **kwargs)
+            if program()._cache_size() > known:
+                make_room()
+            return result
 
         return call
 
     return decorate
+
+
+def make_room() -> None:
+    """Drop compiled programs from memory where their memory maps are nearly too many for Linux.
+
+    A program takes dozens of maps, so a process that compiles hundreds of them would crash. Those
+    that are needed again are loaded from JAX's cache.
+    """
+    maps, most = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
+    if not (maps.exists() and most.exists()):
+        return
+    if maps.read_text().count("\n") > MOST_MAPS * int(most.read_text()):
+        jax.clear_caches()
 
 
 def _on_one_cpu():

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate import Fidelity, Flow, Scene, contour_shape
+from surrogate import Fidelity, Flow, Scene, compilation, contour_shape
 from surrogate.cache import use_compilation_cache
+from surrogate.compilation import compiled as compiled_by_us
 
 LENS = np.array([2.0, 0.1, 0.0, 0.0])
 CACHED = """
@@ -40,7 +41,8 @@ def test_vmap_alone_compiles_whole_programs(compiled):
     flow = Flow(Scene(fidelity=Fidelity("shared", 8, 2.5, 4, 4, 5, wake=0.0)))
     bodies, numbers = jnp.stack([LENS, LENS]), jnp.array([10.0, 20.0])
     drags = jax.vmap(flow.drag)(bodies, numbers)
-    assert float(drags[0]) == pytest.approx(float(flow.drag(LENS, 10.0)), rel=1e-8)
+    # the far field is in single precision, and rounded otherwise in a batch on some processors
+    assert float(drags[0]) == pytest.approx(float(flow.drag(LENS, 10.0)), rel=1e-7)
     before = len(compiled)
     assert before <= 250
     assert jax.vmap(flow.drag)(bodies, numbers).tolist() == drags.tolist()
@@ -53,6 +55,26 @@ def test_a_surface_is_drawn_by_few_programs(compiled):
     before = len(compiled)
     assert np.isfinite(solution.surface().cp).all()
     assert len(compiled) - before <= 12
+
+
+@compiled_by_us("power")
+def to_a_power(x, power):
+    return x**power
+
+
+@pytest.mark.parametrize(("share", "kept"), [(0.6, 1), (0.0, 0)])
+def test_programs_are_dropped_where_their_memory_maps_are_too_many(monkeypatch, share, kept):
+    """A process crashes at 65,530 of them, as a study of 210 grids did."""
+    if not Path("/proc/self/maps").exists():
+        pytest.skip("Linux alone limits them so")
+    jax.clear_caches()
+    monkeypatch.setattr(compilation, "MOST_MAPS", share)
+    dropped = []
+    monkeypatch.setattr(jax, "clear_caches", lambda: dropped.append(1))
+    assert float(to_a_power(jnp.array(3.0), 2)) == 9.0
+    assert len(dropped) == 1 - kept
+    assert float(to_a_power(jnp.array(2.0), 2)) == 4.0  # nothing is compiled, nothing dropped
+    assert len(dropped) == 1 - kept
 
 
 def random_contour(generator: np.random.Generator) -> np.ndarray:
