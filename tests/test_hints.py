@@ -97,6 +97,16 @@ def test_several_incidences_are_predicted_at_once():
     assert rows[0]["cl"] == 0
 
 
+def test_scenes_flows_and_problems_are_printed_in_a_line(net):
+    scene = "an unbounded stream, 2-D, Re 1 to 40, grid standard: bodies of aspect 1 to 5"
+    assert str(net.scene).startswith(scene)
+    assert str(Flow(net.scene)).startswith(f"flow in {scene}")
+    problem = str(Problem(net.scene, 40, max_length=1.5))
+    assert "40" in problem
+    assert f"max_length 1.5, in {scene}" in problem
+    assert "None" not in problem
+
+
 def test_problems_take_plain_numbers(net):
     several = Problem(net.scene, (1, 10, 40))
     assert several.objective == Weighted((1, 10, 40), (1, 1, 1))

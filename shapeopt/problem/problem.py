@@ -85,6 +85,11 @@ class Problem:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
         self._check_ranges()
 
+    def __str__(self) -> str:
+        values = ((field, getattr(self, field.name)) for field in dataclasses.fields(self)[2:])
+        bounds = (f"{field.name} {value}" for field, value in values if value != field.default)
+        return ", ".join([str(self.objective), *bounds, f"in {self.scene}"])
+
     @property
     def objective(self) -> Objective:
         """The objective that is minimised: ``reynolds``, or Cd there where it is a number."""

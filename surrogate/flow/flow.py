@@ -60,6 +60,9 @@ class Flow:
             raise InvalidInput(f"flow: {self.scene!r} is no Scene")
         expect("flow", self.settings, NewtonSettings, "NewtonSettings")
 
+    def __str__(self) -> str:
+        return f"flow in {self.scene}"
+
     @functools.cached_property
     def domain(self) -> Domain:
         """The discretisation of the scene, which holds all of its bodies."""

@@ -28,7 +28,7 @@ from surrogate.files import path_of, whole_file
 from surrogate.scene.explain import explain_scene
 from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
 from surrogate.scene.limits import ROUNDING, check_reynolds
-from surrogate.scene.stream import Stream, Unbounded, parse_stream
+from surrogate.scene.stream import Stream, Unbounded, describe_stream, parse_stream
 
 LONGEST = 400  # letters of a message that quotes a file
 
@@ -78,6 +78,14 @@ class Scene:
             put("stream", parse_stream(self.stream))
         if self.dimension == 3 and self.stream != Unbounded():
             raise InvalidInput(f"stream {self.stream}: 3-D bodies are modelled without walls")
+
+    def __str__(self) -> str:
+        low, high = self.reynolds
+        ranges = (f"{name} {a:g} to {b:g}" for name, (a, b) in self.family.ranges)
+        return (
+            f"{describe_stream(self.stream)}, {self.dimension}-D, Re {low:g} to {high:g}, grid "
+            f"{self.fidelity.name}: bodies of {', '.join(ranges)}"
+        )
 
     @classmethod
     def read(cls, path: str | Path) -> "Scene":
