@@ -81,7 +81,9 @@ def expected(surrogate, precision):
     loads = jax.vmap(network.loads)(parameters, reynolds)
     shape, by_re = jax.vmap(jax.jacrev(network.loads, argnums=(0, 1)))(parameters, reynolds)
     jacobian = np.concatenate([shape, by_re[..., None]], axis=-1)
-    outside = np.asarray(surrogate.ranges.excess(parameters, reynolds)).any(axis=1)
+    (low, high), slack = surrogate.ranges.bounds.T, surrogate.ranges.slack
+    values = np.column_stack([parameters, np.log(reynolds)])  # as given, not as the mirror image's
+    outside = ((values < low - slack) | (values > high + slack)).any(axis=1)
     inside = np.zeros(CASES, bool)
     inside[:64] = True  # the corners, whatever their rounding in single precision
     return x, np.asarray(loads), jacobian, np.where(inside, 0, outside)
