@@ -56,7 +56,7 @@ def same_options() -> dict[str, bool | int | str]:
     return quick_options() | (same if jax.default_backend() == "cpu" else {})
 
 
-MOST_MAPS = 0.6  # memory maps over those that Linux allows a process, from which there is no room
+MOST_MAPS = 0.6  # share of the memory maps that Linux allows a process; then programs are dropped
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Function = Callable[Parameters, Result]
@@ -88,7 +88,7 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
             known = program()._cache_size()
             result = program()(*args, **kwargs)
             if program()._cache_size() > known:
-                make_room()
+                limit_memory_maps()
             return result
 
         return call
@@ -96,11 +96,11 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
     return decorate
 
 
-def make_room() -> None:
-    """Drop compiled programs from memory where their memory maps are nearly too many for Linux.
+def limit_memory_maps() -> None:
+    """Drop all compiled programs from memory where the process has too many memory maps.
 
-    A program takes dozens of maps, so a process that compiles hundreds of them would crash. Those
-    that are needed again are loaded from JAX's cache.
+    A program takes dozens, and Linux allows a process 65,530 unless set otherwise, so that hundreds
+    of programs would crash it. Those that are needed again are loaded from JAX's cache.
     """
     maps, most = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
     if not (maps.exists() and most.exists()):
