@@ -72,14 +72,19 @@ def _plane(result):
     paying = ", ".join(f"`{row['method']}`" for row in _over_kriging(rows)) or "no training"
     form = (
         "Drag in 2-D, four parameters: kriging with memory needs {late:.0f} G a design in the end; "
-        "{paying} pays against it."
+        "by G {paying} pays against it{by_clock}."
     )
-    return words(form, late=(thousand - fifty) / (late - early), paying=paying)
+    soonest = min(_over_kriging(rows, "s"), key=lambda row: row["beats_kriging_s"], default=None)
+    by_clock = ""
+    if soonest is not None:
+        by_clock = f", by wall clock `{soonest['method']}` from design {soonest['beats_kriging_s']}"
+    late = (thousand - fifty) / (late - early)
+    return words(form, late=late, paying=paying, by_clock=by_clock)
 
 
-def _over_kriging(rows):
-    """Return the rows of the trainings that pay against kriging with memory."""
-    return [row for row in rows if row["training_g"] and row["beats_kriging_g"] is not None]
+def _over_kriging(rows, unit="g"):
+    """Return the rows of the trainings that pay against kriging with memory, by G or seconds."""
+    return [row for row in rows if row["training_g"] and row[f"beats_kriging_{unit}"] is not None]
 
 
 def _space(result):
