@@ -85,9 +85,10 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
                 return function(*args, **kwargs)
             if transformed(*jax.tree.leaves((args, kwargs))):
                 return nested(*args, **kwargs)
-            known = program()._cache_size()
-            result = program()(*args, **kwargs)
-            if program()._cache_size() > known:
+            whole = program()
+            known = whole._cache_size()
+            result = whole(*args, **kwargs)
+            if whole._cache_size() > known:
                 limit_memory_maps()
             return result
 

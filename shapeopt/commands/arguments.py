@@ -1,4 +1,4 @@
-"""Options that several commands share: bodies, scenes, optimisation problems."""
+"""Options of bodies, which several commands share."""
 
 import argparse
 import re
@@ -7,24 +7,14 @@ from contextlib import contextmanager
 
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
-from shapeopt.problem.constraints import Station
-from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
-from shapeopt.problem.particles import Settling, Tumbling
-from shapeopt.problem.problem import Problem
-from shapeopt.problem.robust import Robust
-from shapeopt.problem.scenarios import LOAD_BOUNDS
-from shapeopt.problem.uncertainty import LogNormal, Uniform
 from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
 from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
-from surrogate.model.store import load
-from surrogate.model.surrogate import Surrogate
 from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS
-from surrogate.scene.scene import Scene
 
 METHODS_HELP = (
     "METHOD: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
@@ -32,9 +22,6 @@ METHODS_HELP = (
 )
 SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
-SINGLE = {"glide": Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
-SETTLING = "settling"  # the objective that finds its Reynolds number
-UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
 def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> None:
@@ -155,151 +142,3 @@ def _shape(arguments: argparse.Namespace, incidence: float, dimension: int) -> S
         return contour_shape(points, incidence, arguments.keep_size)
     except InvalidInput as error:
         raise InvalidInput(f"{arguments.contour}: {error}") from None
-
-
-def add_problem_arguments(parser: Parser) -> None:
-    """Add the options of an optimisation problem: model, objective and constraints."""
-    add = parser.add_argument
-    models = f"folder, pretrained[:METHOD] (default) or none; {METHODS_HELP}"
-    add("--surrogate", default="pretrained", help=models)
-    add("--scene", help="TOML file, with --surrogate none")
-    add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
-    add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
-    objective = "drag: least Cd (default); glide: greatest Cl / Cd; tumbling: least mean Cd over "
-    objective += "all orientations of a 3-D body; settling: greatest terminal velocity of a "
-    objective += "particle of --archimedes, held at its incidence"
-    add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
-    add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
-    add("--lift", type=float, help="lower bound on Cl (none)")
-    add("--min-moment", type=float, help="lower bound on Cm, about the centroid, nose up (none)")
-    add("--max-moment", type=float, help="upper bound on it (none)")
-    add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
-    add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
-    add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
-    add("--tolerance", type=float, help="of the shape: deviation over range, truncated at 2 (0)")
-    add("--cvar", type=float, help="CVaR level; 0.9: mean over the worst tenth of cases (0: all)")
-    add("--cases", type=int, help="samples of the uncertainty, 2 to 4096 (32)")
-    add("--seed", type=int, help="of the samples, from 0 (0)")
-    add("--max-length", type=float, help="bound on the chord in D (none)")
-    add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
-    add("--max-thickness", type=float, help="upper bound on it, 3-D: on the height, in D (none)")
-    add("--thickness-at", help="x/c:minimum thickness in D, as 0.25:0.5,0.75:0.3")
-    add("--min-radius", type=float, help="lower bound on the radius of curvature in D (none)")
-    family = parser.add_argument_group("bodies of the family", FAMILY)
-    family.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
-    add(
-        "--trust", type=float, default=0.0, help="margin at the ends of each range, < 0.5 of it (0)"
-    )
-
-
-def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
-    """Return the surrogate that the options name, or None for ``--surrogate none``.
-
-    Raises:
-      InvalidInput: --fidelity or --scene is given with a surrogate, which has its own.
-    """
-    surrogate = None if arguments.surrogate == "none" else load(arguments.surrogate)
-    for name in ("fidelity", "scene"):
-        if surrogate and getattr(arguments, name):
-            raise InvalidInput(f"--{name}: belongs to --surrogate none; a surrogate has its own")
-    return surrogate
-
-
-def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
-    """Return the optimisation problem that the options describe."""
-    return Problem(
-        surrogate.scene if surrogate else scene_of(arguments),
-        _objective(arguments),
-        max_length=arguments.max_length,
-        min_thickness=arguments.min_thickness,
-        max_thickness=arguments.max_thickness,
-        stations=_stations(arguments.thickness_at),
-        min_radius=arguments.min_radius,
-        within=_ranges(arguments.range),
-        trust=arguments.trust,
-        **{name: getattr(arguments, name) for name in LOAD_BOUNDS},
-    )
-
-
-def scene_of(arguments: argparse.Namespace) -> Scene:
-    """Return the scene of the file --scene, or the default scene with the fidelity --fidelity.
-
-    Raises:
-      InvalidInput: both options are given.
-    """
-    if not arguments.scene:
-        return Scene(fidelity=arguments.fidelity or "standard")
-    if arguments.fidelity:
-        raise InvalidInput("--fidelity: is in the scene's file")
-    return Scene.read(arguments.scene)
-
-
-def _objective(arguments: argparse.Namespace) -> Objective:
-    given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
-    uncertain = [name for name, value in given.items() if value is not None]
-    settles = arguments.objective == SETTLING
-    if settles != (arguments.archimedes is not None):
-        raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
-    if settles:
-        others = [name for name in ("reynolds", "weights") if getattr(arguments, name) is not None]
-        if others or uncertain:
-            words = "finds its Reynolds number, a certain one"
-            raise InvalidInput(f"--{[*others, *uncertain][0]}: --objective {SETTLING} {words}")
-        return Settling(arguments.archimedes)
-    if arguments.reynolds is None:
-        raise InvalidInput("--reynolds: give it; only --objective settling finds its own")
-    reynolds = numbers(arguments.reynolds)
-    if arguments.objective in SINGLE:
-        if arguments.weights is not None:
-            raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
-        if len(reynolds) > 1 or uncertain:
-            words = "goes with one Reynolds number, without spread"
-            raise InvalidInput(f"--objective {arguments.objective}: {words}")
-        return SINGLE[arguments.objective](reynolds[0])
-    if len(reynolds) > 1:
-        if uncertain:
-            raise InvalidInput(f"--{uncertain[0]}: belongs to one Reynolds number, not to several")
-        weights = (1.0,) * len(reynolds)
-        if arguments.weights is not None:
-            weights = tuple(numbers(arguments.weights, "--weights", "1,2,1"))
-        return Weighted(tuple(reynolds), weights)
-    if arguments.weights:
-        raise InvalidInput("--weights: belongs to several Reynolds numbers, as --reynolds 1,10,40")
-    if not uncertain:
-        return AtReynolds(reynolds[0])
-    if not (given["spread"] or given["tolerance"]):
-        raise InvalidInput(f"--{uncertain[0]}: needs an uncertainty, --spread or --tolerance")
-    kind = Uniform if given["distribution"] == "uniform" else LogNormal
-    return Robust(
-        reynolds[0],
-        kind(given["spread"] or 0.0),
-        tolerance=given["tolerance"] or 0.0,
-        level=given["cvar"] or 0.0,
-        cases=32 if given["cases"] is None else given["cases"],
-        seed=given["seed"] or 0,
-    )
-
-
-def _stations(text: str | None) -> tuple[Station, ...]:
-    try:
-        pairs = [] if text is None else [word.split(":") for word in text.split(",")]
-        return tuple(Station(float(x), float(thickness)) for x, thickness in pairs)
-    except ValueError:
-        example = "x/c:thickness, as 0.25:0.5,0.75:0.3"
-        raise InvalidInput(f"--thickness-at {text!r}: {example}") from None
-
-
-def _ranges(text: str | None) -> dict[str, tuple[float, float]] | None:
-    if text is None:
-        return None
-    words, ranges = text.split(","), {}
-    try:
-        for word in words:
-            name, values = word.split("=")
-            low, high = map(float, values.split(":"))
-            ranges[name.strip()] = (low, high)
-    except ValueError:
-        raise InvalidInput(f"--range {text!r}: as aspect=1:3,beta2=-0.1:0.1") from None
-    if len(ranges) < len(words):
-        raise InvalidInput(f"--range {text!r}: a parameter is given twice")
-    return ranges

@@ -26,9 +26,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from shapeopt.commands.arguments import add_problem_arguments, problem_of, surrogate_of
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
+from shapeopt.commands.problem_arguments import add_problem_arguments, problem_of, surrogate_of
 from shapeopt.commands.sections import unsteady_remark
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem

@@ -80,11 +80,11 @@ def _at_incidence(
     """Return the rows of the body at one incidence, for every Re."""
     family, named = surrogate.scene.family, _named(arguments, incidence)
     shape = family_shape(named, dimension=family.dimension)  # refuses what is no body
-    parameters, rows = family.parameters(named), []
+    parameters, onset, rows = family.parameters(named), onset_of(shape), []
     for reynolds in reynolds_of(arguments, shape.chord, family.dimension):
         at = parameters, reynolds, arguments.reference
         row = {"incidence": incidence, **_predict(surrogate, *at, arguments.extrapolate)}
-        row["onset"] = onset_of(shape)
+        row["onset"] = onset
         rows.append(row | (_verify(surrogate, parameters, row) if arguments.verify else {}))
     return rows
 

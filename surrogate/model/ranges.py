@@ -50,6 +50,8 @@ class TrainedRanges:
         """Return how far each value lies outside its range; 0 inside, up to rounding."""
         excess = self._excess(self._values(parameters, reynolds))
         body_class = self.scene.family.body_class
+        if body_class.symmetric:  # each body is its own mirror image
+            return excess
 
         def described(body):
             return other_description(body_class.parameters, body_class.dimension, body)
