@@ -11,10 +11,13 @@ import jax
 from surrogate.checks import transformed
 from surrogate.lowering import from_file
 
-# On a CPU, XLA compiles the flow in half the time with its older emitters and without the costlier
-# optimisations of LLVM, and the program takes at most a tenth longer: most of its time goes into
-# Fourier transforms (study ``compilation``).
-QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+# On a CPU, XLA compiles without the costlier optimisations of LLVM, and in 2-D with its older
+# emitters. These compile a 2-D flow in half the time, and it takes a fifth longer; a 3-D flow in
+# four fifths, and it would take up to two thirds longer (study ``compilation``).
+QUICK_3D = {"xla_backend_optimization_level": 1}
+QUICK = QUICK_3D | {"xla_cpu_use_fusion_emitters": False}
+
+CompilerOptions = dict[str, bool | int | str]
 
 # Devices wait for each other at the end of each chunk of bodies, and flows differ in cost; without
 # this XLA warns where CPU cores wait for 20 seconds and ends a process where they wait a minute.
@@ -34,50 +37,62 @@ def let_devices_wait() -> None:
         os.environ["XLA_FLAGS"] = f"{flags} {PATIENT}".strip()
 
 
-def quick_options() -> dict[str, bool | int]:
-    """Return options by which XLA compiles quickly on a CPU.
+def quick_options(dimension: int = 2) -> CompilerOptions:
+    """Return options by which XLA compiles programs quickly on a CPU.
 
     There are none elsewhere, or where the user has set ``XLA_FLAGS``.
+
+    Args:
+      dimension: of the flow, 3 for programs that solve 3-D flows.
     """
     own = os.environ.get("XLA_FLAGS", "").replace(PATIENT, "").strip()
     quick = jax.default_backend() == "cpu" and not own
-    return QUICK if quick else {}
+    return (QUICK_3D if dimension == 3 else QUICK) if quick else {}
 
 
-def same_options() -> dict[str, bool | int | str]:
+def same_options(dimension: int = 2) -> CompilerOptions:
     """Return quick options by which no number of devices changes the results.
 
     XLA runs its algebraic simplifier once more on partitioned programs, which changes the
     rounding. With that pass disabled results agree to the last bit, at 5 % more time on a CPU.
     XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so the
     pass that calls it, ``dot-library-rewriter``, is disabled too.
+
+    Args:
+      dimension: of the flow, as for ``quick_options``.
     """
     same = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"}
-    return quick_options() | (same if jax.default_backend() == "cpu" else {})
+    return quick_options(dimension) | (same if jax.default_backend() == "cpu" else {})
 
 
 MOST_MAPS = 0.6  # share of the memory maps that Linux allows a process; then programs are dropped
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
 Function = Callable[Parameters, Result]
-Options = Callable[[], dict[str, bool | int | str]]
 
 
-def compiled(*static: str, options: Options = quick_options) -> Callable[[Function], Function]:
+def compiled(
+    *static: str, options: Callable[..., CompilerOptions] | None = None
+) -> Callable[[Function], Function]:
     """Return a decorator like ``jax.jit`` that compiles quickly, with these ``static`` arguments.
 
     Static arguments are hashed. Inside another transformation of JAX it is ``jax.jit`` itself, as
     only an outermost program has options of compilation. Where the user has set ``XLA_FLAGS`` these
     rule. On one CPU device later processes need not trace it (``lowering``).
+
+    Args:
+      static: names of the static arguments.
+      options: function of the arguments of a call that returns the options of its compilation; by
+        default they are those of ``quick_options``.
     """
 
     def decorate(function: Function) -> Function:
         nested = jax.jit(function, static_argnames=static, inline=True)
 
         @functools.cache
-        def program():
+        def program(*chosen):
             traced = from_file(function, static) if _on_one_cpu() else function
-            return jax.jit(traced, static_argnames=static, compiler_options=options())
+            return jax.jit(traced, static_argnames=static, compiler_options=dict(chosen))
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -85,7 +100,8 @@ def compiled(*static: str, options: Options = quick_options) -> Callable[[Functi
                 return function(*args, **kwargs)
             if transformed(*jax.tree.leaves((args, kwargs))):
                 return nested(*args, **kwargs)
-            whole = program()
+            chosen = options(*args, **kwargs) if options else quick_options()
+            whole = program(*chosen.items())
             known = whole._cache_size()
             result = whole(*args, **kwargs)
             if whole._cache_size() > known:

@@ -139,7 +139,7 @@ def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: 
     return jax.tree.map(lambda leaf: gather_to_host(leaf)[:count], results.rows)
 
 
-@compiled("function", options=same_options)
+@compiled("function", options=lambda *_: same_options())
 def _on_one_device(function, model, rows):
     return function(model, *rows)
 

@@ -4,10 +4,12 @@ They depend on the discrete problem, not on the class of bodies: whatever is ask
 domain, its operators, its Newton solver and its adjoint are compiled once.
 """
 
+from typing import Any
+
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.compilation import compiled
+from surrogate.compilation import CompilerOptions, compiled, quick_options
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.loads import Load
@@ -16,12 +18,19 @@ from surrogate.flow.solver.adjoint import Effort, LoadGradients
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState, Operators, StreamOperators
 
-stream_operators = compiled("domain")(steady.stream_operators)
-stream_derivatives = compiled("domain")(steady.stream_derivatives)
-by_stream = compiled("domain")(adjoint.by_stream)
+
+def _options(*arguments: Any) -> CompilerOptions:
+    """The options of compilation for the dimension of the domain among a program's arguments."""
+    (domain,) = (argument for argument in arguments if isinstance(argument, Domain))
+    return quick_options(domain.lattice.dimension)
 
 
-@compiled("domain")
+stream_operators = compiled("domain", options=_options)(steady.stream_operators)
+stream_derivatives = compiled("domain", options=_options)(steady.stream_derivatives)
+by_stream = compiled("domain", options=_options)(adjoint.by_stream)
+
+
+@compiled("domain", options=_options)
 def assemble(
     domain: Domain, markers: Markers, reynolds: Float[AnyArray, ""], stream: StreamOperators
 ) -> Operators:
@@ -29,7 +38,7 @@ def assemble(
     return steady.assemble(domain, markers, reynolds, stream)
 
 
-@compiled("domain", "settings")
+@compiled("domain", "settings", options=_options)
 def solve(
     domain: Domain,
     settings: NewtonSettings,
@@ -50,7 +59,7 @@ def solve(
     return steady.body_flow(domain, operators, guess, settings)
 
 
-@compiled("loads", "domain", "effort")
+@compiled("loads", "domain", "effort", options=_options)
 def load_gradients(
     loads: tuple[Load, ...],
     domain: Domain,

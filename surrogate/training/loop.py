@@ -112,7 +112,8 @@ def make_setup(
         (samples, partition_samples(plan.scene.family, samples, devices))
     )
     start = time.perf_counter()
-    prepare = prepare_physics.lower(flow, samples, partition).compile(same_options())
+    options = same_options(plan.scene.dimension)
+    prepare = prepare_physics.lower(flow, samples, partition).compile(options)
     compiled = time.perf_counter()
     physics = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start

@@ -140,7 +140,8 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
 
     fetched = dataclasses.replace(physics, operators=operators)
     arguments = network, fetched, start.labels, velocities, chunk
-    evaluate = _evaluation(method.evaluator, devices).lower(*arguments).compile()
+    dimension = physics.domain.lattice.dimension
+    evaluate = _evaluation(method.evaluator, devices, dimension).lower(*arguments).compile()
 
     arguments = partition, chunk, stored, velocities
     put_back = lowered(Partition.put_local, arguments, stored, donated=(2,)).compile()
@@ -152,7 +153,7 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
 
 
 @functools.lru_cache(maxsize=PROGRAMS)
-def _evaluation(evaluator: Evaluator, devices: Devices):
+def _evaluation(evaluator: Evaluator, devices: Devices, dimension: int):
     """The program of an evaluator, which methods with equal ones share."""
 
     def run(network, physics, labels, velocities, batch):
@@ -160,4 +161,4 @@ def _evaluation(evaluator: Evaluator, devices: Devices):
         mapped = devices.shard_map(evaluator.evaluate, arguments, (labels, velocities, NO_COST))
         return mapped(*arguments)
 
-    return jax.jit(run, donate_argnums=(3,), compiler_options=same_options())
+    return jax.jit(run, donate_argnums=(3,), compiler_options=same_options(dimension))

@@ -18,7 +18,6 @@ from surrogate import FIDELITIES, Fidelity, Flow, Scene, Unbounded, family_shape
 from surrogate.arrays import single
 from surrogate.flow.grid import far
 from surrogate.flow.grid.discretise import fitted_domain
-from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.scene.samples import Samples, held_out_samples
 from surrogate.training.plan import METHODS
@@ -124,12 +123,13 @@ def distance(gradient: np.ndarray, truth: np.ndarray, widths: np.ndarray) -> flo
     return float(np.nanmedian(error / np.linalg.norm(truth * widths, axis=1)))
 
 
-def single_precision(run: Run, aspect: float, reynolds: float) -> Row:
-    """Solve in both precisions with the same operators, and compare work, drag and time.
+def single_precision(run: Run, aspect: float, incidence: float, reynolds: float) -> Row:
+    """Solve in both precisions with the same operators, and compare work, forces and time.
 
-    The far field is of single precision in both; the row has the change of Cd from one of double.
+    The far field is of single precision in both; the row has the change from one of double. Changes
+    are those of Cd or Cl, whichever is larger, over Cd.
     """
-    shape = family_shape({"aspect": aspect})
+    shape = family_shape({"aspect": aspect, "incidence": incidence})
     domain = fitted_domain(Unbounded(), run.fidelity("standard"), shape, reynolds)
     markers, re = jnp.asarray(shape.draw(domain.nodes)), jnp.asarray(reynolds)
     double = jax.jit(lambda markers, re: steady.assemble(domain, markers, re))(markers, re)
@@ -140,8 +140,8 @@ def single_precision(run: Run, aspect: float, reynolds: float) -> Row:
     with mock.patch.object(far, "PRECISION", jnp.float64):
         response = far.far_response(domain, re)
     c, other = solve(eqx.tree_at(lambda operators: operators.far, double, response))
-    cds = [drag_coefficient(state.amplitude) for state in (a, b, c)]
-    difference, by_far = (abs(cd / cds[0] - 1) for cd in cds[1:])
+    forces = np.array([domain.forces(state.amplitude) for state in (a, b, c)])
+    difference, by_far = np.abs(forces[1:] - forces[0]).max(axis=1) / -forces[0, 0]
     return {
         "double": int(info.products) if info.converged else None,
         "single": int(rough.products) if rough.converged else None,
@@ -179,14 +179,16 @@ GRADIENTS = columns(
 )
 SOURCES = cases(gradient=[*(f"adjoint, {name}" for name in FIDELITIES), *METHODS])
 PRECISION = columns(
-    "aspect {aspect:g} | Re {reynolds:g} | float64 {double} G | float32 {single} G"
-    " | difference of Cd {difference:.0e} | time, float32 over float64 {time_ratio:.2f}"
-    " | difference of Cd by the far field's precision {far:.0e}"
+    "aspect {aspect:g} | incidence {incidence:g} | Re {reynolds:g} | float64 {double} G"
+    " | float32 {single} G | difference of Cd, Cl {difference:.0e}"
+    " | time, float32 over float64 {time_ratio:.2f}"
+    " | difference by the far field's precision {far:.0e}"
 )
 ELLIPSES = [
-    *cases(aspect=[1.0], reynolds=[1.0, 1e-3, 0.1, 10.0, 40.0, 100.0, 300.0]),
-    *cases(aspect=[0.5, 5.0], reynolds=[40.0]),
-    {"aspect": 10.0, "reynolds": 300.0},
+    *cases(aspect=[1.0], incidence=[0.0], reynolds=[1.0, 1e-3, 0.1, 10.0, 40.0, 100.0, 300.0]),
+    *cases(aspect=[0.5, 5.0], incidence=[0.0], reynolds=[40.0]),
+    {"aspect": 10.0, "incidence": 0.0, "reynolds": 300.0},
+    *cases(aspect=[3.0], incidence=[10.0], reynolds=[1.0, 20.0, 100.0]),
 ]
 STUDIES = {
     "flow": Study([Table(flows, flow_error, FLOW, tiny="all")]),

@@ -13,11 +13,11 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from study import TINY, Row, Run, Study, Table, cases, columns
+from study import Row, Run, Study, Table, cases, columns
 from tools import cold_cache
 
 from surrogate import Flow, Scene
-from surrogate.compilation import QUICK
+from surrogate.compilation import QUICK, QUICK_3D
 from surrogate.flow.solver import steady
 
 ROOT = Path(__file__).parents[3]
@@ -78,10 +78,10 @@ def _process(code, scratch, name):
     }
 
 
-def options(run: Run, name: str, options: Row) -> Row:
+def options(run: Run, dimension: int, name: str, options: Row) -> Row:
     """Return the processor time that compiling a flow and running it take, with XLA's options."""
-    scene = Scene(fidelity=TINY if run.tiny else "standard")
-    flow = Flow(scene)
+    level = "standard" if dimension == 2 else "draft"
+    flow = Flow(scene := Scene(dimension=dimension, fidelity=run.fidelity(level, dimension)))
     markers = flow.bodies.markers(jnp.asarray(scene.family.ellipse(2.0)))
 
     def body_flow(markers, reynolds):
@@ -108,9 +108,18 @@ PROCESSES = columns(
     " | most of it {longest}"
 )
 OPTIONS = columns(
-    "XLA's options {name} | compiling a flow {compile_s:.1f} s | running it {run_s:.3f} s"
+    "flow {dimension}-D | XLA's options {name} | compiling a flow {compile_s:.1f} s"
+    " | running it {run_s:.3f} s"
 )
-WAYS = [{"name": "default", "options": {}}, {"name": "quick", "options": QUICK}]
+WAYS = [
+    {"dimension": dimension, "name": name, "options": options}
+    for dimension in (3, 2)
+    for name, options in (
+        ("default", {}),
+        ("without costlier optimisations", QUICK_3D),
+        ("and with older emitters", QUICK),
+    )
+]
 STUDIES = {
     "compilation": Study(
         [

@@ -23,7 +23,7 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
 GreenFunction = Callable[[Array], Array]  # velocity on faces caused by a force density on faces
-NEAR_MARGIN = 0.5  # D, from the box of forces to the edge of the box of known responses
+NEAR_MARGIN = 0.25  # D, from the box of forces to the edge of the box of known responses
 SPLINE_CELLS = 3  # of the box beyond the body: half a spline's support, and a margin
 
 

@@ -29,7 +29,7 @@ FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, a
 MAX_CELLS = 4_000_000  # of the part that is gridded, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
 ORDERS = 3  # highest order of the modes of bodies at incidence
-FAR_COMBINATIONS = 8  # of those modes, see ``CompressedResponse``
+FAR_COMBINATIONS = 6  # of those modes, see ``CompressedResponse``
 ROUNDING = 0.5  # D, to multiples of which the extent of a fitted body is rounded up
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
 

@@ -28,10 +28,12 @@ from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.lattice import Lattice
 
 BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
-# The precision of the coarse lattices of flows without and with lift. Single precision changes the
-# Cd of symmetric 2-D bodies by less than 1e-6 (study ``precision``). With lift, mirror images would
-# differ.
-PRECISION, LIFTING_PRECISION = jnp.float32, jnp.float64
+# The precision of the coarse lattices. Single precision changes Cd by less than 1e-6 (study
+# ``precision``).
+PRECISION = jnp.float32
+
+# Drags and lifts: a homogeneous polynomial of order n is known from its values at the first n + 1.
+FORCES = ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0))
 
 Powers = tuple[int, ...]  # of every force in a term of a polynomial
 
@@ -60,18 +62,22 @@ def far_response(
         for powers, field in zip(*ring, strict=True):
             total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
+    if domain.modes.lift_index is not None:  # exactly, which rounding has spoilt
+        symmetrised = domain.lattice.symmetrised
+        total = {p: symmetrised(field, (-1.0) ** p[-1]) for p, field in total.items()}
     return jnp.stack([total[powers] for powers in far_powers(domain)])
 
 
 def far_powers(domain: Domain) -> list[Powers]:
     """Return the powers of the forces in the terms of Phi: of second order, then of third."""
     forces = len(_force_axes(domain))
-    return [
-        powers
-        for order in range(2, domain.far_order + 1)
-        for powers in itertools.product(range(order, -1, -1), repeat=forces)
-        if sum(powers) == order
-    ]
+    return [powers for order in range(2, domain.far_order + 1) for powers in _powers(forces, order)]
+
+
+def _powers(forces, order):
+    """Return the powers of the forces in the terms of one order."""
+    every = itertools.product(range(order, -1, -1), repeat=forces)
+    return [powers for powers in every if sum(powers) == order]
 
 
 def _force_axes(domain):
@@ -80,58 +86,69 @@ def _force_axes(domain):
 
 
 def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
-    """Return the response to the flux between the domain ``inner`` and the edge of ``coarse``."""
+    """Return the response to the flux between the domain ``inner`` and the edge of ``coarse``.
+
+    With u_1 and u_2 the velocities of first and second order and q(u) the flux of a velocity, that
+    of second order is q(u_1), and that of third (q(u_1 + u_2) - q(u_1 - u_2)) / 2.
+    """
     axes = _force_axes(domain)
-    dtype = PRECISION if len(axes) == 1 else LIFTING_PRECISION
-    green = domain.green_function(coarse, reynolds, dtype)
+    green = domain.green_function(coarse, reynolds, PRECISION)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
-    inner, outer = inner.astype(dtype), outer.astype(dtype)
+    inner, outer = inner.astype(PRECISION), outer.astype(PRECISION)
     refine = refinement(domain.lattice, coarse)
-    forces = jnp.stack([_unit_force(coarse, axis, domain.FORCE_UNIT) for axis in axes])
-    forces = forces.astype(dtype)
-    first = Polynomial([tuple(int(own == axis) for own in axes) for axis in axes], forces)
-    first = _each(green, first)
-    flux, outside = _fluxes(coarse, outer, inner, first, first)
-    sources = [outside]
-    if order > 2:
-        _, cross = _fluxes(coarse, outer, inner, first, _each(green, flux))
-        sources.append(Polynomial(cross.powers, 2 * cross.fields))
-    fields = jnp.concatenate([source.fields for source in sources])
-    powers = [power for source in sources for power in source.powers]
-    return _each(lambda source: refine(green(source)), Polynomial(powers, fields))
 
-
-def _each(function, polynomial) -> Polynomial:
-    """Return the polynomial with a linear function applied to each field, one after the other.
-
-    As everywhere here a loop is compiled once, while a call for each field takes seconds more.
-    """
-    return Polynomial(polynomial.powers, jax.lax.map(function, polynomial.fields))
-
-
-def _fluxes(coarse, outer, inner, a, b) -> tuple[Polynomial, Polynomial]:
-    """Return the momentum flux of the product of two velocities, in all and outside the domain.
-
-    Products are those of B(u, v), the symmetric form with B(u, u) = -div(W^2 u u), W the blending
-    function ``outer`` of the coarse lattice; outside the domain it has W^2 - w^2 in place of W^2, w
-    being ``inner``.
-    """
-
-    def fluxes(pair):
-        u, v = pair
-        parts = [weight * velocity for weight in (outer, inner) for velocity in (u + v, u - v)]
-        flux = jax.lax.map(coarse.convect, jnp.stack(parts))
-        whole, inside = (flux[0] - flux[1]) / 4, (flux[2] - flux[3]) / 4
+    def fluxes(velocity):
+        """Return -div(W^2 u u) in all and outside the domain, W being ``outer``."""
+        whole, inside = (coarse.convect(weight * velocity) for weight in (outer, inner))
         return whole, whole - inside
 
-    pairs = list(itertools.product(zip(*a, strict=True), zip(*b, strict=True)))
-    first, second = (jnp.stack([pair[k][1] for pair in pairs]) for k in (0, 1))
-    powers = [tuple(map(sum, zip(p, q, strict=True))) for (p, _), (q, _) in pairs]
-    distinct = list(dict.fromkeys(powers))
-    matrix = np.array([[power == own for power in powers] for own in distinct], a.fields.dtype)
-    collect = functools.partial(jnp.tensordot, matrix, axes=1)
-    flux, outside = map(collect, jax.lax.map(fluxes, (first, second)))
-    return Polynomial(distinct, flux), Polynomial(distinct, outside)
+    forces = [_unit_force(coarse, axis, domain.FORCE_UNIT) for axis in axes]
+    forces = Polynomial(_powers(len(axes), 1), jnp.stack(forces).astype(PRECISION))
+    first = _convolved(green, forces)
+    found = jax.lax.map(fluxes, _values(first, 2))
+    flux, outside = (_polynomial(values, len(axes), 2) for values in found)
+    powers, fields = outside
+    if order > 2:
+        one, two = (_values(velocity, 3) for velocity in (first, _convolved(green, flux)))
+        _, outside = jax.lax.map(fluxes, jnp.concatenate([one + two, one - two]))
+        cubic = _polynomial((outside[: len(one)] - outside[len(one) :]) / 2, len(axes), 3)
+        powers, fields = powers + cubic.powers, jnp.concatenate([fields, cubic.fields])
+    return _convolved(green, Polynomial(powers, fields), refine)
+
+
+def _convolved(green, polynomial, then=lambda velocity: velocity) -> Polynomial:
+    """Return the polynomial with G, and then another linear function, applied to each field.
+
+    One after the other, as everywhere here: a loop is compiled once, while a call for each field
+    takes seconds more. Fields are odd under mirroring across the axis of the lift where its power
+    is odd.
+    """
+    powers, fields = polynomial
+    if len(powers[0]) == 1:
+        return Polynomial(powers, jax.lax.map(lambda field: then(green(field)), fields))
+    odd = np.array([lift % 2 for _, lift in powers])
+    fields = jax.lax.map(lambda one: then(green.of_parity(*one)), (fields, odd))
+    return Polynomial(powers, fields)
+
+
+def _values(polynomial, order):
+    """Return the values of a polynomial at the forces that determine one of this order."""
+    weights = _monomials(polynomial.powers, order).astype(polynomial.fields.dtype)
+    return jnp.tensordot(weights, polynomial.fields, axes=1)
+
+
+def _polynomial(values, forces, order) -> Polynomial:
+    """Return the homogeneous polynomial of this order in the forces that has these values."""
+    powers = _powers(forces, order)
+    weights = np.linalg.inv(_monomials(powers, order)).astype(values.dtype)
+    return Polynomial(powers, jnp.tensordot(weights, values, axes=1))
+
+
+def _monomials(powers, order):
+    """Return the terms with these powers, by columns, at forces that tell those of an order."""
+    count = len(powers[0])
+    forces = np.array(FORCES)[: len(_powers(count, order)), :count]
+    return np.prod(forces[:, None] ** np.array(powers, float), axis=-1)
 
 
 def far_velocity(

@@ -12,6 +12,19 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 
 
+def _image(component, own, axis):
+    """Return the mirror image of component ``own`` of a velocity across an axis.
+
+    Along that axis the component's faces are not symmetric about the middle: one more lies at the
+    upper end, which has no image; the lower end has a zero in its place.
+    """
+    image = jnp.flip(component, axis)
+    if axis == own:
+        image = jnp.roll(-image, -1, axis)
+        image = image.at[(slice(None),) * axis + (-1,)].set(0.0)
+    return image
+
+
 @dataclasses.dataclass(frozen=True)
 class Lattice:
     """A staggered grid of ``shape`` cells of size ``step`` in D, the body's centre at the origin.
@@ -68,12 +81,21 @@ class Lattice:
 
     def _mirrored(self, component, own):
         for axis in self.folded:
-            image = jnp.flip(component, axis)
-            if axis == own:  # odd; the outermost zeros are dropped, those in the middle put in
-                image = jnp.roll(-image, -1, axis)
-                image = image.at[(slice(None),) * axis + (-1,)].set(0.0)
-            component = jnp.concatenate([image, component], axis)
+            component = jnp.concatenate([_image(component, own, axis), component], axis)
         return component
+
+    def symmetrised(
+        self, velocity: Float[AnyArray, "axes ..."], parity: float
+    ) -> Float[Array, "axes ..."]:
+        """Return the part of a velocity with this parity under mirroring across the last axis.
+
+        Parity 1 stands for a velocity that is its own mirror image, -1 for one that is minus its
+        mirror image. The grid has no images of the last component's outermost faces, which stay.
+        """
+        axis = self.dimension - 1
+        image = jnp.stack([_image(part, own, axis) for own, part in enumerate(velocity)])
+        part = (velocity + parity * image) / 2
+        return part.at[axis, ..., -1].set(velocity[axis, ..., -1])
 
     def rows(self, height: float) -> int:
         """Return the number of rows of cells in a tunnel of this height in D."""

@@ -14,7 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
@@ -34,6 +34,12 @@ class Kernel(eqx.Module):
         if self.mirror is not None:
             spectrum += _multiply(self.mirror, jnp.fft.rfft2(reflect(force), s=padded))
         return jnp.fft.irfft2(spectrum, s=padded)[:, : shape[0], : shape[1]]
+
+    def of_parity(
+        self, force: Float[AnyArray, "2 nx ny"], odd: Int[AnyArray, ""]
+    ) -> Float[AnyArray, "2 nx ny"]:
+        """Return the velocity due to a force with a symmetry, at the cost of any other."""
+        return self(force)
 
 
 class SymmetricKernel(eqx.Module):

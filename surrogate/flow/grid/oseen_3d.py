@@ -11,13 +11,14 @@ each is the heat kernel of a one-dimensional lattice, exp(-2t) I_n(2t) at distan
 """
 
 import functools
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 from scipy.fft import next_fast_len
 from scipy.special import ive
 
@@ -36,8 +37,9 @@ LARGEST_X = 1e8  # argument of a Bessel function, beyond which its expansion is 
 class SpaceKernel(eqx.Module):
     """The Green's function G in 3-D: spectra of g and Q, padded so that nothing wraps around.
 
-    Across folded axes of the lattice component i is even but odd in its own direction: cosines and
-    sines. Along the others waves are complex.
+    Across the stream waves are cosines and sines about the middle of the lattice. Forces that have
+    a mirror plane there, across folded axes, need half of them; others are split into a part that
+    is its own mirror image and one that is minus its mirror image.
     """
 
     viscous: Complex[Array, "kx ky kz"]
@@ -47,87 +49,153 @@ class SpaceKernel(eqx.Module):
 
     def __call__(self, force: Float[AnyArray, "3 nx ny nz"]) -> Float[Array, "3 nx ny nz"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
-        nx, *across = force.shape[1:]
-        period, dtype = _period(nx), self.viscous.dtype
-        y, z = (_waves(cells, k + 1 in self.folded) for k, cells in enumerate(across))
+        return jnp.stack(self._split_convolution(tuple(force)))
+
+    def of_parity(
+        self, force: Float[AnyArray, "3 nx ny nz"], odd: Int[AnyArray, ""]
+    ) -> Float[Array, "3 nx ny nz"]:
+        """Return the velocity due to a force that is its own mirror image, or minus it (``odd`` 1).
+
+        The mirror plane is the middle of the last axis, which is not folded. This takes half of the
+        time.
+        """
+        return jnp.stack(self._split_convolution(tuple(force), odd=odd))
+
+    def _split_convolution(self, force, waves=(), odd=None):
+        """Split along the axes across that have no waves yet, and convolve one part after another.
+
+        One after another they stay in the cache, and are compiled once. Where ``odd`` is given the
+        other part of the last axis vanishes.
+        """
+        axis = len(waves) + 1
+        if axis == 3:
+            return self._convolution(force, waves)
+        cells, dtype = force[0].shape[axis], force[0].dtype
+        if axis in self.folded:
+            own = jax.tree.map(lambda m: jnp.asarray(m, dtype), _waves(cells, 1, plane=False))
+            return self._split_convolution(force, (*waves, own), odd)
+        kinds = (_waves(cells // 2, parity, plane=True) for parity in (1, -1))
+        both = jax.tree.map(lambda *pair: jnp.asarray(np.stack(pair), dtype), *kinds)
+
+        def convolution(part):
+            return self._split_convolution(part[0], (*waves, part[1]), odd)
+
+        every = _parts(force, axis), both
+        if odd is None or axis == 1:
+            return _joined(jax.lax.map(convolution, every), axis)
+        found = convolution(jax.tree.map(lambda leaf: leaf[odd], every))
+        parts = jax.tree.map(lambda leaf: jnp.stack([(1 - odd) * leaf, odd * leaf]), found)
+        return _joined(parts, axis)
+
+    def _convolution(self, force, waves):
+        """Convolve the upper part of a force, which these waves across have the symmetries of."""
+        nx, period, dtype = force[0].shape[0], _period(force[0].shape[0]), self.viscous.dtype
         # D- of the components across, and minus D+ of a scalar, in wave numbers
-        div_y, div_z = (jnp.asarray(w.divergence / self.step, dtype) for w in (y, z))
-        grad_y, grad_z = jnp.conj(div_y)[:, None], jnp.conj(div_z)
-        div_y = div_y[:, None]
+        by_y, by_z = ((wave.slope / self.step).astype(dtype) for wave in waves)
+        by_y = by_y[:, None]
         shift = (np.exp(2j * np.pi * np.arange(period // 2 + 1) / period) - 1) / self.step
         ahead = jnp.asarray(shift[:, None, None], dtype)  # D+x; D-x is -conj
         g, q = self.viscous, self.potential
 
         def forward(part, own):
-            along = jnp.fft.rfft(_padded(part, period, 0), axis=0)
-            return z.forward(y.forward(along, 1, own == 1), 2, own == 2)
+            spectrum = jnp.fft.rfft(_padded(part, period), axis=0)
+            for axis in (1, 2):
+                spectrum = _contract(spectrum, waves[axis - 1].of(own == axis)[0], axis)
+            return spectrum
 
         def backward(part, own):
-            along = y.backward(z.backward(part, 2, own == 2), 1, own == 1)
-            return jnp.fft.irfft(along, n=period, axis=0)[:nx]
+            for axis in (2, 1):
+                part = _contract(part, waves[axis - 1].of(own == axis)[1], axis)
+            return jnp.fft.irfft(part, n=period, axis=0)[:nx]
 
         fx, fy, fz = (forward(part, own) for own, part in enumerate(force))
-        sources = div_y * fy + div_z * fz
+        sources = by_y * fy + by_z * fz
         phi = q * (sources - jnp.conj(ahead) * fx)
-        across = (div_y * grad_y + div_z * grad_z).real  # minus the Laplacian across
-        velocity = (
-            -(q * (across * fx + ahead * sources)),
-            g * fy + grad_y * phi,
-            g * fz + grad_z * phi,
-        )
-        return jnp.stack([backward(part, own) for own, part in enumerate(velocity)])
+        across = (by_y**2 + by_z**2).real  # minus the Laplacian across
+        velocity = -(q * (across * fx + ahead * sources)), g * fy + by_y * phi, g * fz + by_z * phi
+        return tuple(backward(part, own) for own, part in enumerate(velocity))
 
 
-class _FoldedWaves:
-    """Cosines of even components and sines of odd ones, across a mirror plane."""
+def _parts(force, axis):
+    """Return the upper halves of a force's even and odd part under mirroring, stacked.
 
-    def __init__(self, cells):
-        self.psi = np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
-        self.divergence = 2 * np.sin(self.psi / 2)
-        row = np.arange(cells)[:, None]
-        matrices = np.cos(self.psi * (row + 0.5)), np.sin(self.psi * (row + 1))
-        ends = (self.psi == 0) | (self.psi == np.pi)
-        weight = np.where(ends, 1.0, 2.0) / (2 * cells + 1)
-        self._forward, self._backward = matrices, [(m * weight).T for m in matrices]
-        self.reach = 2 * cells  # of the sources' images
-
-    def forward(self, field, axis, odd):
-        return _contract(field, self._forward[odd], axis)
-
-    def backward(self, field, axis, odd):
-        return _contract(field, self._backward[odd], axis)
-
-
-class _WholeWaves:
-    """Complex waves along an axis without a mirror plane."""
-
-    def __init__(self, cells):
-        self.cells, self.reach, self._period = cells, cells, _period(cells)
-        self.psi = 2 * np.pi * np.arange(self._period) / self._period
-        self.divergence = 1 - np.exp(-1j * self.psi)
-
-    def forward(self, field, axis, odd):
-        return jnp.fft.fft(_padded(field, self._period, axis), axis=axis)
-
-    def backward(self, field, axis, odd):
-        whole = jnp.fft.ifft(field, axis=axis)
-        return jax.lax.slice_in_dim(whole, 0, self.cells, axis=axis)
+    The even part is its own mirror image, the odd part minus its mirror image. The component along
+    the axis lies on faces: on the mirror plane, where the even part vanishes, and at multiples of
+    the step on both sides, one more above it.
+    """
+    parts = []
+    for own, part in enumerate(force):
+        lower, upper = jnp.split(part, [part.shape[axis] // 2], axis)
+        image = jnp.flip(lower, axis)
+        if own == axis:
+            plane, image = jnp.split(-image, [1], axis)
+            zero = jnp.zeros_like(plane)
+            upper = jnp.concatenate([-plane, upper], axis)
+            image = jnp.concatenate([plane, image, zero], axis)
+        parts.append(jnp.stack([upper + image, upper - image]) / 2)
+    return tuple(parts)
 
 
-def _padded(field, length, axis):
-    """Append zeros along an axis up to a length.
+def _joined(parts, axis):
+    """Return the whole of a velocity, whose upper halves ``_parts`` would return."""
+    whole = []
+    for own, (even, odd) in enumerate(parts):
+        upper, image = even + odd, even - odd
+        if own == axis:  # the plane is in the upper half, the outermost face has no image
+            image = -jax.lax.slice_in_dim(image, 1, image.shape[axis] - 1, axis=axis)
+        whole.append(jnp.concatenate([jnp.flip(image, axis), upper], axis))
+    return tuple(whole)
+
+
+class _Waves(NamedTuple):
+    """Cosines and sines across a mirror plane: their slopes, and transforms to them and back.
+
+    ``slope`` is D- of the component along the axis, and minus D+ of a scalar. ``centred`` and
+    ``faces`` transform values in the middle of cells and on the faces of the axis.
+    """
+
+    slope: Float[AnyArray, " waves"]
+    centred: tuple[AnyArray, AnyArray]
+    faces: tuple[AnyArray, AnyArray]
+
+    def of(self, faces: bool) -> tuple[AnyArray, AnyArray]:
+        """Return the transforms of a component, which lies on the faces of the axis or not."""
+        return self.faces if faces else self.centred
+
+
+@functools.cache
+def _waves(cells, parity, plane):
+    """Return the waves of a field that is its own mirror image, or minus that (``parity`` -1).
+
+    There are ``cells`` cells above the mirror plane; with ``plane`` its faces come first.
+    """
+    psi = _wave_numbers(cells)
+    centres = psi * (np.arange(cells)[:, None] + 0.5)
+    faces = psi * np.arange(0 if plane else 1, cells + 1)[:, None]
+    centres, faces = (
+        (np.cos(centres), np.sin(faces)) if parity == 1 else (np.sin(centres), np.cos(faces))
+    )
+    weight = np.full(len(psi), 2.0) / (2 * cells + 1)
+    weight[[0, -1]] /= 2
+    back = (centres * weight).T, (faces * weight).T
+    if plane:
+        faces[0] /= 2  # these values are their own images
+    return _Waves(parity * 2 * np.sin(psi / 2), (centres, back[0]), (faces, back[1]))
+
+
+def _wave_numbers(cells):
+    """Return the wave numbers across, so many that the images of sources do not wrap around."""
+    return np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
+
+
+def _padded(field, length):
+    """Append zeros along the stream up to a length.
 
     The padding of ``jnp.fft`` would be negative padding in the adjoint, for which XLA's older
     emitters for CPUs have no code.
     """
-    shape = list(field.shape)
-    shape[axis] = length - shape[axis]
-    return jnp.concatenate([field, jnp.zeros(shape, field.dtype)], axis=axis)
-
-
-@functools.cache
-def _waves(cells, folded):
-    return _FoldedWaves(cells) if folded else _WholeWaves(cells)
+    zeros = jnp.zeros((length - field.shape[0], *field.shape[1:]), field.dtype)
+    return jnp.concatenate([field, zeros])
 
 
 def _contract(field, matrix, axis):
@@ -149,7 +217,11 @@ def space_kernel(
     It is computed in double precision, whatever ``dtype`` the result has: the exponentials cancel.
     """
     nx, *across = lattice.shape
-    heat = [_heat(cells, k + 1 in lattice.folded) for k, cells in enumerate(across)]
+    heat = [
+        _heat(cells if axis in lattice.folded else cells // 2)
+        for axis, cells in enumerate(across, 1)
+    ]
+    across = jnp.einsum("ky,kz->kyz", *heat)
     period = _period(nx)
 
     def spectrum(columns, power):
@@ -157,8 +229,9 @@ def space_kernel(
         # displacements -nx ... nx about the source, laid out as FFTs have them
         padded = jnp.zeros((period, columns.shape[1])).at[np.arange(-nx, nx + 1)].set(columns[1:])
         amplitude = jnp.fft.rfft(((padded * weights) @ fit) @ spread, axis=0)
-        spectrum = jnp.einsum("xk,ky,kz->xyz", amplitude, *heat)
-        return spectrum.astype(jnp.result_type(jnp.dtype(dtype), jnp.complex64))
+        parts = jnp.concatenate([amplitude.real, amplitude.imag])  # complex products take longer
+        parts = jnp.einsum("xk,kyz->xyz", parts, across).astype(dtype)
+        return jax.lax.complex(*jnp.split(parts, 2))
 
     viscous, potential = sequences(lattice, reynolds, BETAS)
     spectra = spectrum(viscous, 0.5), spectrum(potential, 1.5)
@@ -180,12 +253,11 @@ def _exponentials(power):
 
 
 @functools.cache
-def _heat(cells, folded):
+def _heat(cells):
     """Return the heat kernels at all times in the wave numbers across."""
-    waves = _waves(cells, folded)
-    n = np.arange(waves.reach + 1)
+    n = np.arange(2 * cells + 1)  # as far as the images of the sources
     kernels = _decaying_bessel(n, 2 * TIMES[:, None]) * np.where(n == 0, 1.0, 2.0)
-    return kernels @ np.cos(np.outer(n, waves.psi))
+    return kernels @ np.cos(np.outer(n, _wave_numbers(cells)))
 
 
 def _decaying_bessel(n, x):

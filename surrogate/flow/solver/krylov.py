@@ -34,8 +34,9 @@ def gmres(
 ) -> KrylovResult:
     """Solve A x = b from x = 0 until |b - A x| <= tolerance |b| (Saad & Schultz 1986).
 
-    Modified Gram-Schmidt, which touches only the vectors there are; the small least-squares
-    problem is kept triangular by Givens rotations, so its residual is known after every vector.
+    Modified Gram-Schmidt and the sum of the vectors touch only those there are; the small
+    least-squares problem is kept triangular by Givens rotations, so its residual is known after
+    every vector.
 
     Args:
       matvec: returns A x, of the structure of b.
@@ -85,8 +86,8 @@ def gmres(
     weights = jax.scipy.linalg.solve_triangular(
         triangle, jnp.where(jnp.arange(m) < k, rhs[:m], 0.0)
     )
-    x = norm_b * (weights @ basis[:m])
-    return KrylovResult(unravel(x), k, error, error <= tolerance)
+    x = jax.lax.fori_loop(0, k, lambda j, x: x + weights[j] * basis[j], zeros(flat_b.size))
+    return KrylovResult(unravel(norm_b * x), k, error, error <= tolerance)
 
 
 def _rotate(column, rotations, count):

@@ -24,8 +24,9 @@ class FullResponse(eqx.Module):
     velocities: Float[AnyArray, "modes axes ..."]
 
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
-        """Return the Oseen velocity G B a of a traction."""
-        return jnp.tensordot(amplitude, self.velocities, axes=1)
+        """Return the Oseen velocity G B a of a traction, to the digits of the response."""
+        velocity = jnp.tensordot(amplitude.astype(self.velocities.dtype), self.velocities, axes=1)
+        return velocity.astype(amplitude.dtype)
 
     def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:
         """Return S G B, the slip that each mode causes, by columns."""
@@ -49,10 +50,12 @@ class CompressedResponse(eqx.Module):
 
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
         """Return the Oseen velocity G B a of a traction, which is approximate outside the box."""
-        velocity = jnp.tensordot(self.combinations @ amplitude, self.far, axes=1)
+        traction = amplitude.astype(self.near.dtype)
+        velocity = jnp.tensordot(self.combinations @ traction, self.far, axes=1)
         sides = zip(self.corner, self.near.shape[2:], strict=True)
         box = (slice(None), *(slice(start, start + side) for start, side in sides))
-        return velocity.at[box].set(jnp.tensordot(amplitude, self.near, axes=1))
+        velocity = velocity.at[box].set(jnp.tensordot(traction, self.near, axes=1))
+        return velocity.astype(amplitude.dtype)
 
     def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:
         """Return S G B, the slip that each mode causes, by columns."""
