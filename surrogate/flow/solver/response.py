@@ -23,6 +23,7 @@ class FullResponse(eqx.Module):
 
     velocities: Float[AnyArray, "modes axes ..."]
 
+    @full_single_precision
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
         """Return the Oseen velocity G B a of a traction, to the digits of the response."""
         velocity = jnp.tensordot(amplitude.astype(self.velocities.dtype), self.velocities, axes=1)
@@ -48,6 +49,7 @@ class CompressedResponse(eqx.Module):
     far: Float[AnyArray, "combinations axes ..."]
     corner: tuple[int, ...] = eqx.field(static=True)
 
+    @full_single_precision
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
         """Return the Oseen velocity G B a of a traction, which is approximate outside the box."""
         traction = amplitude.astype(self.near.dtype)
