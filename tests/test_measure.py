@@ -164,7 +164,7 @@ def test_an_interrupted_study_is_resumed_by_the_same_command(tmp_path, monkeypat
 
 def test_solved_flows_are_read_as_they_were_written(tmp_path):
     """So that flows may be solved on one machine and models fitted on another."""
-    _, samples, _ = bodies = three_loads.bodies_of("lift", True)
+    _, samples, _ = bodies = three_loads.bodies_of("lift", True, 16)
     rows, count = np.random.default_rng(0), samples.count
     flags = rows.integers(9, size=count), rows.random(count) < 0.5
     loads = rows.normal(size=(count, 3))
@@ -176,7 +176,7 @@ def test_solved_flows_are_read_as_they_were_written(tmp_path):
     found = three_loads.read_or_solve(Run(True, options), *bodies)
     jax.tree.map(np.testing.assert_array_equal, found, flows)
     with pytest.raises(InvalidInput, match=r"flows\.npz: has the flows of other bodies"):
-        three_loads.read_or_solve(Run(True, options), *three_loads.bodies_of("particle", True))
+        three_loads.read_or_solve(Run(True, options), *three_loads.bodies_of("particle", True, 16))
 
 
 def test_an_unknown_study_is_refused():

@@ -2,7 +2,8 @@
 
 Every flow is solved once, with the gradients of its loads. HIG and supervised regression, at their
 best, and the rivals are fitted to the first of them; SIP at its best has the labels and the loss of
-the latter, at about the same cost. Study ``three_loads_lift`` does the same for 2-D sections.
+the latter, at about the same cost. Study ``three_loads_lift`` does the same for 2-D sections, and
+``slow_fits`` has the methods whose fits to many of these take longest.
 """
 
 import dataclasses
@@ -17,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from figures import lines
 from rivals import SolvedLoads, gekpls, polynomial_with_slopes
-from study import Row, Run, Study, Table, columns
+from study import Row, Run, Study, Table, cases, columns
 from tools import PeakMemory, medians
 
 from surrogate import Flow, InvalidInput, Scene
@@ -44,13 +45,14 @@ TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies
 # Bodies of a scene up to which a method is fitted: fits of HIG and GEKPLS take longest, and one
 # matrix of gradient-enhanced kriging for 4,096 sections takes 11 GB.
 MOST = {
-    ("lift", "hig"): 16,
+    ("lift", "hig"): 0,
     ("lift", "GEKPLS"): 64,
     ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 64,
     ("particle", "GEKPLS"): 128,
 }
 METHODS = ("hig", "supervised", "gradient-enhanced kriging", "GEKPLS", "polynomial with gradients")
+SLOW, FEW = ("hig", "supervised", "gradient-enhanced kriging", "GEKPLS"), (64, 256)
 MANY = 1000  # answers whose time is taken
 Outputs = Callable[[np.ndarray], np.ndarray]  # of scaled inputs (cases, inputs)
 
@@ -83,12 +85,12 @@ class SolvedFlows(NamedTuple):
 PARTS = {"samples": Samples, "training": LoadsAndGradients, "held_out": FlowBatch}  # of a file
 
 
-def bodies_of(name: str, tiny: bool) -> tuple[Flow, Samples, Samples]:
-    """Return the flow of a scene, its training bodies and its held-out ones."""
+def bodies_of(name: str, tiny: bool, count: int) -> tuple[Flow, Samples, Samples]:
+    """Return the flow of a scene, ``count`` training bodies and its held-out ones."""
     scene = Scene.read(SCRIPTS / f"{name}.toml")
     cells = TINY_CELLS if tiny else CELLS[name]
     scene = dataclasses.replace(scene, fidelity=dataclasses.replace(scene.fidelity, cells=cells))
-    samples = training_samples(scene, 0, 16 if tiny else max(COUNTS[name]))
+    samples = training_samples(scene, 0, 16 if tiny else count)
     return Flow(scene), samples, held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
 
 
@@ -147,9 +149,9 @@ def write_flows(path: Path, flows: SolvedFlows) -> None:
 
 
 @functools.lru_cache(maxsize=1)
-def ground_of(name: str, run: Run) -> Ground:
-    """Return the bodies of a scene with their flows; those not found are left out."""
-    flow, samples, unseen = bodies_of(name, run.tiny)
+def ground_of(name: str, run: Run, count: int) -> Ground:
+    """Return ``count`` bodies of a scene with their flows; those not found are left out."""
+    flow, samples, unseen = bodies_of(name, run.tiny, count)
     scene, inputs = flow.scene, scene_inputs(flow.scene)
     _, found, truth, seconds, device = read_or_solve(run, flow, samples, unseen)
     unseen = unseen.at(np.flatnonzero(truth.converged))
@@ -183,7 +185,12 @@ def models(scene: str, run: Run) -> Iterator[Row]:
         yield from ({"scene": scene, "bodies": bodies, "method": name} for name in methods)
 
 
-def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
+def slow_fits(run: Run) -> list[Row]:
+    """Return the cases of the methods whose fits to many sections take longest, and of two more."""
+    return cases(scene=("lift",), bodies=run.pick((16,), FEW), method=SLOW)
+
+
+def measure(run: Run, scene: str, bodies: int, method: str, known: int | None = None) -> Row:
     """Return errors over Cd on held-out bodies, work and time of the flows, and time of the fit.
 
     Args:
@@ -191,8 +198,9 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
       scene: Its name.
       bodies: Number of training bodies.
       method: One of ``METHODS``.
+      known: Number of bodies whose flows are solved; by default those of the largest fit.
     """
-    ground = ground_of(scene, run)
+    ground = ground_of(scene, run, known or max(COUNTS[scene]))
     begin = time.process_time()
     with PeakMemory() as memory:
         outputs, compile_s = _fitted(ground, method, bodies, run)
@@ -264,4 +272,15 @@ STUDIES = {
         options=OPTIONS,
     )
     for name, scene in (("three_loads", "particle"), ("three_loads_lift", "lift"))
+} | {
+    "slow_fits": Study(
+        [
+            Table(
+                slow_fits,
+                functools.partial(measure, known=max(FEW)),
+                COLUMNS,
+            )
+        ],
+        options=OPTIONS,
+    )
 }
