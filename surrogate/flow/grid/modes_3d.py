@@ -1,6 +1,7 @@
 """Traction modes in 3-D: spherical harmonics in mu = cos t and the azimuth."""
 
 import dataclasses
+import functools
 
 import numpy as np
 from jaxtyping import Float
@@ -63,13 +64,7 @@ class Modes3D:
 
     def values(self, nodes: SkinNodes) -> Float[AnyArray, "modes 3 nodes"]:
         """Return the traction of every mode at the nodes, as force per unit mu and phi."""
-        mu, phi = skin_grid(nodes)
-        out = np.zeros((self.count, 3, mu.size))
-        for row, term in enumerate(self._terms):
-            shape = lpmv(term.order, term.degree, mu) / _norm(term.degree, term.order)
-            waves = np.outer(term.cosines, np.cos(term.order * phi))
-            out[row] = shape * (waves + np.outer(term.sines, np.sin(term.order * phi)))
-        return out * FORCE_UNIT / (4 * np.pi)
+        return _values(self, nodes)
 
     def weights(self, nodes: SkinNodes) -> Float[AnyArray, " nodes"]:
         """Return the quadrature weights of the nodes for integrals over mu and phi."""
@@ -101,6 +96,20 @@ class Modes3D:
                 if order > 0 or cosine:
                     terms += [Term(degree, order, **waves) for degree in degrees]
         return terms
+
+
+@functools.lru_cache(maxsize=8)
+def _values(modes, nodes):
+    """Return the values of ``Modes3D.values``, which loads ask for again and again."""
+    mu, phi = skin_grid(nodes)
+    out = np.zeros((modes.count, 3, mu.size))
+    for row, term in enumerate(modes._terms):
+        shape = lpmv(term.order, term.degree, mu) / _norm(term.degree, term.order)
+        waves = np.outer(term.cosines, np.cos(term.order * phi))
+        out[row] = shape * (waves + np.outer(term.sines, np.sin(term.order * phi)))
+    out *= FORCE_UNIT / (4 * np.pi)
+    out.flags.writeable = False
+    return out
 
 
 def _across(degree, order, sense):
