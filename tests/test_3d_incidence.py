@@ -49,6 +49,20 @@ def test_exact_kernel_of_half_a_domain_is_that_of_the_whole():
     assert np.abs(by_half - by_whole).max() < 1e-11 * np.abs(by_whole).max()
 
 
+@pytest.mark.parametrize("parity", [1, -1])
+def test_exact_kernel_of_forces_that_are_their_mirror_image_or_minus_it(parity):
+    lattice, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=(1,)), np.random.default_rng(0)
+    force = rng.normal(size=(3, *lattice.shape))
+    force[2, ..., -1] = 0.0  # its image's place is outside of the domain
+    force = lattice.symmetrised(jnp.asarray(force), parity)
+    kernel = space_kernel(lattice, jnp.asarray(7.0))
+    found, whole = kernel.of_parity(force, jnp.asarray((1 - parity) // 2)), kernel(force)
+    np.testing.assert_allclose(found, whole, atol=1e-12 * float(jnp.abs(whole).max()))
+    images = lattice.symmetrised(found, parity)
+    np.testing.assert_allclose(found[..., :-1], images[..., :-1], rtol=0, atol=0)
+    assert float(jnp.abs(lattice.symmetrised(force, -parity)).max()) == 0.0
+
+
 def test_programs_of_many_bodies_contain_the_adjoint_of_the_kernel():
     """They are compiled without some passes of XLA, which had no code for negative padding."""
     lattice, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=(1,)), np.random.default_rng(0)

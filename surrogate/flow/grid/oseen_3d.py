@@ -11,7 +11,6 @@ each is the heat kernel of a one-dimensional lattice, exp(-2t) I_n(2t) at distan
 """
 
 import functools
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -25,6 +24,7 @@ from scipy.special import ive
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen_2d import sequences
+from surrogate.flow.grid.waves_3d import contract, halves, joined, wave_numbers, waves_across
 
 # Times t of the exponentials and points beta of their fit, from the far field of the largest
 # lattice to the shortest waves: G to 1e-10 of its largest value (study ``constants``).
@@ -72,20 +72,20 @@ class SpaceKernel(eqx.Module):
             return self._convolution(force, waves)
         cells, dtype = force[0].shape[axis], force[0].dtype
         if axis in self.folded:
-            own = jax.tree.map(lambda m: jnp.asarray(m, dtype), _waves(cells, 1, plane=False))
+            own = jax.tree.map(lambda m: jnp.asarray(m, dtype), waves_across(cells, 1, plane=False))
             return self._split_convolution(force, (*waves, own), odd)
-        kinds = (_waves(cells // 2, parity, plane=True) for parity in (1, -1))
+        kinds = (waves_across(cells // 2, parity, plane=True) for parity in (1, -1))
         both = jax.tree.map(lambda *pair: jnp.asarray(np.stack(pair), dtype), *kinds)
 
         def convolution(part):
             return self._split_convolution(part[0], (*waves, part[1]), odd)
 
-        every = _parts(force, axis), both
+        every = halves(force, axis), both
         if odd is None or axis == 1:
-            return _joined(jax.lax.map(convolution, every), axis)
+            return joined(jax.lax.map(convolution, every), axis)
         found = convolution(jax.tree.map(lambda leaf: leaf[odd], every))
         parts = jax.tree.map(lambda leaf: jnp.stack([(1 - odd) * leaf, odd * leaf]), found)
-        return _joined(parts, axis)
+        return joined(parts, axis)
 
     def _convolution(self, force, waves):
         """Convolve the upper part of a force, which these waves across have the symmetries of."""
@@ -100,12 +100,12 @@ class SpaceKernel(eqx.Module):
         def forward(part, own):
             spectrum = jnp.fft.rfft(_padded(part, period), axis=0)
             for axis in (1, 2):
-                spectrum = _contract(spectrum, waves[axis - 1].of(own == axis)[0], axis)
+                spectrum = contract(spectrum, waves[axis - 1].of(own == axis)[0], axis)
             return spectrum
 
         def backward(part, own):
             for axis in (2, 1):
-                part = _contract(part, waves[axis - 1].of(own == axis)[1], axis)
+                part = contract(part, waves[axis - 1].of(own == axis)[1], axis)
             return jnp.fft.irfft(part, n=period, axis=0)[:nx]
 
         fx, fy, fz = (forward(part, own) for own, part in enumerate(force))
@@ -116,78 +116,6 @@ class SpaceKernel(eqx.Module):
         return tuple(backward(part, own) for own, part in enumerate(velocity))
 
 
-def _parts(force, axis):
-    """Return the upper halves of a force's even and odd part under mirroring, stacked.
-
-    The even part is its own mirror image, the odd part minus its mirror image. The component along
-    the axis lies on faces: on the mirror plane, where the even part vanishes, and at multiples of
-    the step on both sides, one more above it.
-    """
-    parts = []
-    for own, part in enumerate(force):
-        lower, upper = jnp.split(part, [part.shape[axis] // 2], axis)
-        image = jnp.flip(lower, axis)
-        if own == axis:
-            plane, image = jnp.split(-image, [1], axis)
-            zero = jnp.zeros_like(plane)
-            upper = jnp.concatenate([-plane, upper], axis)
-            image = jnp.concatenate([plane, image, zero], axis)
-        parts.append(jnp.stack([upper + image, upper - image]) / 2)
-    return tuple(parts)
-
-
-def _joined(parts, axis):
-    """Return the whole of a velocity, whose upper halves ``_parts`` would return."""
-    whole = []
-    for own, (even, odd) in enumerate(parts):
-        upper, image = even + odd, even - odd
-        if own == axis:  # the plane is in the upper half, the outermost face has no image
-            image = -jax.lax.slice_in_dim(image, 1, image.shape[axis] - 1, axis=axis)
-        whole.append(jnp.concatenate([jnp.flip(image, axis), upper], axis))
-    return tuple(whole)
-
-
-class _Waves(NamedTuple):
-    """Cosines and sines across a mirror plane: their slopes, and transforms to them and back.
-
-    ``slope`` is D- of the component along the axis, and minus D+ of a scalar. ``centred`` and
-    ``faces`` transform values in the middle of cells and on the faces of the axis.
-    """
-
-    slope: Float[AnyArray, " waves"]
-    centred: tuple[AnyArray, AnyArray]
-    faces: tuple[AnyArray, AnyArray]
-
-    def of(self, faces: bool) -> tuple[AnyArray, AnyArray]:
-        """Return the transforms of a component, which lies on the faces of the axis or not."""
-        return self.faces if faces else self.centred
-
-
-@functools.cache
-def _waves(cells, parity, plane):
-    """Return the waves of a field that is its own mirror image, or minus that (``parity`` -1).
-
-    There are ``cells`` cells above the mirror plane; with ``plane`` its faces come first.
-    """
-    psi = _wave_numbers(cells)
-    centres = psi * (np.arange(cells)[:, None] + 0.5)
-    faces = psi * np.arange(0 if plane else 1, cells + 1)[:, None]
-    centres, faces = (
-        (np.cos(centres), np.sin(faces)) if parity == 1 else (np.sin(centres), np.cos(faces))
-    )
-    weight = np.full(len(psi), 2.0) / (2 * cells + 1)
-    weight[[0, -1]] /= 2
-    back = (centres * weight).T, (faces * weight).T
-    if plane:
-        faces[0] /= 2  # these values are their own images
-    return _Waves(parity * 2 * np.sin(psi / 2), (centres, back[0]), (faces, back[1]))
-
-
-def _wave_numbers(cells):
-    """Return the wave numbers across, so many that the images of sources do not wrap around."""
-    return np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
-
-
 def _padded(field, length):
     """Append zeros along the stream up to a length.
 
@@ -196,13 +124,6 @@ def _padded(field, length):
     """
     zeros = jnp.zeros((length - field.shape[0], *field.shape[1:]), field.dtype)
     return jnp.concatenate([field, zeros])
-
-
-def _contract(field, matrix, axis):
-    """Apply a real matrix along an axis of a complex field, both parts in one product."""
-    parts, matrix = jnp.stack([field.real, field.imag]), jnp.asarray(matrix, field.real.dtype)
-    product = jnp.moveaxis(jnp.tensordot(parts, matrix, axes=[[axis + 1], [0]]), -1, axis + 1)
-    return product[0] + 1j * product[1]
 
 
 def _period(cells):
@@ -257,7 +178,7 @@ def _heat(cells):
     """Return the heat kernels at all times in the wave numbers across."""
     n = np.arange(2 * cells + 1)  # as far as the images of the sources
     kernels = _decaying_bessel(n, 2 * TIMES[:, None]) * np.where(n == 0, 1.0, 2.0)
-    return kernels @ np.cos(np.outer(n, _wave_numbers(cells)))
+    return kernels @ np.cos(np.outer(n, wave_numbers(cells)))
 
 
 def _decaying_bessel(n, x):
