@@ -12,11 +12,13 @@ from correlations import Ellipsoid, ellipsoid, oberbeck
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
 from surrogate.body.skin import HALVES, SkinNodes
 from surrogate.compilation import same_options
+from surrogate.flow.grid import domain_3d
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
 from surrogate.flow.grid.oseen_3d import space_kernel
 from surrogate.flow.loads import LOADS
+from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.network import blank_network
 from surrogate.scene.fidelity import NAMED
@@ -72,6 +74,23 @@ def test_programs_of_many_bodies_contain_the_adjoint_of_the_kernel():
     adjoint = jax.jit(lambda u: transposed(u)[0], compiler_options=same_options())
     both = float(jnp.vdot(field, kernel(force))), float(jnp.vdot(adjoint(field), force))
     assert both[0] == pytest.approx(both[1], rel=1e-9)
+
+
+def test_few_combinations_of_modes_far_away_precondition_as_well_as_all(monkeypatch):
+    """Counted in convolutions of the solver, for a flow with its wake."""
+    domain, markers = FLOW.domain, FLOW.bodies.markers(jnp.asarray(BODY))
+
+    def products():
+        def solve(reynolds):
+            return steady.body_flow(domain, steady.assemble(domain, markers, reynolds))[1]
+
+        info = jax.jit(solve)(jnp.asarray(40.0))
+        assert bool(info.converged)
+        return int(info.products)
+
+    few = products()
+    monkeypatch.setattr(domain_3d, "FAR_COMBINATIONS", domain.modes.count)
+    assert few <= products() + 2
 
 
 @pytest.mark.slow
