@@ -145,7 +145,7 @@ def _polynomial(values, forces, order) -> Polynomial:
 
 
 def _monomials(powers, order):
-    """Return the terms with these powers, by columns, at forces that tell those of an order."""
+    """Return the terms with these powers, by columns, at the forces that determine an order."""
     count = len(powers[0])
     forces = np.array(FORCES)[: len(_powers(count, order)), :count]
     return np.prod(forces[:, None] ** np.array(powers, float), axis=-1)
