@@ -94,14 +94,17 @@ def compiled(
             traced = from_file(function, static) if _on_one_cpu() else function
             return jax.jit(traced, static_argnames=static, compiler_options=dict(chosen))
 
+        @functools.cache
+        def usual_program():
+            return program(*quick_options().items())
+
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
             if jax.config.jax_disable_jit:
                 return function(*args, **kwargs)
             if transformed(*jax.tree.leaves((args, kwargs))):
                 return nested(*args, **kwargs)
-            chosen = options(*args, **kwargs) if options else quick_options()
-            whole = program(*chosen.items())
+            whole = program(*options(*args, **kwargs).items()) if options else usual_program()
             known = whole._cache_size()
             result = whole(*args, **kwargs)
             if whole._cache_size() > known:

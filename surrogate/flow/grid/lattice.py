@@ -12,12 +12,21 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 
 
-def _image(component, own, axis):
-    """Return the mirror image of component ``own`` of a velocity across an axis.
+def mirror_image(velocity: Float[AnyArray, "axes ..."], axis: int) -> Float[Array, "axes ..."]:
+    """Return the mirror image of a velocity on faces across the middle of an axis.
 
-    Along that axis the component's faces are not symmetric about the middle: one more lies at the
-    upper end, which has no image; the lower end has a zero in its place.
+    The faces of the component along the axis are not symmetric about the middle: one more lies at
+    the upper end, which has no image; its place has a zero, as every blended source has there.
+
+    Args:
+      velocity: or another vector field on faces.
+      axis: across which it is mirrored, 0 being the one along the stream.
     """
+    return jnp.stack([_image(part, own, axis) for own, part in enumerate(velocity)])
+
+
+def _image(component, own, axis):
+    """Return component ``own`` of a velocity's mirror image."""
     image = jnp.flip(component, axis)
     if axis == own:
         image = jnp.roll(-image, -1, axis)
@@ -93,8 +102,7 @@ class Lattice:
         mirror image. The grid has no images of the last component's outermost faces, which stay.
         """
         axis = self.dimension - 1
-        image = jnp.stack([_image(part, own, axis) for own, part in enumerate(velocity)])
-        part = (velocity + parity * image) / 2
+        part = (velocity + parity * mirror_image(velocity, axis)) / 2
         return part.at[axis, ..., -1].set(velocity[axis, ..., -1])
 
     def rows(self, height: float) -> int:

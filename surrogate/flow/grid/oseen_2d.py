@@ -17,7 +17,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Complex, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.lattice import Lattice, mirror_image
 
 
 class Kernel(eqx.Module):
@@ -32,7 +32,7 @@ class Kernel(eqx.Module):
         padded = (2 * shape[0], 2 * shape[1])
         spectrum = _multiply(self.direct, jnp.fft.rfft2(force, s=padded))
         if self.mirror is not None:
-            spectrum += _multiply(self.mirror, jnp.fft.rfft2(reflect(force), s=padded))
+            spectrum += _multiply(self.mirror, jnp.fft.rfft2(mirror_image(force, 1), s=padded))
         return jnp.fft.irfft2(spectrum, s=padded)[:, : shape[0], : shape[1]]
 
     def of_parity(
@@ -73,16 +73,6 @@ def _cosines_and_sines(ny):
 
 def _padded_waves(ny):
     return np.pi * np.arange(2 * ny + 1) / (2 * ny)
-
-
-def reflect(field: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
-    """Return the mirror image of a face field in the centre line; u is even, v is odd.
-
-    v sits on the upper faces, so the mirror of its row j is row ny - 2 - j; the outermost row
-    has no partner inside the domain and is zero, as every blended source is there.
-    """
-    v = jnp.roll(field[1, :, ::-1], -1, axis=1).at[:, -1].set(0.0)
-    return jnp.stack([field[0, :, ::-1], -v])
 
 
 def _multiply(kernel, spectrum):
