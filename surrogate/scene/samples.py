@@ -1,12 +1,12 @@
-"""Random bodies and Reynolds numbers: training samples and held-out samples."""
+"""Random bodies and Reynolds numbers: training samples, their batches, and held-out samples."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
 import numpy as np
 import scipy  # its submodules load at first use; scipy.stats takes half a second
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
@@ -57,6 +57,27 @@ def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] 
         bodies = np.concatenate([bodies, drawn[clear]])
         log_re = np.concatenate([log_re, low + (high - low) * shares[clear, -1]])
     return Samples(bodies[positions], np.exp(log_re[positions]))
+
+
+def shuffled_batches(
+    seed: int, count: int, size: int
+) -> Callable[[int], Int[np.ndarray, " batch"]]:
+    """Return the function from an iteration to the indices of its batch, shuffled by epoch.
+
+    Args:
+      seed: of the training.
+      count: number of samples.
+      size: number of samples of a batch; all samples if there are fewer.
+    """
+    key, size = jax.random.fold_in(jax.random.key(seed), 1), min(size, count)
+    per_epoch = count // size
+
+    def batch(iteration):
+        epoch, index = divmod(iteration, per_epoch)
+        order = jax.random.permutation(jax.random.fold_in(key, epoch), count)
+        return np.asarray(order)[index * size : (index + 1) * size]
+
+    return batch
 
 
 def held_out_samples(scene: Scene, seed: int, count: int) -> Samples:

@@ -18,7 +18,12 @@ from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
 from surrogate.processes import broadcast_from_first
-from surrogate.scene.samples import Samples, network_key, training_samples
+from surrogate.scene.samples import (
+    Samples,
+    network_key,
+    shuffled_batches,
+    training_samples,
+)
 from surrogate.training.checkpoint import Checkpoints
 from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.history import (
@@ -158,7 +163,7 @@ def run_training(
     """
     method = method or plan.make_method()
     physics, partition = setup.physics, setup.physics.partition
-    batches = _batches(plan, method.batch)
+    batches = shuffled_batches(plan.seed, plan.samples, method.batch)
     checkpoints = Checkpoints(checkpoint, plan, partition, checkpoint_every_s)
     state = _first_state(plan, setup, method)
     state = checkpoints.load(state) or state
@@ -237,20 +242,6 @@ def _updated(state, step, batch, done):
         iteration=state.iteration + 1,
         seconds=state.seconds + time.perf_counter() - start,
     ), loss
-
-
-def _batches(plan, size):
-    """Return the function from an iteration to its batch, shuffled by epoch, of this seed."""
-    key = jax.random.fold_in(jax.random.key(plan.seed), 1)
-    size = min(size, plan.samples)
-    per_epoch = plan.samples // size
-
-    def batch(iteration: int) -> Int[np.ndarray, " batch"]:
-        epoch, index = divmod(iteration, per_epoch)
-        order = jax.random.permutation(jax.random.fold_in(key, epoch), plan.samples)
-        return np.asarray(order)[index * size : (index + 1) * size]
-
-    return batch
 
 
 def _done(plan, state):
