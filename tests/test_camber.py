@@ -81,6 +81,18 @@ def test_exact_area_centroid_and_thickness_with_camber(body):
     assert not crosses_itself(outline)
 
 
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(members(WIDEST))
+def test_camber_is_the_distance_of_the_mean_line_from_the_chord(body):
+    outline = np.asarray(WIDEST.outline(jnp.array(body), 720))
+    (x, middle), chord = (outline[1:360] + outline[:360:-1]).T / 2, outline[[0, 360]]
+    above = middle - np.interp(x, *chord.T)
+    camber = float(WIDEST.body_class.camber(jnp.array(body)))
+    assert camber == pytest.approx(np.abs(above).max(), abs=2e-3)
+    half_height = float(FAMILY.body_class.half_axes(BODY)[1])
+    assert float(FAMILY.body_class.camber(BODY)) == pytest.approx(2 * half_height * 0.2, rel=1e-12)
+
+
 def test_exact_contour_of_its_definition():
     t = 2 * np.pi * np.arange(500) / 500
     y = np.sin(t) + 0.1 * np.sin(2 * t) - 0.3 * np.cos(2 * t) - 0.1 * np.cos(3 * t)

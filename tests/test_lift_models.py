@@ -170,6 +170,16 @@ def test_optima_of_a_known_polar():
     trimmed = propose(Problem(SCENE, Glide(10.0), min_moment=0.0, max_moment=0.0), Polar())
     assert trimmed.parameters[2] == pytest.approx(0.3, abs=1e-6)  # all that camber can balance
     assert trimmed.parameters[3] == pytest.approx(4.8, rel=1e-5)
+    ellipse = {"aspect": (2.0, 2.0), "beta2": (0.0, 0.0)}
+    flat = Problem(
+        SCENE, Glide(10.0), min_moment=0.0, max_moment=0.0, max_camber=0.1, within=ellipse
+    )
+    gamma2 = propose(flat, Polar()).parameters[2]
+    assert gamma2 == pytest.approx(0.1 / np.sqrt(1 / 2), rel=1e-5)  # camber 2 b gamma2
+    with pytest.raises(
+        InvalidInput, match=r"max camber 0\.1 and ranges of the parameters contradict"
+    ):
+        propose(dataclasses.replace(flat, within=ellipse | {"gamma2": (0.2, 0.3)}), Polar())
     with pytest.raises(NotConverged, match=r"lift 3\.5 is out of reach .* Cl 3$"):
         propose(Problem(SCENE, 10.0, lift=3.5), Polar())
 

@@ -49,6 +49,7 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--max-length", type=float, help="bound on the chord in D (none)")
     add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
     add("--max-thickness", type=float, help="upper bound on it, 3-D: on the height, in D (none)")
+    add("--max-camber", type=float, help="upper bound on the camber, in D, 2-D (none)")
     add("--thickness-at", help="x/c:minimum thickness in D, as 0.25:0.5,0.75:0.3")
     add("--min-radius", type=float, help="lower bound on the radius of curvature in D (none)")
     family = parser.add_argument_group("bodies of the family", FAMILY)
@@ -79,6 +80,7 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
         max_length=arguments.max_length,
         min_thickness=arguments.min_thickness,
         max_thickness=arguments.max_thickness,
+        max_camber=arguments.max_camber,
         stations=_stations(arguments.thickness_at),
         min_radius=arguments.min_radius,
         within=_ranges(arguments.range),

@@ -48,8 +48,9 @@ class Bound(NamedTuple):
 BOUNDS = {
     "max_length": Bound("length", -1, 100.0, 3.0, f"{EVERY} is longer than"),
     "min_thickness": Bound("thickness", 1, 0.0, 0.3, f"{EVERY} is thinner than"),
-    # all along the body, because an optimum meets it at several places
+    # the next two all along the body, because an optimum meets them at several places
     "max_thickness": Bound("thicknesses", -1, 100.0, 1.0, f"{EVERY} is thicker than", True),
+    "max_camber": Bound("cambers", -1, 100.0, 0.5, f"{EVERY} has more camber than", True),
     "min_radius": Bound("radii", 1, 0.0, 0.0, f"{EVERY} has somewhere a radius below"),
 }
 

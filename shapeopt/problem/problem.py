@@ -39,6 +39,7 @@ class Problem:
       trust: distance that every shape parameter keeps from both ends of its trained range, as a
         share of the range's width, from 0 to below 0.5; a surrogate is least accurate at the ends.
       max_thickness: upper bound on the greatest thickness; in 3-D on the height.
+      max_camber: upper bound on the distance of the camber line from the chord.
       lift: lower bound on Cl, in every case of the objective; for scenes whose bodies have lift.
       min_moment: lower bound on Cm, about the centroid, nose up.
       max_moment: upper bound on Cm.
@@ -56,6 +57,7 @@ class Problem:
     within: Mapping[str, tuple[float, float]] | None = None
     trust: float = 0.0
     max_thickness: float | None = None
+    max_camber: float | None = None
     lift: float | None = None
     min_moment: float | None = None
     max_moment: float | None = None

@@ -59,6 +59,7 @@ class Design:
             {
                 "body": listed(self._named),
                 "chord": f"{self.chord:.4g} D",
+                **self._camber,
                 "objective": f"{self.objective:.5g}, from {self.start:.5g} where the search began",
                 "Cd": f"{self.drag:.5g}",
                 **lift,
@@ -91,6 +92,16 @@ class Design:
     @property
     def _named(self):
         return self.problem.scene.family.named(self.parameters)
+
+    @property
+    def _camber(self):
+        body = self.problem.scene.family.body_class
+        value = float(body.camber(self.parameters))
+        return (
+            {"camber": f"{value:.3g} D, {value / self.chord:.1%} of the chord"}
+            if body.camber_modes
+            else {}
+        )
 
     @property
     def _ends(self):

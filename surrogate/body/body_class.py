@@ -183,6 +183,21 @@ class BodyClass(abc.ABC):
         """Return the thickness in D at x/c = ``station``: 0 is the nose, 1 the tail."""
         return 2 * self._height(parameters, jnp.arccos(1 - 2 * station))
 
+    def camber(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
+        """Return the greatest distance in D of the camber line from the chord, nose to tail."""
+        return -least(-self.cambers(parameters))
+
+    def cambers(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " stations"]:
+        """Return how far in D the camber line is above the chord at many stations, then below it.
+
+        The chord is the straight line from the nose to the tail.
+        """
+        t = ANGLES[2:-1:2]
+        waves = zip(self.camber_modes, self.gammas(parameters), strict=True)
+        bent = (gamma * (np.cos(t if k % 2 else 0 * t) - np.cos(k * t)) for k, gamma in waves)
+        above = self.half_axes(parameters)[-1] * sum(bent, jnp.zeros(t.size))
+        return jnp.concatenate([above, -above])
+
     def radii(self, parameters: Float[AnyArray, " parameters"]) -> Radii:
         """Return the radii of curvature |r'|^3 / |x' y'' - y' x''| of the outline, in D.
 
