@@ -9,10 +9,12 @@ from studies import accelerator, far_field, lift_designs, particle, training
 from study import Result, words
 from tools import mean_and_most
 
+from shapeopt.payoff.break_even import LATE
 from shapeopt.payoff.tables import SHOWN_DESIGNS, short_table
 from surrogate import load
 from surrogate.training.plan import PRESETS
 
+LOADS = "cd", "cl", "cm"
 SHIPPED = "pretrained", "pretrained:space", "pretrained:lift", "pretrained:particle"
 
 
@@ -92,14 +94,17 @@ def _space(result):
     paid = [row for row in rows if row["training_g"] and row["break_even_g"] is not None]
     first = min(paid, key=lambda row: row["break_even_g"])
     over = min(_over_kriging(rows), key=lambda row: row["beats_kriging_g"], default=None)
+    queries = len(result("payoff_space")["queries"])
     kriging = "no training pays"
-    if over is not None:
+    if queries <= LATE:
+        kriging = "so few show nothing"
+    elif over is not None:
         kriging = f"`{over['method']}` pays from design {over['beats_kriging_g']} on"
     form = (
-        "Drag in 3-D: `{method}` pays against `direct` after {break_even_g:.1f} designs ({queries} "
-        "queries); against kriging with memory {kriging}."
+        "Drag in 3-D, {queries} queries: `{method}` pays against `direct` after {break_even_g:.1f} "
+        "designs; against kriging with memory {kriging}."
     )
-    return words(form, kriging=kriging, queries=len(result("payoff_space")["queries"]), **first)
+    return words(form, kriging=kriging, queries=queries, **first)
 
 
 def _robust(result):
@@ -108,7 +113,7 @@ def _robust(result):
     flows = {row["strategy"]: row["flows"] for row in rows if row["cases"] == cases}
     form = (
         "A robust design over {cases} cases takes {network, and kriging:.0f} flows led by the "
-        "network, {kriging from nothing:.0f} by kriging, {direct:.0f} by `direct`."
+        "network, {kriging from nothing:.0f} by kriging without memory, {direct:.0f} by `direct`."
     )
     return words(form, cases=cases, **flows)
 
@@ -127,22 +132,21 @@ def _flow(result):
 
     sections = [row for row in result("random_sections")["rows"] if row["fidelity"] == "standard"]
     form = (
-        "The flow, standard grid, against body-fitted finite elements: Cd of the cylinder (also in "
-        "tunnels) differs by {cylinder[0]:.2%} on average and {cylinder[1]:.2%} at most, of "
-        "{symmetric} random symmetric bodies by {random[0]:.2%} and {random[1]:.2%}, of {count} "
-        "random sections at incidence by {cd[0]:.2%} and {cd[1]:.2%}, "
-        "their Cl by {cl[0]:.2%} and {cl[1]:.2%} of Cd; in 3-D Cd of the sphere by {sphere[1]:.2%} "
-        "at most, of {revolved} other bodies of revolution by {aspect[1]:.2%}, of "
-        "ellipsoids in Stokes flow (Oberbeck) by {ellipsoids[1]:.2%}."
+        "The flow, standard grid, against body-fitted finite elements, mean and largest error in "
+        "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric bodies "
+        "{random}, of {count} random sections at incidence {cd}, their Cl {cl} and Cm {cm} of Cd; "
+        "in 3-D Cd of the sphere {sphere}, of {revolved} other bodies of revolution {aspect}, of "
+        "ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
-    off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in ("cd", "cl")}
+    off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in LOADS}
     off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
     bodies, *off["random"] = far_field.symmetric_errors(result("far_field"))
     revolved = len(standard("flow_3d", "aspect"))
     numbers = {"count": len(sections), "revolved": revolved, "symmetric": bodies}
-    return words(form, **numbers, **off)
+    pairs = {name: f"{100 * mean:.2f}, {100 * most:.2f}" for name, (mean, most) in off.items()}
+    return words(form, **numbers, **pairs)
 
 
 def _shipped():

@@ -265,7 +265,7 @@ def _parser() -> Parser:
         action="store_true",
         help="derivatives of the loads by parameters (incidence in degrees) and Re",
     )
-    unsteady = "beyond the onset of instability: Re 46.7 of the cylinder, in 3-D 210"
+    unsteady = "beyond the onset of instability: Re 47 of the cylinder, in 3-D 210"
     add("--allow-unsteady", action="store_true", help=unsteady)
     add("--table", help="CSV file of the results, one row for each flow")
     add("--plot", help="picture of the polar, .png, .svg or .pdf")

@@ -89,10 +89,7 @@ def break_even(training: float, own: float, direct: float) -> float:
 
 
 def pays_after(strategy: Strategy, direct: Strategy, unit: Unit, seed: int = 0) -> BreakEven:
-    """Return the break-even of mean costs, with a percentile bootstrap interval (Efron 1979).
-
-    Seeds and queries are resampled independently. ``scipy.stats.bootstrap`` is not used because it
-    refuses a single seed and interpolates between break-evens that may be infinite.
+    """Return the break-even of mean costs with its interval, see ``resampled_break_even``.
 
     Args:
       strategy: whose training is to pay.
@@ -100,9 +97,24 @@ def pays_after(strategy: Strategy, direct: Strategy, unit: Unit, seed: int = 0) 
       unit: of the costs.
       seed: of the resampling.
     """
-    generator, training = np.random.default_rng(seed), strategy.training_costs(unit)
     saved = direct.design_costs(unit).mean(axis=0) - strategy.design_costs(unit)
-    seeds, queries = saved.shape
+    return resampled_break_even(strategy.training_costs(unit), saved, seed)
+
+
+def resampled_break_even(
+    training: Float[np.ndarray, " seeds"], saved: Float[np.ndarray, "seeds queries"], seed: int = 0
+) -> BreakEven:
+    """Return the break-even of mean costs, with a percentile bootstrap interval (Efron 1979).
+
+    Seeds and queries are resampled independently. ``scipy.stats.bootstrap`` is not used because it
+    refuses a single seed and interpolates between break-evens that may be infinite.
+
+    Args:
+      training: cost of the training.
+      saved: what each design saves.
+      seed: of the resampling.
+    """
+    generator, (seeds, queries) = np.random.default_rng(seed), saved.shape
 
     def resampled():
         chosen = generator.integers(seeds, size=seeds)

@@ -154,10 +154,14 @@ def cell(row: Row) -> str:
 
 def extremes_text(result: Result) -> str:
     """Return a sentence on how many drags are called accurate and are not."""
-    rows = result["fields"]
-    silent = sum(row["outcome"] == "silently wrong" for row in rows)
-    text = f"{silent} of {len(rows)} flows are called accurate with an error of more than"
-    return f"{text} {SILENT:g} times the error tolerance, where an error is known."
+    called = [row for row in result["fields"] if row["outcome"] in ("accurate", "silently wrong")]
+    known = [row for row in called if row["error"] is not None]
+    silent = sum(row["outcome"] == "silently wrong" for row in known)
+    over = sum(abs(row["error"]) > FIDELITIES[row["fidelity"]].tolerance for row in known)
+    return (
+        f"Of {len(known)} flows that are called accurate and whose error is known, {over} exceed "
+        f"the error tolerance, {silent} by more than {SILENT:g} times."
+    )
 
 
 def draw(result, path):

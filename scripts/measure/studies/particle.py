@@ -204,10 +204,11 @@ def in_short(result: Result) -> str:
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
-        f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` errs by "
-        f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's, by "
-        f"{means('Froehlich', theirs)} %. Below Re 1, where Cm is small, the surrogate's is off by "
-        f"{100 * np.median(slow):.0f} % of itself in the median, {100 * max(slow):.0f} % at most."
+        f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` is off this flow by "
+        f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's "
+        f"(of another solver), by {means('Froehlich', theirs)} %. Below Re 1 the surrogate's Cm is "
+        f"off by {100 * np.median(slow):.0f} % of itself in the median, {100 * max(slow):.0f} % at "
+        "most."
     )
 
 
