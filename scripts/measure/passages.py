@@ -133,10 +133,10 @@ def _flow(result):
     sections = [row for row in result("random_sections")["rows"] if row["fidelity"] == "standard"]
     form = (
         "The flow, standard grid, against body-fitted finite elements, mean and largest error in "
-        "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric bodies "
-        "{random}, of {count} random sections at incidence {cd}, their Cl {cl} and Cm {cm} of Cd; "
-        "in 3-D Cd of the sphere {sphere}, of {revolved} other bodies of revolution {aspect}, of "
-        "ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
+        "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric "
+        "bodies {random}, of {count} random sections at incidence {cd}, their Cl {cl} and Cm {cm} "
+        "of Cd; in 3-D Cd of the sphere {sphere}, of {revolved} other bodies of revolution "
+        "{aspect}, of ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
