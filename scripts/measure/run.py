@@ -50,6 +50,7 @@ MODULES = {  # the studies of every module
     "incidence": "incidence incidence_elements elements_in_space",
     "infill": "infill",
     "lift": "lift random_sections",
+    "lift_cost": "lift_cost",
     "lift_designs": "lift_designs",
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",
