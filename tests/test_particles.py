@@ -216,6 +216,9 @@ def test_exact_mean_over_orientations_in_stokes_flow(net):
     counted = problem.scenarios.counted()  # those that take a flow
     assert len(counted.weight) == 6
     assert float(model_objective(StokesLoads(), body, counted)) == pytest.approx(mean, rel=1e-14)
+    assert problem.limits.low[1] == problem.limits.high[1] == 1.0
+    with pytest.raises(InvalidInput, match="flatness"):
+        Problem(net.scene, Tumbling(2.0), within={"flatness": (1.2, 2.0)})
     bounded = Problem(net.scene, Tumbling(2.0), max_moment=0.1)
     assert len(bounded.scenarios.counted().weight) == len(bounded.scenarios.weight) == 8
 
@@ -225,6 +228,7 @@ def test_designs_at_an_angle_and_over_all_orientations(net):
     """At every fixed angle there is a better body than the best of all orientations."""
     tumbling = optimise(Problem(net.scene, Tumbling(30.0)), net)
     assert tumbling.kkt_residual < 1e-4
+    assert tumbling.parameters[1] == 1.0  # of revolution: no roll about the axis
     assert tumbling.parameters[3] == 45.0
     fixed = optimise(Problem(net.scene, 30.0, within={"incidence": (20.0, 20.0)}), net)
     assert fixed.parameters[3] == 20.0

@@ -59,6 +59,10 @@ class Objective(abc.ABC):
         """
         return None
 
+    def fixed_parameters(self, scene: Scene) -> dict[str, float]:
+        """Return the parameters by name that the objective holds at a value; none by default."""
+        return {}
+
     def record(self, scene: Scene) -> dict[str, Any]:
         """Return the settings that are stored with a run."""
         return {}

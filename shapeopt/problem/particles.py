@@ -16,18 +16,21 @@ from surrogate.errors import InvalidInput
 from surrogate.flow.settling import BALANCED, SMALLEST, sphere_reynolds
 from surrogate.scene.scene import Scene
 
+FLATNESS = "flatness"
 ORIENTATIONS = 6  # points of Gauss's rule over the cosine of the incidence
 MOST_ARCHIMEDES = 1e6  # a sphere settles at Re 2000, beyond any steady flow
 
 
 @dataclasses.dataclass(frozen=True)
 class Tumbling(AtReynolds):
-    """Cd averaged over all orientations of a body that tumbles, at one Reynolds number.
+    """Cd averaged over all orientations of a body of revolution that tumbles, at one Re.
 
     For scenes of 3-D bodies at incidences from 0 to 90 degrees. The axis points everywhere with
-    equal probability, so that the incidence has the density sin(incidence). Bodies that are not
-    alike fore and aft are averaged over the half of the orientations with the nose ahead. The
-    incidence of the design itself is 45 degrees, about which those of the cases are spread.
+    equal probability, so that the incidence has the density sin(incidence). Flattened bodies would
+    be rolled about their axis too, where they have no plane of symmetry: the flatness is held at 1.
+    Bodies that are not alike fore and aft are averaged over the half of the orientations with the
+    nose ahead. The incidence of the design itself is 45 degrees, about which those of the cases are
+    spread.
     """
 
     def scenarios(self, scene: Scene) -> Scenarios:
@@ -40,12 +43,16 @@ class Tumbling(AtReynolds):
             outside its range.
         """
         names, middle = scene.family.names, QUARTER_TURN / 2
-        turned = dict(scene.family.ranges).get(INCIDENCE.name) == (0, QUARTER_TURN)
+        ranges = dict(scene.family.ranges)
+        turned = ranges.get(INCIDENCE.name) == (0, QUARTER_TURN)
         if scene.dimension != 3 or not turned:
             raise InvalidInput(
                 "tumbling: needs a scene of 3-D bodies with the incidences 0 to 90, as that of "
                 "pretrained:particle"
             )
+        low, high = ranges.get(FLATNESS, (1.0, 1.0))
+        if not low <= 1 <= high:
+            raise InvalidInput("tumbling: needs bodies of revolution, flatness 1")
         cosines, weight = np.polynomial.legendre.leggauss(ORIENTATIONS)
         angles = np.rad2deg(np.arccos((1 + cosines) / 2))
         angles = np.append(angles, [0, QUARTER_TURN])  # without weight: they keep the design at 45
@@ -53,6 +60,10 @@ class Tumbling(AtReynolds):
         shift[:, names.index(INCIDENCE.name)] = angles - middle
         reynolds = [scene.check_reynolds(self.reynolds)] * len(angles)
         return scenarios_of(scene, reynolds, np.append(weight / 2, [0, 0]), shift)
+
+    def fixed_parameters(self, scene: Scene) -> dict[str, float]:
+        """Return the flatness 1, where the scene's bodies may be flattened."""
+        return {FLATNESS: 1.0} if FLATNESS in scene.family.names else {}
 
 
 @dataclasses.dataclass(frozen=True)

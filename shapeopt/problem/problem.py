@@ -142,11 +142,13 @@ class Problem:
         return [name for name, end in zip(self.scene.family.names, ends, strict=True) if end]
 
     def _ranges(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
-        """Return the parameters' ranges after ``within``, ``trust`` and the shape changes."""
+        """Return the parameters' ranges after the objective, ``within``, ``trust`` and changes."""
         family = self.scene.family
         low, high = family.bounds.T
         inset = np.maximum(self.trust * (high - low), np.abs(self.scenarios.shift).max(axis=0))
         low, high = low + inset, high - inset
+        for name, value in self.objective.fixed_parameters(self.scene).items():
+            low[family.names.index(name)] = high[family.names.index(name)] = value
         for name, (least, most) in (self.within or {}).items():
             k = family.names.index(name)
             low[k], high[k] = max(low[k], least), min(high[k], most)
