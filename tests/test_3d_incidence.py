@@ -146,13 +146,17 @@ def test_golden_spheroid_at_45_degrees(reynolds, cd, cl, cm):
 
 @pytest.mark.slow
 def test_taylor_remainders_of_the_loads_are_of_second_order():
-    """In shape, incidence and Re together, relative to each load's own change."""
-    direction, rate = jnp.array([0.3, 0.1, 10.0]), 3.0
-    body, re = jnp.asarray(BODY), jnp.asarray(20.0)
-    by_body, by_re = jax.jacobian(FLOW.loads, (0, 1))(body, re)
-    along, loads = by_body @ direction + by_re * rate, FLOW.loads(body, re)
+    """In shape, flatness, incidence and Re together, relative to each load's own change."""
+    family = Family(dimension=3, flatness=(1.0, 2.0), **dict(FAMILY.ranges))
+    flow = Flow(dataclasses.replace(SCENE, family=family), FLOW.settings)
+    given, towards = dict(zip(FAMILY.names, BODY, strict=True)), (0.3, 0.1, 10.0)
+    change = dict(zip(FAMILY.names, towards, strict=True)) | {"flatness": 0.2}
+    body, re = jnp.array([(given | {"flatness": 1.3})[name] for name in family.names]), 20.0
+    direction, rate = jnp.array([change[name] for name in family.names]), 3.0
+    by_body, by_re = jax.jacobian(flow.loads, (0, 1))(body, jnp.asarray(re))
+    along, loads = by_body @ direction + by_re * rate, flow.loads(body, re)
     remainders = np.abs(
-        [FLOW.loads(body + e * direction, re + e * rate) - loads - e * along for e in (0.2, 0.1)]
+        [flow.loads(body + e * direction, re + e * rate) - loads - e * along for e in (0.2, 0.1)]
     )
     assert np.all(np.log2(remainders[0] / remainders[1]) > 1.9), remainders
 

@@ -259,6 +259,25 @@ def test_taylor_remainders_of_every_load_in_camber_and_incidence():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stream", ["unbounded", "tunnel:8"])
+def test_taylor_remainders_in_all_parameters_and_re(stream):
+    """Every camber mode among them, unbounded and in a tunnel; of every load."""
+    modes = {f"gamma{k}": (-0.3, 0.3) for k in range(2, 7)}
+    family = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), **modes, incidence=(-4, 12))
+    exact = NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8)
+    flow = Flow(Scene(stream, family=family, fidelity=TINY), exact)
+    body = jnp.array([2.0, 0.1, 0.2, -0.05, 0.03, 0.02, -0.02, 6.0])
+    direction = jnp.array([-0.4, 0.1, 0.3, 0.2, -0.15, 0.1, -0.1, 12.0])
+    by_body, by_re = jax.jacobian(flow.loads, (0, 1))(body, jnp.asarray(10.0))
+    assert np.all(np.abs(by_body[:, 2:7]) > 1e-4)  # or the test would prove little
+    slopes, steps = np.asarray(by_body @ direction + 3.0 * by_re), np.array([0.1, 0.05, 0.025])
+    moved = np.array([flow.loads(body + h * direction, 10.0 + 3.0 * h) for h in steps])
+    remainders = np.abs(moved - flow.loads(body, 10.0) - steps[:, None] * slopes)
+    rates = np.log2(remainders[:-1] / remainders[1:])
+    assert np.all(rates[-1] > 1.9), f"remainders {remainders}, rates {rates}"
+
+
+@pytest.mark.slow
 def test_every_gradient_of_the_drag_has_camber_and_incidence():
     gradient = jax.grad(FLOW.drag)(BODY, 10.0)
     quick = FLOW.loads_and_gradients(BODY, 10.0)
