@@ -70,6 +70,8 @@ LONG = {
     "stability",
     "streams",
     "three_loads",
+    "lift_methods",
+    "particle_methods",
     "three_loads_lift",
     "training",
     "training_space",

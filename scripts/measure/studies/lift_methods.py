@@ -1,0 +1,85 @@
+"""The training methods with three loads: at their best, and as published for a limited time."""
+
+import dataclasses
+import functools
+
+from studies.three_loads import CELLS, HELD_OUT, SCRIPTS, TINY_CELLS
+from study import Result, Row, Run, Study, Table, cases, columns
+
+from surrogate import NotConverged, Scene
+from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
+from surrogate.training.plan import METHODS, Plan, make_plan
+
+SAMPLES, SECONDS = 64, 180.0
+METHODS_TWICE = cases(published=(False, True), method=METHODS)
+LOADS = ("cd", "cl", "cm")
+
+
+def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
+    """Return the plan of a training: that of its preset; as published, of limited time."""
+    scene = Scene.read(SCRIPTS / f"{name}.toml")
+    grid = dataclasses.replace(scene.fidelity, cells=run.pick(TINY_CELLS, CELLS[name]))
+    scene = dataclasses.replace(scene, fidelity=grid)
+    counts = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
+    most_s = run.pick(1.0, SECONDS) if published else None
+    plan = make_plan(scene, method, "full", counts[0], 0, most_s, published, counts[1])
+    if run.tiny:
+        return dataclasses.replace(plan, iterations=2, report_every=1)
+    return dataclasses.replace(plan, report_every=1) if published else plan
+
+
+@functools.lru_cache(maxsize=1)
+def setup_of(run: Run, name: str) -> TrainingSetup:
+    """Return the setup that all methods share."""
+    return make_setup(plan_of(run, name, METHODS[0]))
+
+
+def measure(run: Run, scene: str, method: str, published: bool) -> Row:
+    """Return the errors over Cd of a training on held-out bodies, its steps, work and time.
+
+    Args:
+      run: How the study is run.
+      scene: Its name.
+      method: Of the training.
+      published: Whether as published, instead of at its best.
+    """
+    setup = setup_of(run, scene)
+    row = {"kind": "as published" if published else "at its best"}
+    try:
+        found = run_training(plan_of(run, scene, method, published), setup)
+    except NotConverged as problem:
+        return row | {"outcome": str(problem)}
+    errors, last = load_errors(found.network, setup.held_out, setup.labels.loads), found.history[-1]
+    row |= {"outcome": found.stopped or "trained", "steps": last.iteration}
+    row |= {"work": last.green_applications, "seconds": last.seconds}
+    for k, load in enumerate(LOADS):
+        row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
+    return row
+
+
+def untrained(run: Run, result: Result) -> Result:
+    """Return the mean errors of the initial network, from which all start."""
+    setup = setup_of(run, result["rows"][0]["scene"])
+    errors = load_errors(setup.network, setup.held_out, setup.labels.loads)
+    return {"untrained": [float(mean) for mean in errors.mean(axis=0)]}
+
+
+def text(result: Result) -> str:
+    """Return the mean errors before any training as a sentence."""
+    cd, cl, cm = (100 * error for error in result["untrained"])
+    return f"Untrained, the network errs by {cd:.0f}, {cl:.0f} and {cm:.0f} % of Cd on average."
+
+
+COLUMNS = columns(
+    "method {method} | {kind} | error over Cd, mean and largest: Cd {cd:.3%} | {cd_most:.2%}"
+    " | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%} | steps {steps} | G {work:,}"
+    " | seconds {seconds:.0f} | {outcome}"
+)
+STUDIES = {
+    f"{scene}_methods": Study(
+        [Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)],
+        text,
+        untrained,
+    )
+    for scene in CELLS
+}
