@@ -64,7 +64,7 @@ MODULES = {  # the studies of every module
     "settling": "settling",
     "speed": "speed network",
     "speed_3d": "space_speed space_rival",
-    "three_loads": "three_loads three_loads_lift slow_fits",
+    "three_loads": "three_loads three_loads_lift",
     "training": "training training_space",
     "trust": "trust trust_space",
 }

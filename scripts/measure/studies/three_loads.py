@@ -2,8 +2,8 @@
 
 Every flow is solved once, with the gradients of its loads. HIG and supervised regression, at their
 best, and the rivals are fitted to the first of them; SIP at its best has the labels and the loss of
-the latter, at about the same cost. Study ``three_loads_lift`` does the same for 2-D sections, and
-``slow_fits`` has the methods whose fits to many of these take longest.
+the latter, at about the same cost (studies ``lift_methods`` and ``particle_methods`` have all
+methods). Study ``three_loads_lift`` does the same for 2-D sections.
 """
 
 import dataclasses
@@ -48,18 +48,21 @@ COUNTS = {"particle": (16, 32, 64, 128, 256), "lift": (64, 256, 1024, 4096)}
 HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
 TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies
-# Bodies of a scene up to which a method is fitted: fits of HIG and GEKPLS take longest, and one
-# matrix of gradient-enhanced kriging for 4,096 sections takes 11 GB.
+TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's default
+# Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, and one matrix of
+# gradient-enhanced kriging for 4,096 sections takes 11 GB.
 MOST = {
-    ("lift", "hig"): 0,
-    ("lift", "GEKPLS"): 64,
+    ("lift", TRUNCATED): 256,
+    ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 64,
+    ("particle", TRUNCATED): 0,
     ("particle", "GEKPLS"): 128,
 }
-METHODS = ("hig", "supervised", "gradient-enhanced kriging", "GEKPLS", "polynomial with gradients")
-TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's default
-FEW = 256  # sections that all methods of ``slow_fits`` are fitted to; HIG is to more
+METHODS = (
+    *("hig", TRUNCATED, "gradient-enhanced kriging", "GEKPLS"),
+    *("polynomial with gradients", "supervised"),
+)
 MANY = 1000  # answers whose time is taken
 Outputs = Callable[[np.ndarray], np.ndarray]  # of scaled inputs (cases, inputs)
 
@@ -193,13 +196,6 @@ def models(scene: str, run: Run) -> Iterator[Row]:
         yield from ({"scene": scene, "bodies": bodies, "method": name} for name in methods)
 
 
-def slow_fits(run: Run) -> Iterator[Row]:
-    """Yield the cases of the methods whose fits to many sections take longest, and of two more."""
-    for bodies in run.pick((16,), COUNTS["lift"]):
-        methods = ("hig", TRUNCATED, *METHODS[1:4]) if bodies <= FEW else ("hig", TRUNCATED)
-        yield from ({"scene": "lift", "bodies": bodies, "method": name} for name in methods)
-
-
 def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     """Return errors over Cd on held-out bodies, work and time of the flows, and time of the fit.
 
@@ -210,14 +206,15 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
       method: One of ``METHODS``.
     """
     ground = ground_of(scene, run, max(COUNTS[scene]))
-    begin = time.process_time()
+    begin = _clocks()
     with PeakMemory() as memory:
-        outputs, compile_s = _fitted(ground, method, bodies, run)
-    fit_s = time.process_time() - begin - compile_s
+        outputs, compiling = _fitted(ground, method, bodies, run)
+    fit_s, clock_s = _clocks() - begin - compiling
     guess = outputs(ground.unseen)
     loads = np.exp(guess[:, :1]) * np.column_stack([np.ones(len(guess)), guess[:, 1:]])
     errors = np.abs(loads - ground.truth) / ground.truth[:, :1]
     row = {"work": ground.work[:bodies].sum(), "flow_s": bodies * ground.seconds, "fit_s": fit_s}
+    row |= {"all_s": row["flow_s"] + clock_s}
     row |= {"flow_device": ground.device, "memory": memory.mib}
     for k, load in enumerate(("cd", "cl", "cm")):
         row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
@@ -226,19 +223,25 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     return row | {"answers": MANY / medians([lambda: outputs(many)], run.pick(1, 5))[0]}
 
 
-def _fitted(ground: Ground, method: str, count: int, run: Run) -> tuple[Outputs, float]:
+def _clocks() -> np.ndarray:
+    """Return the seconds of the process and of the clock."""
+    return np.array([time.process_time(), time.perf_counter()])
+
+
+def _fitted(ground: Ground, method: str, count: int, run: Run) -> tuple[Outputs, np.ndarray]:
     """Outputs at scaled inputs by a method from the first bodies, and its compilation's seconds."""
+    nothing = np.zeros(2)
     part = SolvedLoads(*(x[:count] for x in ground.known))
     if method == "GEKPLS":
-        return gekpls(part), 0.0
+        return gekpls(part), nothing
     if method == "polynomial with gradients":
-        return polynomial_with_slopes(part), 0.0
+        return polynomial_with_slopes(part), nothing
     if method == "gradient-enhanced kriging":
-        model, compile_s = kriging(ground.observations[:count], ground.inputs), 0.0
+        model, compiling = kriging(ground.observations[:count], ground.inputs), nothing
     else:
-        model, compile_s = _trained(ground, method, count, run)
+        model, compiling = _trained(ground, method, count, run)
     answers = jax.jit(jax.vmap(model.outputs))
-    return lambda z: np.asarray(answers(z)), compile_s
+    return lambda z: np.asarray(answers(z)), compiling
 
 
 def _trained(ground: Ground, method: str, count: int, run: Run):
@@ -255,35 +258,38 @@ def _trained(ground: Ground, method: str, count: int, run: Run):
     rule = plan.make_method()
     rule = dataclasses.replace(rule, tau=1e-3) if method == TRUNCATED else rule
     state = jnp.array(0) if name == "hig" else adam(rule.learning_rate).init(network.weights)
-    batches, begin = shuffled_batches(plan.seed, count, rule.batch), time.process_time()
+    batches, begin = shuffled_batches(plan.seed, count, rule.batch), _clocks()
     arguments = network, state, labels, samples, batches(0), np.asarray(0.0)
     step = jax.jit(rule.update).lower(*arguments).compile()
-    compile_s, iterations = time.process_time() - begin, run.pick(2, plan.iterations)
+    compiling, iterations = _clocks() - begin, run.pick(2, plan.iterations)
     for k in range(iterations):
         done = np.asarray(k / iterations)
         network, state, _ = step(network, state, labels, samples, batches(k), done)
-    return network, compile_s
+    return jax.block_until_ready(network), compiling
 
 
-COLUMNS = columns(
+FORM = (
     "scene {scene} | bodies {bodies} | method {method} | error over Cd, mean and largest: "
     "Cd {cd:.3%} | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
     " | flows, G {work:,} | flows, s {flow_s:.0f} | on {flow_device} | fit, s {fit_s:.1f}"
     " | answers/s, 1,000 at a time {answers:,.0f}"
     " | memory of the fit, MiB {memory:,.0f}"
 )
-DRAW = lines("bodies", "cd", "method", ("bodies", "mean error of Cd"), "scene")
+BY_CLOCK = FORM + " | flows and fit by the clock, s {all_s:.0f}"
+BODIES, SECONDS = ("bodies", "mean error of Cd"), ("seconds of flows and fit", "mean error of Cd")
 OPTIONS = {
     "--flows": {"type": Path, "help": "file of the solved flows; written if it does not exist"},
     "--device-batch": {"type": int, "help": "flows that are solved simultaneously"},
 }
 STUDIES = {
-    name: Study(
-        [Table(functools.partial(models, scene), measure, COLUMNS, tiny="all")],
-        draw=DRAW,
+    "three_loads": Study(
+        [Table(functools.partial(models, "particle"), measure, columns(FORM), tiny="all")],
+        draw=lines("bodies", "cd", "method", BODIES),
         options=OPTIONS,
-    )
-    for name, scene in (("three_loads", "particle"), ("three_loads_lift", "lift"))
-} | {
-    "slow_fits": Study([Table(slow_fits, measure, COLUMNS)], options=OPTIONS),
+    ),
+    "three_loads_lift": Study(
+        [Table(functools.partial(models, "lift"), measure, columns(BY_CLOCK), tiny="all")],
+        draw=lines("all_s", "cd", "method", SECONDS),
+        options=OPTIONS,
+    ),
 }
