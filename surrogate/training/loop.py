@@ -159,7 +159,8 @@ def run_training(
 
     Raises:
       InvalidInput: the checkpoint is damaged, or belongs to another plan.
-      NotConverged: the network blew up before the first report.
+      NotConverged: the network blew up before the first report, or none of the flows that the
+        method asks for was found.
     """
     method = method or plan.make_method()
     physics, partition = setup.physics, setup.physics.partition
@@ -171,7 +172,7 @@ def run_training(
     start = time.perf_counter()
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
-    stopped, last_good, done = None, state, _done(plan, state)
+    stopped, last_good, done, lost = None, state, _done(plan, state), 0
     while _goes_on(plan, state):
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
@@ -184,6 +185,12 @@ def run_training(
         if not np.all(np.isfinite(state.learner.network.weights)):
             stopped, state = f"blew up in iteration {iteration}", last_good
             break
+        lost = 0 if loss > 0 else lost + batch.size  # samples in a row without any residual
+        if lost >= plan.samples:
+            raise NotConverged(
+                f"training by {plan.method}: none of the flows of {lost} samples up to iteration "
+                f"{iteration} was found; the method at its best or lower Reynolds numbers would do"
+            )
         if iteration % plan.report_every and iteration < plan.iterations and done < 1:
             continue
         point = _point(state, setup, loss)
