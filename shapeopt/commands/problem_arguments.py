@@ -32,10 +32,8 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
     objective = "drag: least Cd (default); glide: greatest Cl / Cd; tumbling: least mean Cd over "
-    objective += (
-        "all orientations of a body of revolution; settling: greatest terminal velocity of a "
-    )
-    objective += "particle of --archimedes, held at its incidence"
+    objective += "all orientations of a body of revolution; settling: greatest terminal velocity "
+    objective += "of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
     add("--lift", type=float, help="lower bound on Cl (none)")

@@ -96,12 +96,10 @@ class Design:
     @property
     def _camber(self):
         body = self.problem.scene.family.body_class
-        value = float(body.camber(self.parameters))
-        return (
-            {"camber": f"{value:.3g} D, {value / self.chord:.1%} of the chord"}
-            if body.camber_modes
-            else {}
-        )
+        if not body.camber_modes:
+            return {}
+        camber = float(body.camber(self.parameters))
+        return {"camber": f"{camber:.3g} D, {camber / self.chord:.1%} of the chord"}
 
     @property
     def _ends(self):

@@ -193,9 +193,10 @@ class BodyClass(abc.ABC):
         The chord is the straight line from the nose to the tail.
         """
         t = ANGLES[2:-1:2]
-        waves = zip(self.camber_modes, self.gammas(parameters), strict=True)
-        bent = (gamma * (np.cos(t if k % 2 else 0 * t) - np.cos(k * t)) for k, gamma in waves)
-        above = self.half_axes(parameters)[-1] * sum(bent, jnp.zeros(t.size))
+        above = jnp.zeros(t.size)
+        for k, gamma in zip(self.camber_modes, self.gammas(parameters), strict=True):
+            chord = np.cos(t) if k % 2 else 1.0  # the wave's value at the ends, joined
+            above += self.half_axes(parameters)[-1] * gamma * (chord - np.cos(k * t))
         return jnp.concatenate([above, -above])
 
     def radii(self, parameters: Float[AnyArray, " parameters"]) -> Radii:

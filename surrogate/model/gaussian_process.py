@@ -160,7 +160,7 @@ def negative_log_posterior(
     theta: Float[AnyArray, " numbers"],
     data: Data,
     mean: Float[AnyArray, ""],
-    priors: Prior,
+    prior: Prior,
 ) -> Float[Array, ""]:
     """Return the negative log posterior of one output's hyperparameters, and its gradient.
 
@@ -168,13 +168,13 @@ def negative_log_posterior(
       theta: the hyperparameters, as in ``hyper_of``.
       data: observations of one output.
       mean: of the process.
-      priors: of the amplitude and the lengths.
+      prior: of the amplitude and the lengths.
     """
     hyper = hyper_of(theta)
     centred = _centred(data, mean).ravel()
     factor = jnp.linalg.cholesky(_matrix(data, hyper))
     white = jax.scipy.linalg.solve_triangular(factor, centred, lower=True)
-    prior = jnp.sum(((hyper.lengths - jnp.log(priors.length)) / LENGTH_DEVIATION) ** 2)
-    prior += ((hyper.amplitude - priors.amplitude) / priors.deviation) ** 2
-    prior += (hyper.noise / NOISE_DEVIATION) ** 2
-    return white @ white / 2 + jnp.sum(jnp.log(jnp.diagonal(factor))) + prior / 2
+    unlikely = jnp.sum(((hyper.lengths - jnp.log(prior.length)) / LENGTH_DEVIATION) ** 2)
+    unlikely += ((hyper.amplitude - prior.amplitude) / prior.deviation) ** 2
+    unlikely += (hyper.noise / NOISE_DEVIATION) ** 2
+    return white @ white / 2 + jnp.sum(jnp.log(jnp.diagonal(factor))) + unlikely / 2
