@@ -52,7 +52,7 @@ TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's
 # Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, and one matrix of
 # gradient-enhanced kriging for 4,096 sections takes 11 GB.
 MOST = {
-    ("lift", TRUNCATED): 256,
+    ("lift", TRUNCATED): 1024,
     ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 64,
