@@ -49,10 +49,12 @@ HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
 TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies
 TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's default
-# Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, and one matrix of
-# gradient-enhanced kriging for 4,096 sections takes 11 GB.
+# Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, those of supervised
+# regression make their steps on all bodies at once, and one matrix of gradient-enhanced kriging for
+# 4,096 sections takes 11 GB.
 MOST = {
     ("lift", TRUNCATED): 1024,
+    ("lift", "supervised"): 1024,
     ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 64,
