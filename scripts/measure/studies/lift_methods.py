@@ -1,4 +1,4 @@
-"""The training methods with three loads: at their best, and as published for a limited time."""
+"""The training methods with three loads, at their best and as published, by the same clock."""
 
 import dataclasses
 import functools
@@ -16,16 +16,13 @@ LOADS = ("cd", "cl", "cm")
 
 
 def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
-    """Return the plan of a training: that of its preset; as published, of limited time."""
+    """Return the plan of a training, which ends when its time is over."""
     scene = Scene.read(SCRIPTS / f"{name}.toml")
     grid = dataclasses.replace(scene.fidelity, cells=run.pick(TINY_CELLS, CELLS[name]))
     scene = dataclasses.replace(scene, fidelity=grid)
     counts = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
-    most_s = run.pick(1.0, SECONDS) if published else None
-    plan = make_plan(scene, method, "full", counts[0], 0, most_s, published, counts[1])
-    if run.tiny:
-        return dataclasses.replace(plan, iterations=2, report_every=1)
-    return dataclasses.replace(plan, report_every=1) if published else plan
+    plan = make_plan(scene, method, "full", counts[0], 0, SECONDS, published, counts[1])
+    return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
 
 
 @functools.lru_cache(maxsize=1)
