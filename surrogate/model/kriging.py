@@ -17,9 +17,10 @@ from scipy.optimize import minimize
 from surrogate.arrays import AnyArray
 from surrogate.compilation import compiled
 from surrogate.model.gaussian_process import (
+    AMPLITUDE,
     BOUNDS,
-    PRIOR,
-    RESIDUAL_PRIORS,
+    LENGTH,
+    RESIDUAL_AMPLITUDE,
     Data,
     Hyper,
     covariance,
@@ -142,8 +143,8 @@ def likeliest(
     """
     some = observations[:: -(-len(observations) // FITTED)]
     data, mean = _data(some, inputs, base), _mean(observations, base)
-    prior, size = PRIOR if base is None else RESIDUAL_PRIORS[len(mean)], data.z.shape[1]
-    start = np.array([prior.amplitude, 0.0, *[np.log(prior.length)] * size])
+    amplitude, size = AMPLITUDE if base is None else RESIDUAL_AMPLITUDE, data.z.shape[1]
+    start = np.array([amplitude[0], 0.0, *[np.log(LENGTH)] * size])
     bounds = [*BOUNDS[:2], *[BOUNDS[2]] * size]
     options = {"maxiter": 40, "ftol": 1e-6}
 
@@ -151,7 +152,7 @@ def likeliest(
         own = data.of_load(load)
 
         def objective(theta):
-            value, gradient = negative_log_posterior(theta, own, mean[load], prior)
+            value, gradient = negative_log_posterior(theta, own, mean[load], amplitude)
             return float(value), np.asarray(gradient)
 
         settings = {"jac": True, "method": "L-BFGS-B", "bounds": bounds, "options": options}
