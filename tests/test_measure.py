@@ -229,7 +229,7 @@ def test_the_accuracy_is_the_mean_and_the_largest_error_of_the_record(tmp_path):
     line = {"panel": "accuracy", "row": "standard, x", "column": "y"}
     rows = [line | {"error": error} for error in (0.001, -0.003)]
     run.keep("flow", {"rows": rows}, "command", out=kept)
-    assert "differs by 0.20 % on average and 0.30 % at most" in passage("accuracy", kept)
+    assert "Cd of the cylinder (also in tunnels) 0.20, 0.30" in passage("accuracy", kept)
 
 
 def test_payoff_is_kept_with_its_pictures(tmp_path):
