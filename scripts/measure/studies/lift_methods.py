@@ -10,7 +10,7 @@ from surrogate import NotConverged, Scene
 from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
 from surrogate.training.plan import METHODS, Plan, make_plan
 
-SAMPLES, SECONDS = 64, 180.0
+SAMPLES, SECONDS = 64, 90.0
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 LOADS = ("cd", "cl", "cm")
 
