@@ -89,7 +89,7 @@ def when_to_train(result: Result) -> str:
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
         f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct`, which "
         f"misses the best optimum by over 1 % in {direct['missed']}. Training pays against "
-        f"`direct` {_pays(result)}; against kriging with memory {_against_kriging(result)} (late "
+        f"`direct` {_pays(result)}; against kriging with memory it {_against_kriging(result)} (late "
         f"designs: {late:.0f} G, led {own:.0f} G)."
     )
 
@@ -105,7 +105,7 @@ def text(result: Result) -> str:
     return (
         f"{table}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in brackets "
         f"the 95 % interval. Kriging with memory takes {late:.0f} G for each of the last {LATE} "
-        f"designs, and the network {own:.0f} G: against it {_against_kriging(result)}.\n\n"
+        f"designs, and the network {own:.0f} G: against it training {_against_kriging(result)}.\n\n"
         f"{by_network}"
     )
 
@@ -123,7 +123,7 @@ def _pays(result):
 def _against_kriging(result):
     """Return, in words, whether the training pays against kriging once that knows the scene."""
     after, *_ = _late(result)
-    return f"after {after:.0f}" if np.isfinite(after) else "it does not"
+    return f"pays after {after:.0f} designs" if np.isfinite(after) else "does not pay"
 
 
 def _late(result):
