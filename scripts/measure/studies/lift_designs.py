@@ -89,8 +89,8 @@ def when_to_train(result: Result) -> str:
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
         f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct`, which "
         f"misses the best optimum by over 1 % in {direct['missed']}. Training pays against "
-        f"`direct` {_pays(result)}; against kriging with memory it {_against_kriging(result)} (late "
-        f"designs: {late:.0f} G, led {own:.0f} G)."
+        f"`direct` {_pays(result)}; against kriging with memory it {_against_kriging(result)} "
+        f"(late designs: {late:.0f} G, led {own:.0f} G)."
     )
 
 
