@@ -12,6 +12,7 @@ from conftest import TINY
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from shapeopt import Problem
 from shapeopt.commands.predict_drag import main as predict_drag
 from shapeopt.commands.solve_drag import main as solve_drag
 from shapeopt.render.page.page import page
@@ -89,8 +90,13 @@ def test_camber_is_the_distance_of_the_mean_line_from_the_chord(body):
     above = middle - np.interp(x, *chord.T)
     camber = float(WIDEST.body_class.camber(jnp.array(body)))
     assert camber == pytest.approx(np.abs(above).max(), abs=2e-3)
+
+
+def test_exact_camber_of_one_mode_and_its_bound_needs_camber():
     half_height = float(FAMILY.body_class.half_axes(BODY)[1])
     assert float(FAMILY.body_class.camber(BODY)) == pytest.approx(2 * half_height * 0.2, rel=1e-12)
+    with pytest.raises(InvalidInput, match="max camber: the bodies of this scene have no camber"):
+        Problem(Scene(), 10.0, max_camber=0.1)
 
 
 def test_exact_contour_of_its_definition():

@@ -217,7 +217,7 @@ def test_exact_mean_over_orientations_in_stokes_flow(net):
     assert len(counted.weight) == 6
     assert float(model_objective(StokesLoads(), body, counted)) == pytest.approx(mean, rel=1e-14)
     assert problem.limits.low[1] == problem.limits.high[1] == 1.0
-    with pytest.raises(InvalidInput, match="flatness"):
+    with pytest.raises(InvalidInput, match="range of flatness: the objective holds it at 1"):
         Problem(net.scene, Tumbling(2.0), within={"flatness": (1.2, 2.0)})
     bounded = Problem(net.scene, Tumbling(2.0), max_moment=0.1)
     assert len(bounded.scenarios.counted().weight) == len(bounded.scenarios.weight) == 8

@@ -110,8 +110,8 @@ def resampled_break_even(
     refuses a single seed and interpolates between break-evens that may be infinite.
 
     Args:
-      training: cost of the training.
-      saved: what each design saves.
+      training: cost of the training, for each seed.
+      saved: what each design saves against the strategy without training.
       seed: of the resampling.
     """
     generator, (seeds, queries) = np.random.default_rng(seed), saved.shape

@@ -38,11 +38,13 @@ class Problem:
       within: narrower ranges of parameters by name, as ``{"aspect": (1, 3)}``.
       trust: distance that every shape parameter keeps from both ends of its trained range, as a
         share of the range's width, from 0 to below 0.5; a surrogate is least accurate at the ends.
+        A parameter that the objective holds is exempt.
       max_thickness: upper bound on the greatest thickness; in 3-D on the height.
-      max_camber: upper bound on the distance of the camber line from the chord.
       lift: lower bound on Cl, in every case of the objective; for scenes whose bodies have lift.
       min_moment: lower bound on Cm, about the centroid, nose up.
       max_moment: upper bound on Cm.
+      max_camber: upper bound on the distance of the camber line from the chord, for scenes whose
+        bodies have camber.
 
     Raises:
       InvalidInput: a value is out of its range, or the ranges of parameters contradict each other.
@@ -57,10 +59,10 @@ class Problem:
     within: Mapping[str, tuple[float, float]] | None = None
     trust: float = 0.0
     max_thickness: float | None = None
-    max_camber: float | None = None
     lift: float | None = None
     min_moment: float | None = None
     max_moment: float | None = None
+    max_camber: float | None = None
 
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
@@ -76,6 +78,8 @@ class Problem:
         for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_length(name, bound))
+        if self.max_camber is not None and not self.scene.family.body_class.camber_modes:
+            raise InvalidInput("max camber: the bodies of this scene have no camber")
         for name in LOAD_BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_load(self.scene, name, bound))
@@ -166,7 +170,10 @@ class Problem:
                     f"range of {name} {least:g} to {most:g}: must lie within the family's, "
                     f"{low:g} to {high:g}"
                 )
+        held = self.objective.fixed_parameters(self.scene)
         for name, low, high in zip(trained, *self._ranges(), strict=True):
+            if low > high and name in held:
+                raise InvalidInput(f"range of {name}: the objective holds it at {held[name]:g}")
             if low > high:
                 raise InvalidInput(
                     f"{name}: its range and trust {self.trust:g} (or the tolerance) contradict "

@@ -184,13 +184,14 @@ class BodyClass(abc.ABC):
         return 2 * self._height(parameters, jnp.arccos(1 - 2 * station))
 
     def camber(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
-        """Return the greatest distance in D of the camber line from the chord, nose to tail."""
+        """Return the greatest height in D of the camber line above or below the chord."""
         return -least(-self.cambers(parameters))
 
     def cambers(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, " stations"]:
-        """Return how far in D the camber line is above the chord at many stations, then below it.
+        """Return the height in D of the camber line above the chord, then its depth below it.
 
-        The chord is the straight line from the nose to the tail.
+        The chord is the straight line from the nose to the tail, the height across the x axis. Each
+        is at every second degree of t from 2 to 178.
         """
         t = ANGLES[2:-1:2]
         above = jnp.zeros(t.size)

@@ -64,6 +64,8 @@ def shuffled_batches(
 ) -> Callable[[int], Int[np.ndarray, " batch"]]:
     """Return the function from an iteration to the indices of its batch, shuffled by epoch.
 
+    All batches have the same size: what remains of an epoch's order is left out.
+
     Args:
       seed: of the training.
       count: number of samples.

@@ -155,12 +155,12 @@ def run_training(
         samples whose labels are final and that of all samples.
 
     Returns:
-      The trained network and its history; if the network blew up, those of the last report.
+      The trained network and its history; those of the last report if the network blew up, or if
+      none of the flows of a whole epoch was found.
 
     Raises:
       InvalidInput: the checkpoint is damaged, or belongs to another plan.
-      NotConverged: the network blew up before the first report, or none of the flows that the
-        method asks for was found.
+      NotConverged: the network blew up before the first report, or no flow was ever found.
     """
     method = method or plan.make_method()
     physics, partition = setup.physics, setup.physics.partition
@@ -172,7 +172,8 @@ def run_training(
     start = time.perf_counter()
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
-    stopped, last_good, done, lost = None, state, _done(plan, state), 0
+    stopped, last_good, done = None, state, _done(plan, state)
+    lost, learned = 0, any(point.loss for point in points_of(state.history))
     while _goes_on(plan, state):
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
@@ -185,12 +186,10 @@ def run_training(
         if not np.all(np.isfinite(state.learner.network.weights)):
             stopped, state = f"blew up in iteration {iteration}", last_good
             break
-        lost = 0 if loss > 0 else lost + batch.size  # samples in a row without any residual
-        if lost >= plan.samples:
-            raise NotConverged(
-                f"training by {plan.method}: none of the flows of {lost} samples up to iteration "
-                f"{iteration} was found; the method at its best or lower Reynolds numbers would do"
-            )
+        lost, learned = (0, True) if loss != 0 else (lost + batch.size, learned)
+        if lost >= plan.samples:  # without any residual the network stays as it is
+            stopped, state = f"found none of {lost} flows up to iteration {iteration}", last_good
+            break
         if iteration % plan.report_every and iteration < plan.iterations and done < 1:
             continue
         point = _point(state, setup, loss)
@@ -203,6 +202,11 @@ def run_training(
     history = points_of(state.history)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
+    if not learned:
+        raise NotConverged(
+            f"training by {plan.method} {stopped or 'found no flow'}, and none before; lower "
+            "Reynolds numbers or finer cells may help"
+        )
     network = jax.tree.map(np.asarray, state.learner.network)
     return TrainingResult(network, history, stopped, int(state.idle_work), compile_s)
 

@@ -157,7 +157,7 @@ def extremes_text(result: Result) -> str:
     called = [row for row in result["fields"] if row["outcome"] in ("accurate", "silently wrong")]
     known = [row for row in called if row["error"] is not None]
     silent = sum(row["outcome"] == "silently wrong" for row in known)
-    over = sum(abs(row["error"]) > FIDELITIES[row["fidelity"]].tolerance for row in known)
+    over = sum(abs(row["error"]) > FIDELITIES.get(row["fidelity"], TINY).tolerance for row in known)
     return (
         f"Of {len(known)} flows that are called accurate and whose error is known, {over} exceed "
         f"the error tolerance, {silent} by more than {SILENT:g} times."

@@ -114,10 +114,10 @@ def _pays(result):
     """Return, in words, after how many designs the training pays against ``direct``."""
     saved = _work(result, "direct") - _work(result, "rows")
     found = resampled_break_even(np.array([result["training_g"]], float), saved[None])
-    designs, low, high = (
-        f"{x:.0f}" if np.isfinite(x) else "never" for x in (found.designs, found.low, found.high)
-    )
-    return f"after {designs} designs ({low} to {high})"
+    if not np.isfinite(found.designs):
+        return "never"
+    high = f"{found.high:.0f}" if np.isfinite(found.high) else "never"
+    return f"after {found.designs:.0f} designs ({found.low:.0f} to {high})"
 
 
 def _against_kriging(result):

@@ -110,7 +110,8 @@ def solve_flows(run: Run, flow: Flow, samples: Samples, unseen: Samples) -> Solv
     """Solve the flows of bodies on all devices, in batches of the option ``--device-batch``."""
     devices = choose_devices(len(jax.devices()), run.options.get("device_batch"))
     truth = flow.solve_all(*unseen, devices, **ALL)
-    size, solved, seconds = 16 * devices.device_batch * devices.count, [], []
+    unit, solved, seconds = devices.device_batch * devices.count, [], []
+    size = unit * min(16, -(-samples.count // unit))
     for start in range(0, samples.count, size):
         run.progress(start / samples.count, f"flow {start} of {samples.count}")
         rows = np.minimum(np.arange(start, start + size), samples.count - 1)
