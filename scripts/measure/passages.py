@@ -14,7 +14,6 @@ from shapeopt.payoff.tables import SHOWN_DESIGNS, short_table
 from surrogate import load
 from surrogate.training.plan import PRESETS
 
-LOADS = "cd", "cl", "cm"
 SHIPPED = "pretrained", "pretrained:space", "pretrained:lift", "pretrained:particle"
 
 
@@ -97,7 +96,7 @@ def _space(result):
     queries = len(result("payoff_space")["queries"])
     kriging = "no training pays"
     if queries <= LATE:
-        kriging = "so few show nothing"
+        kriging = f"{queries} are too few to say"
     elif over is not None:
         kriging = f"`{over['method']}` pays from design {over['beats_kriging_g']} on"
     form = (
@@ -140,7 +139,9 @@ def _flow(result):
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
-    off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in LOADS}
+    off |= {
+        load: mean_and_most(row[f"{load}_error"] for row in sections) for load in particle.LOADS
+    }
     off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
     bodies, *off["random"] = far_field.symmetric_errors(result("far_field"))
     revolved = len(standard("flow_3d", "aspect"))

@@ -103,6 +103,12 @@ def resident_mib() -> float:
     return pages * os.sysconf("SC_PAGESIZE") / 2**20
 
 
+def alone(call: Callable[[], Any]) -> Any:
+    """Return the result of a call that finds no operators of earlier flows."""
+    forget_operators()
+    return call()
+
+
 def medians(calls: Sequence[Callable[[], Any]], repeats: int = 7) -> list[float]:
     """Return the median seconds of every call, without compilation.
 

@@ -6,10 +6,9 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 from study import Row, Run, Study, Table, cases, columns
-from tools import medians, megabytes
+from tools import alone, medians, megabytes
 
 from surrogate import Family, Flow, Scene, family_shape
-from surrogate.flow.streams import forget_operators
 
 CAMBERED = {"gamma2": 0.2, "incidence": 8.0}
 SCENE = Path(__file__).parents[2] / "lift.toml"
@@ -23,12 +22,8 @@ def flows(run: Run, aspect: float, reynolds: float) -> Row:
     """Compare a cambered 2-D body at incidence with the symmetric one of its aspect."""
     flow = Flow(Scene(fidelity=run.fidelity("standard")))
     shapes = [family_shape({"aspect": aspect} | more) for more in ({}, CAMBERED)]
-
-    def alone(shape):
-        forget_operators()
-        return flow.solve(shape, reynolds, estimate=False, allow_unsteady=True)
-
-    calls = [functools.partial(alone, shape) for shape in shapes]
+    solve = functools.partial(flow.solve, reynolds=reynolds, estimate=False, allow_unsteady=True)
+    calls = [functools.partial(alone, functools.partial(solve, shape)) for shape in shapes]
     work = [call().green_applications for call in calls]
     before, after = medians(calls, run.pick(1, 7))
     found = {"symmetric_work": work[0], "work": work[1], "symmetric_s": before, "seconds": after}
@@ -43,17 +38,11 @@ def gradients(run: Run, aspect: float, reynolds: float) -> Row:
     )
     flow, given = Flow(scene), {"aspect": aspect} | CAMBERED
     body = jnp.array([given.get(name, 0.0) for name in scene.family.names])
-
-    def alone(call):
-        forget_operators()
-        return call()
-
-    calls = [
-        lambda: flow.solve_all(body[None], reynolds, allow_unsteady=True),
-        lambda: flow.solve_all(body[None], reynolds, gradients=True, allow_unsteady=True),
-    ]
+    solve = functools.partial(flow.solve_all, body[None], reynolds, allow_unsteady=True)
+    both_solved = functools.partial(solve, gradients=True)
+    calls = [functools.partial(alone, call) for call in (solve, both_solved)]
     work, both = (int(call().green_applications[0]) for call in calls)
-    seconds, all_s = medians([functools.partial(alone, call) for call in calls], run.pick(1, 7))
+    seconds, all_s = medians(calls, run.pick(1, 7))
     row = {"work": work, "more_work": both - work, "seconds": seconds, "all_s": all_s}
     return row | {"work_ratio": both / work - 1, "ratio": all_s / seconds}
 

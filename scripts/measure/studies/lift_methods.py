@@ -3,25 +3,22 @@
 import dataclasses
 import functools
 
-from studies.three_loads import CELLS, HELD_OUT, SCRIPTS, TINY_CELLS
+from studies.three_loads import CELLS, HELD_OUT, mean_and_largest, scene_of
 from study import Result, Row, Run, Study, Table, cases, columns
 
-from surrogate import NotConverged, Scene
+from surrogate import NotConverged
 from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
 from surrogate.training.plan import METHODS, Plan, make_plan
 
 SAMPLES, SECONDS = 64, 90.0
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
-LOADS = ("cd", "cl", "cm")
 
 
 def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
     """Return the plan of a training, which ends when its time is over."""
-    scene = Scene.read(SCRIPTS / f"{name}.toml")
-    grid = dataclasses.replace(scene.fidelity, cells=run.pick(TINY_CELLS, CELLS[name]))
-    scene = dataclasses.replace(scene, fidelity=grid)
-    counts = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
-    plan = make_plan(scene, method, "full", counts[0], 0, SECONDS, published, counts[1])
+    samples, held_out = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
+    scene = scene_of(name, run.tiny)
+    plan = make_plan(scene, method, "full", samples, 0, SECONDS, published, held_out)
     return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
 
 
@@ -49,9 +46,7 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
     errors, last = load_errors(found.network, setup.held_out, setup.labels.loads), found.history[-1]
     row |= {"outcome": found.stopped or "trained", "steps": last.iteration}
     row |= {"work": last.green_applications, "seconds": last.seconds}
-    for k, load in enumerate(LOADS):
-        row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
-    return row
+    return row | mean_and_largest(errors)
 
 
 def untrained(run: Run, result: Result) -> Result:

@@ -22,6 +22,7 @@ from study import Row, Run, Study, Table, columns
 from tools import PeakMemory, medians
 
 from surrogate import Flow, InvalidInput, Scene
+from surrogate.arrays import AnyArray
 from surrogate.devices import choose_devices
 from surrogate.files import whole_file
 from surrogate.flow.batch import FlowBatch
@@ -97,11 +98,24 @@ class SolvedFlows(NamedTuple):
 PARTS = {"samples": Samples, "training": LoadsAndGradients, "held_out": FlowBatch}  # of a file
 
 
-def bodies_of(name: str, tiny: bool, count: int) -> tuple[Flow, Samples, Samples]:
-    """Return the flow of a scene, ``count`` training bodies and its held-out ones."""
+def scene_of(name: str, tiny: bool) -> Scene:
+    """Return the scene of this name on the cells of these studies."""
     scene = Scene.read(SCRIPTS / f"{name}.toml")
     cells = TINY_CELLS if tiny else CELLS[name]
-    scene = dataclasses.replace(scene, fidelity=dataclasses.replace(scene.fidelity, cells=cells))
+    return dataclasses.replace(scene, fidelity=dataclasses.replace(scene.fidelity, cells=cells))
+
+
+def mean_and_largest(errors: AnyArray) -> Row:
+    """Return the columns of a table from the errors of Cd, Cl and Cm of many bodies."""
+    row = {}
+    for k, load in enumerate(("cd", "cl", "cm")):
+        row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
+    return row
+
+
+def bodies_of(name: str, tiny: bool, count: int) -> tuple[Flow, Samples, Samples]:
+    """Return the flow of a scene, ``count`` training bodies and its held-out ones."""
+    scene = scene_of(name, tiny)
     samples = training_samples(scene, 0, 16 if tiny else count)
     return Flow(scene), samples, held_out_samples(scene, 0, 4 if tiny else HELD_OUT[name])
 
@@ -218,9 +232,7 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     errors = np.abs(loads - ground.truth) / ground.truth[:, :1]
     row = {"work": ground.work[:bodies].sum(), "flow_s": bodies * ground.seconds, "fit_s": fit_s}
     row |= {"all_s": row["flow_s"] + clock_s}
-    row |= {"flow_device": ground.device, "memory": memory.mib}
-    for k, load in enumerate(("cd", "cl", "cm")):
-        row |= {load: errors[:, k].mean(), f"{load}_most": errors[:, k].max()}
+    row |= {"flow_device": ground.device, "memory": memory.mib} | mean_and_largest(errors)
     many = np.resize(ground.unseen, (MANY, ground.unseen.shape[1]))
     outputs(many)
     return row | {"answers": MANY / medians([lambda: outputs(many)], run.pick(1, 5))[0]}

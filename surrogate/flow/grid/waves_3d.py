@@ -92,7 +92,7 @@ def waves_across(cells: int, parity: int, plane: bool) -> Waves:
 
 
 def wave_numbers(cells: int) -> Float[np.ndarray, " waves"]:
-    """Return the wave numbers across, so many that the images of sources do not wrap around."""
+    """Return the wave numbers across, enough of them that images of sources do not overlap."""
     return np.pi * np.arange(2 * cells + 2) / (2 * cells + 1)
 
 
