@@ -48,7 +48,7 @@ ALL = {"allow_unsteady": True, "partial": True}  # flows, whatever becomes of th
 COUNTS = {"particle": (16, 32, 64, 128, 256), "lift": (64, 256, 1024, 4096)}
 HELD_OUT = {"particle": 48, "lift": 96}
 CELLS = {"particle": 10, "lift": 8}  # per D in place of the scenes': a fifth of the time
-TINY_CELLS = 6  # of tiny runs, in the domain that holds the scene's bodies
+TINY_CELLS = 7  # of tiny runs, in the domain that holds the scene's bodies
 TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's default
 # Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, those of supervised
 # regression make their steps on all bodies at once, and one matrix of gradient-enhanced kriging for
