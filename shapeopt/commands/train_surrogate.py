@@ -52,7 +52,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     count = initialise(a)
     scene = Scene.read(a.scene) if a.scene else None
     numbers = a.preset, a.samples, a.seed, a.budget_seconds, a.published, a.held_out
-    plan = make_plan(scene, a.method, *numbers, load(a.infill_from) if a.infill_from else None)
+    infill = load(a.infill_from) if a.infill_from else None
+    plan = make_plan(scene, a.method, *numbers, infill, a.width)
     out, devices = Path(a.out), choose_devices(count, a.device_batch)
     with exit_when_disconnected():
         stored = stored_training(plan, out, a.overwrite)
@@ -110,6 +111,7 @@ def _parser() -> Parser:
     add("--held-out", type=int, help=f"unseen bodies that give the errors ({HELD_OUT_HELP})")
     add("--preset", default="quick", choices=list(PRESETS), help="samples and iterations (quick)")
     add("--budget-seconds", type=float, help="train for this time instead, from 1 s")
+    add("--width", type=int, help="of both hidden layers of the network (20; with lift 32)")
     add("--published", action="store_true", help="the method as published, not at its best")
     add("--seed", type=int, default=0, help="of samples and weights, from 0 (0)")
     add("--out", required=True, help="folder of the surrogate")

@@ -20,15 +20,18 @@ COVERED = 0.95  # share of the bodies whose errors lie within the bounds
 class Novelty:
     """A measure of how little the training samples say about the loads at another body and Re.
 
-    The network is linearised in its weights w. The novelty of a load is the norm of the part of
-    its gradient d(load)/dw / Cd that no combination of the gradients at the training samples
-    gives: in the linearised model the standard deviation of the load, up to a factor, once the
-    samples are known (linearised Laplace approximation, MacKay 1992).
+    The network is linearised in its weights w. With the gradients g = d(load)/dw / Cd at a body, K
+    those of all loads at the training samples, one a row, and a ridge r, the novelty of a load is
+
+        sqrt(g (K^T K / r + 1)^-1 g^T),
+
+    in the linearised model the standard deviation of the load, up to a factor, once the samples are
+    known (linearised Laplace approximation, MacKay 1992).
     """
 
     network: LoadNetwork
-    known: Float[Array, "outputs weights"]  # gradients of all loads at all training samples
-    factor: Float[Array, "outputs outputs"]  # Cholesky factor of their regularised Gram matrix
+    factor: Float[Array, "weights weights"]  # lower Cholesky factor of K^T K / r + 1
+    ridge: Float[Array, ""]  # the variance by which each output of the samples is uncertain
 
     @classmethod
     def of(cls, network: LoadNetwork, samples: Samples) -> "Novelty":
@@ -38,38 +41,27 @@ class Novelty:
           network: the trained network.
           samples: on which it was trained.
         """
-        return cls(network, *_known(network, *samples))
+        return cls(network, *_factor_and_ridge(network, *samples))
 
     @jax.jit
     def __call__(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, " loads"]:
         """Return the novelty of each load of a body at a Reynolds number."""
-        gradients = _gradients(self.network, parameters, reynolds)
-        explained = self._explained(gradients)
-        # the ridge keeps the difference positive; rounding may not
-        left = jnp.sum(gradients**2, axis=-1) - jnp.sum(explained**2, axis=0)
-        return jnp.sqrt(jnp.maximum(left, 0.0))
+        unknown = self._unknown(_gradients(self.network, parameters, reynolds))
+        return jnp.linalg.norm(unknown, axis=0)
 
     @jax.jit
-    def gradients(
-        self, samples: Samples
-    ) -> tuple[Float[Array, "outputs weights"], Float[Array, "known outputs"]]:
-        """Return the gradients of the loads over Cd at some samples, and what is known of them.
+    def unknown(self, samples: Samples) -> Float[Array, "weights outputs"]:
+        """Return vectors e, one a load, with which e^T e is the covariance of all loads.
 
-        All loads of a sample stand together. With these g and e the covariance of the loads, once
-        the training samples are known, is g g^T - e^T e, up to the same factor as the novelty.
+        It is that of the linearised model once the training samples are known, up to the factor of
+        the novelty, which is the length of e. All loads of a sample stand together.
         """
-        gradients = _all_gradients(self.network, *samples)
-        return gradients, self._explained(gradients)
+        return self._unknown(_all_gradients(self.network, *samples))
 
-    @property
-    def ridge(self) -> Float[Array, ""]:
-        """The variance by which each output counts as uncertain even where it is known."""
-        return _ridge(self.known)
-
-    def _explained(self, gradients):
-        return jax.scipy.linalg.solve_triangular(self.factor, self.known @ gradients.T, lower=True)
+    def _unknown(self, gradients):
+        return jax.scipy.linalg.solve_triangular(self.factor, gradients.T, lower=True)
 
 
 def error_scales(
@@ -91,14 +83,10 @@ def error_scales(
 
 
 @jax.jit
-def _known(network, parameters, reynolds):
-    """Gradients at samples, and the Cholesky factor of their regularised Gram matrix."""
+def _factor_and_ridge(network, parameters, reynolds):
     known = _all_gradients(network, parameters, reynolds)
-    return known, jnp.linalg.cholesky(known @ known.T + _ridge(known) * jnp.eye(len(known)))
-
-
-def _ridge(known):
-    return RIDGE * jnp.mean(jnp.sum(known**2, axis=1))
+    ridge = RIDGE * jnp.mean(jnp.sum(known**2, axis=1))
+    return jnp.linalg.cholesky(known.T @ known / ridge + jnp.eye(known.shape[1])), ridge
 
 
 def _all_gradients(network, parameters, reynolds):

@@ -10,7 +10,7 @@ import numpy as np
 
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
-from surrogate.model.network import blank_network, default_width
+from surrogate.model.network import blank_network
 from surrogate.scene.cost import convolutions, seconds_per_convolution
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
@@ -86,8 +86,7 @@ def _inverse_seconds(plan, batch):
 
 
 def _network(plan):
-    width = default_width(plan.scene)
-    return blank_network(plan.scene, (width, width), jax.random.key(0))
+    return blank_network(plan.scene, 2 * (plan.hidden_width,), jax.random.key(0))
 
 
 def _median(call, repeats=5):

@@ -60,18 +60,18 @@ def _largest_bounds(surrogate: Surrogate, candidates: Samples, count: int) -> li
     the loads of the next sample; only the rows of these are computed.
     """
     novelty, scales = surrogate.novelty, surrogate.error_scales
-    gradients, explained = map(np.asarray, novelty.gradients(candidates))
-    factor: Float[np.ndarray, "rows outputs"] = np.empty((0, len(gradients)))
-    variances = np.sum(gradients**2, axis=1) - np.sum(explained**2, axis=0)
-    noise, chosen = float(novelty.ridge) * np.eye(len(scales)), []
-    for _ in range(count):
-        bounds = np.max(scales**2 * variances.reshape(-1, len(scales)), axis=1)
+    unknown = np.asarray(novelty.unknown(candidates))
+    loads = len(scales)
+    factor: Float[np.ndarray, "rows outputs"] = np.empty((loads * count, unknown.shape[1]))
+    variances = np.sum(unknown**2, axis=0)
+    noise, chosen = float(novelty.ridge) * np.eye(loads), []
+    for done in range(0, loads * count, loads):
+        bounds = np.max(scales**2 * variances.reshape(-1, loads), axis=1)
         bounds[chosen] = -np.inf
         chosen.append(int(np.argmax(bounds)))
-        rows = len(scales) * chosen[-1] + np.arange(len(scales))
-        covariance = gradients[rows] @ gradients.T - explained[:, rows].T @ explained
-        covariance -= factor[:, rows].T @ factor
+        rows, known = loads * chosen[-1] + np.arange(loads), factor[:done]
+        covariance = unknown[:, rows].T @ unknown - known[:, rows].T @ known
         pivot = np.linalg.cholesky(covariance[:, rows] + noise)
-        factor = np.concatenate([factor, np.linalg.solve(pivot, covariance)])
-        variances -= np.sum(factor[-len(scales) :] ** 2, axis=0)
+        factor[done : done + loads] = np.linalg.solve(pivot, covariance)
+        variances -= np.sum(factor[done : done + loads] ** 2, axis=0)
     return chosen

@@ -96,7 +96,7 @@ def make_setup(
 ) -> TrainingSetup:
     """Draw samples, solve the held-out flows, assemble operators, build the initial network.
 
-    Depends on the plan's scene, seed, counts and infill, not on its method.
+    Depends on the plan's scene, seed, counts, infill and width, not on its method.
 
     Args:
       plan: of the training.
@@ -125,7 +125,12 @@ def make_setup(
     oseen_tractions = np.asarray(physics.tractions)
     outputs = np.asarray(physics.outputs)
     network = make_network(
-        plan.scene, network_key(plan.seed), *map(np.asarray, samples), oseen_tractions, outputs
+        plan.scene,
+        network_key(plan.seed),
+        *map(np.asarray, samples),
+        oseen_tractions,
+        outputs,
+        plan.width,
     )
     failed = plan.held_out - held_out.count
     return TrainingSetup(physics, held_out, labels, failed, network, setup_s, compile_s)
@@ -146,7 +151,7 @@ def run_training(
 
     Args:
       plan: method, iterations or time, seed.
-      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts and infill.
+      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts, infill and width.
       checkpoint: file to resume from and to save to; whoever saves the result removes it.
       report: called with every point of the history and the fraction of the training done.
       checkpoint_every_s: least seconds between checkpoints.

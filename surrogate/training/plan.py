@@ -7,6 +7,8 @@ from typing import Literal, get_args
 
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
+from surrogate.model.network import default_width
+from surrogate.model.store import MAX_WIDTH
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 from surrogate.training.infill import infill_positions
@@ -84,6 +86,7 @@ class Plan:
       infill: positions of the last samples in the Sobol sequence (``infill_positions``); the others
         are the first of the sequence.
       earlier_green_applications: convolutions of the trainings whose surrogates chose the infill.
+      width: of both hidden layers of the network; None for that of the scene (``default_width``).
     """
 
     method: MethodName
@@ -97,6 +100,12 @@ class Plan:
     published: bool = False
     infill: tuple[int, ...] = ()
     earlier_green_applications: int = 0
+    width: int | None = None
+
+    @property
+    def hidden_width(self) -> int:
+        """The width of both hidden layers of the network."""
+        return self.width or default_width(self.scene)
 
     def make_method(self) -> Method:
         """Return the method with its default settings."""
@@ -113,6 +122,7 @@ def make_plan(
     published: bool = False,
     held_out: int | None = None,
     infill_from: Surrogate | None = None,
+    width: int | None = None,
 ) -> Plan:
     """Return the plan of a preset, whose numbers are replaced by those that are given.
 
@@ -129,6 +139,7 @@ def make_plan(
       held_out: number of held-out samples, at least 4, in place of the preset's.
       infill_from: a surrogate of the same scene and seed, trained on fewer samples. Its samples
         are taken again, and those where its error bounds are largest.
+      width: of both hidden layers of the network, in place of the scene's (20, with lift 32).
 
     Raises:
       InvalidInput: no such method or preset, a number is out of range, or ``infill_from`` is of
@@ -153,6 +164,7 @@ def make_plan(
     held_out = chosen.held_out if held_out is None else held_out
     held_out = whole_number("held-out bodies", held_out, 4, 10**6)
     seed = whole_number("seed", seed, 0, 2**31 - 1)
+    width = None if width is None else whole_number("width", width, 1, MAX_WIDTH)
     infill, earlier = (), 0
     if infill_from is not None:
         earlier = infill_from.recorded("green_applications")
@@ -170,6 +182,7 @@ def make_plan(
         budget_s=budget_seconds,
         report_every=max(1, iterations // REPORTS),
         published=published,
+        width=width,
     )
 
 

@@ -123,6 +123,7 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
     """
     stored = {name: record.get(key) for key, name in SETTINGS.items()}
     asked = {name: getattr(plan, key) for key, name in SETTINGS.items()}
+    stored["width"], asked["width"] = record.get("sizes", [None])[0], plan.hidden_width
     stored["infill"], asked["infill"] = map(_infill, (record.get("infill", ()), plan.infill))
     if not (plan.budget_s or record.get("budget_s") or record.get("stopped")):
         stored["iterations"], asked["iterations"] = record.get("iterations"), plan.iterations

@@ -35,6 +35,7 @@ def train(
     device_batch: int | None = None,
     overwrite: bool = False,
     infill_from: str | Path | Surrogate | None = None,
+    width: int | None = None,
 ) -> Surrogate:
     """Train a small network that predicts the loads of a scene's bodies, using the flow solver.
 
@@ -78,6 +79,7 @@ def train(
       infill_from: a surrogate of the same scene and seed, or its folder, trained on fewer samples.
         Its samples are taken again, and those where its error bounds are largest; the network
         starts from its initial weights, and all flows are solved.
+      width: of both hidden layers of the network; by default 20, and 32 with lift.
 
     Returns:
       The surrogate; its ``record`` has the loads' mean and largest errors on held-out bodies. A
@@ -90,7 +92,7 @@ def train(
     known = infill_from is None or isinstance(infill_from, Surrogate)
     infill_from = infill_from if known else load(infill_from)
     numbers = preset, samples, seed, budget_seconds, published, held_out
-    plan = make_plan(scene, method, *numbers, infill_from)
+    plan = make_plan(scene, method, *numbers, infill_from, width)
     chosen = choose_devices(devices, device_batch)
     surrogate = train_plan(plan, out, progress, chosen, overwrite=overwrite)
     warn_of_inaccuracy(surrogate, f"training by {method}", stacklevel=3)
@@ -118,8 +120,8 @@ def train_plan(
       out: folder to save to, with a checkpoint beside it; None to save nothing.
       progress: whether to show progress on stderr.
       devices: over which the flows are distributed; by default those of ``choose_devices``.
-      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts and infill that
-        several trainings share; by default it is made here, on these devices.
+      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts, infill and
+        width that several trainings share; by default it is made here, on these devices.
       title: of the progress bar; by default the method's name.
       overwrite: train even if the folder holds a surrogate, and replace it.
       notes: added to the record of a new training.
@@ -167,7 +169,7 @@ def train_all(
 ) -> dict[str, Surrogate]:
     """Train a surrogate per plan, in folders of the plans' names; load those already trained.
 
-    Plans of equal scene, seed, counts and infill share samples, held-out bodies and initial
+    Plans of equal scene, seed, counts, infill and width share samples, held-out bodies and initial
     weights. A warning says where the errors of a surrogate are large.
 
     Args:
@@ -194,7 +196,7 @@ def train_all(
         if found is None or not is_measured(found, plan):
             setup = None
             if found is None:
-                key = plan.scene, plan.seed, plan.samples, plan.infill, plan.held_out
+                key = plan.scene, plan.seed, plan.samples, plan.infill, plan.width, plan.held_out
                 setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
             surrogates[name] = train_plan(
                 plan, out / name, devices=devices, setup=setup, title=name, overwrite=overwrite
