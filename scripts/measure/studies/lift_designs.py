@@ -97,8 +97,8 @@ def when_to_train(result: Result) -> str:
 def text(result: Result) -> str:
     """Return the strategies over all queries, and from which design the training pays."""
     work = (
-        f"The training of {NAME} on {result['bodies']:,} sections, and the one before that chose "
-        f"its infill, took {result['training_g']:,} convolutions (G)."
+        f"The training of {NAME} on {result['bodies']:,} sections took {result['training_g']:,} "
+        "convolutions (G)."
     )
     by_network = LED_ROWS([row for row in result["rows"] if row["problem"] is None])
     table, (after, own, late) = STRATEGIES(strategies(result)), _late(result)
