@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 from jaxtyping import ArrayLike, Bool, Float, Int, PyTree
 
 AnyArray = jax.Array | np.ndarray
@@ -41,6 +42,33 @@ def compute_where(wanted: Bool[AnyArray, ""], compute: Callable, otherwise: PyTr
         return jnp.zeros_like(wanted), compute()
 
     return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]
+
+
+def by_lapack(function: Callable) -> Callable:
+    """Decorate a function of matrices that LAPACK computes on a CPU, so that batches do not hang.
+
+    jaxlib divides a batch of matrices among the threads that run the program, and waits for them:
+    two such calls at the same time wait for each other for ever. So on a CPU ``vmap`` of this takes
+    one matrix after the other.
+    """
+
+    @custom_vmap
+    def one(*matrices):
+        return function(*matrices)
+
+    @one.def_vmap
+    def many(size, batched, *matrices):
+        matrices = [
+            each if mapped else jnp.broadcast_to(each, (size, *each.shape))
+            for each, mapped in zip(matrices, batched, strict=True)
+        ]
+        if jax.default_backend() == "cpu":
+            results = jax.lax.map(lambda each: function(*each), tuple(matrices))
+        else:
+            results = jax.vmap(function)(*matrices)
+        return results, jax.tree.map(lambda _: True, results)
+
+    return one
 
 
 def full_single_precision(function: Callable) -> Callable:

@@ -1,11 +1,14 @@
 """Plans of trainings: invalid arguments are refused, the cost is forecast."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from surrogate import InvalidInput, load, train
 from surrogate.training.forecast import forecast
 from surrogate.training.plan import METHODS, make_plan
+from surrogate.training.train import train_plan
 
 
 @pytest.mark.parametrize(
@@ -20,6 +23,7 @@ from surrogate.training.plan import METHODS, make_plan
         ({"method": "dp", "samples": 8.5}, "a whole number from 4"),
         ({"method": "dp", "held_out": 3}, "held-out bodies 3: a whole number from 4"),
         ({"method": "dp", "seed": -1}, "a whole number from 0"),
+        ({"method": "dp", "width": 0}, "width 0: a whole number from 1"),
         ({"method": "dp", "scene": "scene.toml"}, "is no Scene"),
     ],
 )
@@ -39,6 +43,20 @@ def test_forecast_of_the_work_comes_true(name):
     took = shipped.recorded("green_applications")
     assert took / 1.5 < foreseen.green_applications < 1.5 * took
     assert foreseen.seconds > 0
+
+
+def test_the_width_of_the_layers_can_be_chosen(tiny_scene, tmp_path):
+    plan = make_plan(tiny_scene, "sip", samples=8, held_out=4, width=7)
+    plan = dataclasses.replace(plan, iterations=2, report_every=1)
+    folder = tmp_path / "narrow"
+    trained = train_plan(plan, folder, progress=False)
+    assert [len(layer.bias) for layer in trained.network.layers[:-1]] == [7, 7]
+    assert load(folder).record["weights"] == trained.network.weights.size
+    usual = dataclasses.replace(plan, width=None)
+    with pytest.raises(InvalidInput, match=r"holds another training \(width 7, not 20\)"):
+        train_plan(usual, folder, progress=False)
+    default = dataclasses.replace(usual, width=20)
+    assert default.hidden_width == usual.hidden_width
 
 
 def test_a_budget_bounds_the_forecast(tiny_scene):

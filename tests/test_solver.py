@@ -1,9 +1,12 @@
 """GMRES and Newton's method on problems whose solution is known."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from surrogate.arrays import by_lapack
 from surrogate.flow.solver.krylov import gmres
 from surrogate.flow.solver.newton import Identity, NewtonSettings, System, root
 
@@ -15,6 +18,40 @@ def test_exact_gmres_stops_at_the_first_vector_that_reaches_the_tolerance():
     assert np.allclose(matrix @ result.x, 1.0)
     assert bool(gmres(lambda x: matrix @ x, jnp.zeros(6), 1e-12, 6).converged)
     assert not bool(gmres(lambda x: matrix @ x, jnp.full(6, jnp.nan), 1e-12, 6).converged)
+
+
+def test_exact_a_batch_of_systems_is_solved_as_one_by_one():
+    """Each stops at the vector that suffices for it; no Krylov vectors of a batch are copied."""
+    rng = np.random.default_rng(0)
+    spread = np.linspace(0.1, 3.0, 5)[:, None, None]
+    matrices = jnp.asarray(np.eye(30) + 0.1 * spread * rng.normal(size=(5, 30, 30)))
+    rights = jnp.asarray(rng.normal(size=(5, 30))).at[3].set(0.0)
+
+    def solve(matrix, right):
+        return gmres(lambda x: matrix @ x, right, 1e-8, 25)
+
+    found = jax.vmap(solve)(matrices, rights)
+    assert len(set(found.steps.tolist())) > 2
+    for k, (matrix, right) in enumerate(zip(matrices, rights, strict=True)):
+        alone = solve(matrix, right)
+        assert alone.steps == found.steps[k]
+        assert alone.converged == found.converged[k]
+        np.testing.assert_allclose(found.x[k], alone.x, rtol=1e-12, atol=1e-12)
+    shared = jax.vmap(solve, (None, 0))(matrices[0], rights)
+    np.testing.assert_allclose(shared.x[0], found.x[0], rtol=1e-12, atol=1e-12)
+    program = str(jax.make_jaxpr(jax.vmap(solve))(matrices, rights))
+    assert set(re.findall(r":f64\[26,5,30\] = (\w+)", program)) == {"broadcast_in_dim", "scatter"}
+
+
+def test_exact_matrices_of_a_batch_are_factored_one_after_the_other():
+    """On a CPU: batches of LAPACK's wait for threads that may wait for them."""
+    matrices = jnp.asarray(np.random.default_rng(0).normal(size=(6, 4, 4)))
+    inverse = jax.vmap(by_lapack(jnp.linalg.inv))
+    np.testing.assert_allclose(inverse(matrices), jnp.linalg.inv(matrices), rtol=1e-12)
+    program = str(jax.make_jaxpr(inverse)(matrices))
+    assert ("scan" in program) == (jax.default_backend() == "cpu")
+    mixed = jax.vmap(by_lapack(jnp.linalg.solve), (0, None))(matrices, jnp.ones(4))
+    np.testing.assert_allclose(mixed[2], jnp.linalg.solve(matrices[2], jnp.ones(4)), rtol=1e-12)
 
 
 def circle_and_line(radius, x):

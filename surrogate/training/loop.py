@@ -151,7 +151,8 @@ def run_training(
 
     Args:
       plan: method, iterations or time, seed.
-      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts, infill and width.
+      setup: from ``make_setup`` for this plan, or one of equal scene, seed, counts, infill and
+        width.
       checkpoint: file to resume from and to save to; whoever saves the result removes it.
       report: called with every point of the history and the fraction of the training done.
       checkpoint_every_s: least seconds between checkpoints.

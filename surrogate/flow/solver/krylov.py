@@ -16,7 +16,7 @@ from jax.custom_batching import custom_vmap
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from surrogate.arrays import full_single_precision
+from surrogate.arrays import by_lapack, full_single_precision
 
 
 class KrylovResult(NamedTuple):
@@ -108,7 +108,8 @@ def _solve(product, b, tolerance, m):
     )
     k, steps, basis, triangle, _, rhs, error = jax.lax.while_loop(unfinished, advance, start)
     known = jnp.where(jnp.arange(m) < steps[..., None], rhs[..., :m], 0.0)
-    weights = jax.scipy.linalg.solve_triangular(triangle, known[..., None])[..., 0]
+    back_substitute = by_lapack(jax.scipy.linalg.solve_triangular)
+    weights = (jax.vmap(back_substitute) if batch else back_substitute)(triangle, known)
 
     def add(j, x):
         return x + weights[..., j, None] * basis[j]

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray, full_single_precision, single
+from surrogate.arrays import AnyArray, by_lapack, full_single_precision, single
 from surrogate.flow.grid.domain import Domain, GreenFunction
 from surrogate.flow.grid.immersed import Spreading
 
@@ -89,7 +89,7 @@ def mode_response(
     velocities = domain.each_mode(lambda a: here(near.spread(a)), eye)
     # The velocity on the edge of the box determines that outside: its principal components.
     edges = _edges(velocities, lattice.folded)
-    combinations = jnp.linalg.eigh(edges @ edges.T)[1].T[-domain.far_combinations :]
+    combinations = by_lapack(jnp.linalg.eigh)(edges @ edges.T)[1].T[-domain.far_combinations :]
     far = domain.each_mode(lambda a: green(body.spread(a)), combinations)
     return CompressedResponse(velocities, combinations, far, corner)
 

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, by_lapack
 from surrogate.flow.grid.domain import Domain, GreenFunction
 from surrogate.flow.grid.far import far_powers, far_response, far_velocity
 from surrogate.flow.grid.immersed import Markers, Spreading
@@ -243,5 +243,5 @@ def eliminate(domain: Domain, operators: Operators) -> Elimination:
     Derivatives do not pass through it.
     """
     operators = jax.lax.stop_gradient(operators)
-    inverse = jnp.linalg.inv(influence_matrix(domain, operators))
+    inverse = by_lapack(jnp.linalg.inv)(influence_matrix(domain, operators))
     return Elimination(inverse, operators.response, operators.body)
