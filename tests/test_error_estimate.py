@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from surrogate import (
     FIDELITIES,
+    Family,
     Flow,
     InvalidInput,
     NotConverged,
@@ -25,6 +26,7 @@ from surrogate.flow.check.error_estimate import (
 )
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.retraction import offset_correction, retraction
+from surrogate.scene.fidelity import NAMED
 
 DRAFT = FIDELITIES["draft"]
 MODEL = ERROR_MODELS[2]
@@ -211,6 +213,21 @@ def test_domains_grow_with_the_wake():
     assert standard.for_wake(40.0, 1.0) == standard
     assert standard.for_wake(45.0, 1.4).downstream > standard.downstream
     assert standard.for_wake(300.0, 2.0).downstream == 40  # the longest
+
+
+def test_wide_bodies_get_a_longer_domain():
+    """Of one body by itself; the cylinder keeps its domain, and so do 3-D bodies."""
+    standard = FIDELITIES["standard"]
+    assert standard.for_body(40.0, 1.0, 0.5) == standard.for_layers(40.0, 0.5)
+    wide = standard.for_body(22.5, 1.6, 0.5)
+    assert standard.for_wake(22.5, 1.6) == standard
+    assert wide.downstream == 20
+    assert wide.height == 12
+    assert standard.for_body(300.0, 2.0, 0.5).downstream == 40
+    space = NAMED[3]["standard"]
+    assert space.for_body(22.5, 1.6, 0.5).downstream == space.downstream
+    scene = Scene(family=Family(aspect=(0.5, 0.8)), reynolds=(1, 22))
+    assert scene.fidelity_for_bodies.downstream == standard.downstream
 
 
 LOG_RANGES = (st.floats(np.log(1e-3), np.log(300)), st.floats(np.log(0.2), np.log(10)))

@@ -67,6 +67,7 @@ MODULES = {  # the studies of every module
     "three_loads": "three_loads three_loads_lift",
     "training": "training training_space",
     "trust": "trust trust_space",
+    "wide_bodies": "wide_bodies",
 }
 NAMES = {name: module for module, names in MODULES.items() for name in names.split()}
 OPTIONAL = ("pyvista", "scikit-learn", "ngsolve")  # recorded where they are installed

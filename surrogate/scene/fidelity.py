@@ -9,6 +9,9 @@ from surrogate.errors import InvalidInput
 
 LONGEST_DOWNSTREAM = 40.0  # D downstream, up to which a domain is lengthened for a wake
 LONGER = 8.0  # D, by which a domain is lengthened first: few lengths share compiled code
+# 5 (h - 1) + 0.07 Re h^2 of a body of height h in D, above which its domain is lengthened: there
+# the standard domain makes an error of Cd of some 0.2 % (study ``wide_bodies``).
+WIDE_BODY, BY_HEIGHT, BY_WAKE = 4.6, 5.0, 0.07
 FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thickness
 LONGEST = 2 * LONGEST_DOWNSTREAM  # D, any side of a domain
 COARSER = 0.9  # of the cells, at most, that a coarser grid has
@@ -95,14 +98,11 @@ class Fidelity:
           reynolds: greatest U D / nu.
           height: of the bodies across the stream, in D.
         """
-        wake = WAKE[2] if self.wake is None else self.wake
-        missing = min(wake * reynolds * height**2, LONGEST_DOWNSTREAM) - self.downstream
-        if missing <= 2:
+        length = min(self._wake * reynolds * height**2, LONGEST_DOWNSTREAM)
+        if length - self.downstream <= 2:
             return self
-        longer = self.downstream + LONGER if missing <= LONGER else LONGEST_DOWNSTREAM
-        longer = min(longer, LONGEST_DOWNSTREAM)
-        higher = min(self.height + 4, LONGEST)
-        return dataclasses.replace(self, downstream=longer, height=higher)
+        longer = self.downstream + LONGER
+        return self._lengthened(longer if length <= longer else LONGEST_DOWNSTREAM)
 
     def for_layers(self, reynolds: float, nose: float) -> "Fidelity":
         """Return the fidelity with cells that are small enough for the boundary layers of bodies.
@@ -124,14 +124,30 @@ class Fidelity:
         return dataclasses.replace(self, cells=cells, harmonics=harmonics, refinement=1.0)
 
     def for_body(self, reynolds: float, height: float, nose: float) -> "Fidelity":
-        """Return the fidelity for both the wakes and the boundary layers of bodies up to this Re.
+        """Return the fidelity for the wake and the boundary layer of one body.
+
+        A wide body gets a longer domain at lower Re than by ``for_wake``. Scenes do not: their grid
+        holds a height and an Re that few of their bodies have.
 
         Args:
-          reynolds: greatest U D / nu.
-          height: of the bodies across the stream, in D.
+          reynolds: U D / nu.
+          height: of the body across the stream, in D.
           nose: as for ``for_layers``.
         """
-        return self.for_layers(reynolds, nose).for_wake(reynolds, height)
+        fidelity = self.for_layers(reynolds, nose).for_wake(reynolds, height)
+        wide = BY_HEIGHT * (height - 1) + BY_WAKE * reynolds * height**2 > WIDE_BODY
+        if not wide or self._wake == 0 or fidelity.downstream > self.downstream:
+            return fidelity
+        return fidelity._lengthened(self.downstream + LONGER)
+
+    @property
+    def _wake(self) -> float:
+        return WAKE[2] if self.wake is None else self.wake
+
+    def _lengthened(self, downstream: float) -> "Fidelity":
+        downstream = min(downstream, LONGEST_DOWNSTREAM)
+        higher = min(self.height + 4, LONGEST)
+        return dataclasses.replace(self, downstream=downstream, height=higher)
 
     def coarser(self, share: float, fewest: int = 0) -> "Fidelity":
         """Return the fidelity with this share of the cells, but no fewer than bodies need.

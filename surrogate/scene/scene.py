@@ -161,9 +161,9 @@ class Scene:
     @property
     def fidelity_for_bodies(self) -> Fidelity:
         """The fidelity with a domain for the longest wake and cells for the thinnest layer."""
-        return self.fidelity.for_body(
-            self.reynolds[1], max(self.extent[1:]), nose_of_ellipse(self.family.chord)
-        )
+        reynolds, height = self.reynolds[1], max(self.extent[1:])
+        nose = nose_of_ellipse(self.family.chord)
+        return self.fidelity.for_layers(reynolds, nose).for_wake(reynolds, height)
 
     def check_reynolds(self, reynolds: object) -> float:
         """Check that the scene covers a Reynolds number, and return it as a float.
