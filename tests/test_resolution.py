@@ -151,4 +151,4 @@ def test_networks_have_the_traction_modes_of_the_grid(scene):
 
 def test_bodies_too_large_are_told_what_the_domain_holds():
     with pytest.raises(InvalidInput, match=r"coarse domain, which holds 5 D .* and 5\.5 D across"):
-        COARSE.solve(contour_shape(6 * ROUND_CONTOUR, keep_size=True), 1.0)
+        COARSE.solve(contour_shape(6 * ROUND_CONTOUR, keep_size=True), 0.01)

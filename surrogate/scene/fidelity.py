@@ -9,9 +9,6 @@ from surrogate.errors import InvalidInput
 
 LONGEST_DOWNSTREAM = 40.0  # D downstream, up to which a domain is lengthened for a wake
 LONGER = 8.0  # D, by which a domain is lengthened first: few lengths share compiled code
-# 5 (h - 1) + 0.07 Re h^2 of a body of height h in D, above which its domain is lengthened: there
-# the standard domain makes an error of Cd of some 0.2 % (study ``wide_bodies``).
-WIDE_BODY, BY_HEIGHT, BY_WAKE = 4.6, 5.0, 0.07
 FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thickness
 LONGEST = 2 * LONGEST_DOWNSTREAM  # D, any side of a domain
 COARSER = 0.9  # of the cells, at most, that a coarser grid has
@@ -126,8 +123,10 @@ class Fidelity:
     def for_body(self, reynolds: float, height: float, nose: float) -> "Fidelity":
         """Return the fidelity for the wake and the boundary layer of one body.
 
-        A wide body gets a longer domain at lower Re than by ``for_wake``. Scenes do not: their grid
-        holds a height and an Re that few of their bodies have.
+        A body that is taller than D gets a longer domain at lower Re than by ``for_wake``, where
+        wake * Re * (height / D)^4 asks for it: along this line the standard domain's error of Cd is
+        0.2 % (study ``wide_bodies``). Scenes do not: their grid holds a height and an Re that few
+        of their bodies have.
 
         Args:
           reynolds: U D / nu.
@@ -135,8 +134,8 @@ class Fidelity:
           nose: as for ``for_layers``.
         """
         fidelity = self.for_layers(reynolds, nose).for_wake(reynolds, height)
-        wide = BY_HEIGHT * (height - 1) + BY_WAKE * reynolds * height**2 > WIDE_BODY
-        if not wide or self._wake == 0 or fidelity.downstream > self.downstream:
+        wide = self._wake * reynolds * max(height, 1.0) ** 4 - self.downstream > 2
+        if not wide or fidelity.downstream > self.downstream:
             return fidelity
         return fidelity._lengthened(self.downstream + LONGER)
 
