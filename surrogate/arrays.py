@@ -49,7 +49,7 @@ def by_lapack(function: Callable) -> Callable:
 
     jaxlib divides a batch of matrices among the threads that run the program, and waits for them:
     two such calls at the same time wait for each other for ever. So on a CPU ``vmap`` of this takes
-    one matrix after the other.
+    one matrix after the other. Reverse mode does not pass through it.
     """
 
     @custom_vmap
@@ -58,12 +58,15 @@ def by_lapack(function: Callable) -> Callable:
 
     @one.def_vmap
     def many(size, batched, *matrices):
+        if not any(batched):  # JAX asks so where it differentiates
+            results = function(*matrices)
+            return results, jax.tree.map(lambda _: False, results)
         matrices = [
             each if mapped else jnp.broadcast_to(each, (size, *each.shape))
             for each, mapped in zip(matrices, batched, strict=True)
         ]
         if jax.default_backend() == "cpu":
-            results = jax.lax.map(lambda each: function(*each), tuple(matrices))
+            results = jax.lax.map(lambda each: one(*each), tuple(matrices))
         else:
             results = jax.vmap(function)(*matrices)
         return results, jax.tree.map(lambda _: True, results)

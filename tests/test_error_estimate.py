@@ -225,6 +225,10 @@ def test_wide_bodies_get_a_longer_domain():
     assert wide.height == 12
     assert standard.for_body(300.0, 2.0, 0.5).downstream == 40
     assert standard.for_body(0.1, 3.0, 0.5) == standard.for_layers(0.1, 0.5)
+    for slender in (0.3, 0.5, 0.8):
+        assert standard.for_body(100.0, slender, 0.5) == standard.for_layers(100.0, 0.5)
+    long = dataclasses.replace(standard, downstream=50, wake=0.3)
+    assert long.for_body(100.0, 1.4, 0.5).downstream == 50
     space = NAMED[3]["standard"]
     assert space.for_body(22.5, 1.6, 0.5).downstream == space.downstream
     scene = Scene(family=Family(aspect=(0.5, 0.8)), reynolds=(1, 22))

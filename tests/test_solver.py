@@ -39,6 +39,14 @@ def test_exact_a_batch_of_systems_is_solved_as_one_by_one():
         np.testing.assert_allclose(found.x[k], alone.x, rtol=1e-12, atol=1e-12)
     shared = jax.vmap(solve, (None, 0))(matrices[0], rights)
     np.testing.assert_allclose(shared.x[0], found.x[0], rtol=1e-12, atol=1e-12)
+    nested = jax.vmap(jax.vmap(solve, (None, 0)), (0, None))(matrices[:2], rights)
+    np.testing.assert_allclose(nested.x[0], shared.x, rtol=1e-12, atol=1e-12)
+
+    def along(right):
+        return jax.jvp(lambda b: solve(matrices[0], b).x, (right,), (jnp.ones(30),))
+
+    values, _ = jax.vmap(along)(rights)
+    np.testing.assert_allclose(values[0], found.x[0], rtol=1e-12, atol=1e-12)
     program = str(jax.make_jaxpr(jax.vmap(solve))(matrices, rights))
     assert set(re.findall(r":f64\[26,5,30\] = (\w+)", program)) == {"broadcast_in_dim", "scatter"}
 
@@ -50,6 +58,9 @@ def test_exact_matrices_of_a_batch_are_factored_one_after_the_other():
     np.testing.assert_allclose(inverse(matrices), jnp.linalg.inv(matrices), rtol=1e-12)
     program = str(jax.make_jaxpr(inverse)(matrices))
     assert ("scan" in program) == (jax.default_backend() == "cpu")
+    nested = str(jax.make_jaxpr(jax.vmap(inverse))(matrices[:, None]))
+    if jax.default_backend() == "cpu":
+        assert set(re.findall(r":f64(\[[\d,]*\])[^=]*= lu ", nested)) == {"[4,4]"}
     mixed = jax.vmap(by_lapack(jnp.linalg.solve), (0, None))(matrices, jnp.ones(4))
     np.testing.assert_allclose(mixed[2], jnp.linalg.solve(matrices[2], jnp.ones(4)), rtol=1e-12)
 

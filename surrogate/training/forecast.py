@@ -86,7 +86,7 @@ def _inverse_seconds(plan, batch):
 
 
 def _network(plan):
-    return blank_network(plan.scene, 2 * (plan.hidden_width,), jax.random.key(0))
+    return blank_network(plan.scene, 2 * (plan.width,), jax.random.key(0))
 
 
 def _median(call, repeats=5):

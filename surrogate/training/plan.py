@@ -8,7 +8,6 @@ from typing import Literal, get_args
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.model.network import default_width
-from surrogate.model.store import MAX_WIDTH
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 from surrogate.training.infill import infill_positions
@@ -33,6 +32,7 @@ PUBLISHED: dict[MethodName, Callable[..., Method]] = {
 }
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
+WIDEST = 128  # of hidden layers: error bounds take a matrix of the square of the weights
 REPORTS = 15  # points in a training's history, about
 FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
 
@@ -86,7 +86,7 @@ class Plan:
       infill: positions of the last samples in the Sobol sequence (``infill_positions``); the others
         are the first of the sequence.
       earlier_green_applications: convolutions of the trainings whose surrogates chose the infill.
-      width: of both hidden layers of the network; None for that of the scene (``default_width``).
+      width: of both hidden layers of the network; by default that of the scene.
     """
 
     method: MethodName
@@ -102,10 +102,8 @@ class Plan:
     earlier_green_applications: int = 0
     width: int | None = None
 
-    @property
-    def hidden_width(self) -> int:
-        """The width of both hidden layers of the network."""
-        return self.width or default_width(self.scene)
+    def __post_init__(self):
+        object.__setattr__(self, "width", self.width or default_width(self.scene))
 
     def make_method(self) -> Method:
         """Return the method with its default settings."""
@@ -164,7 +162,7 @@ def make_plan(
     held_out = chosen.held_out if held_out is None else held_out
     held_out = whole_number("held-out bodies", held_out, 4, 10**6)
     seed = whole_number("seed", seed, 0, 2**31 - 1)
-    width = None if width is None else whole_number("width", width, 1, MAX_WIDTH)
+    width = None if width is None else whole_number("width", width, 1, WIDEST)
     infill, earlier = (), 0
     if infill_from is not None:
         earlier = infill_from.recorded("green_applications")

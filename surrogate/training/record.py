@@ -27,6 +27,7 @@ SETTINGS = {  # of a plan and of a record, as messages call them
     "samples": "samples",
     "held_out": "held-out bodies",
     "seed": "seed",
+    "width": "width",
     "budget_s": "budget in seconds",
 }
 
@@ -123,7 +124,8 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
     """
     stored = {name: record.get(key) for key, name in SETTINGS.items()}
     asked = {name: getattr(plan, key) for key, name in SETTINGS.items()}
-    stored["width"], asked["width"] = record.get("sizes", [None])[0], plan.hidden_width
+    sizes = record.get("sizes")
+    stored["width"] = sizes[0] if isinstance(sizes, list) and sizes else None
     stored["infill"], asked["infill"] = map(_infill, (record.get("infill", ()), plan.infill))
     if not (plan.budget_s or record.get("budget_s") or record.get("stopped")):
         stored["iterations"], asked["iterations"] = record.get("iterations"), plan.iterations

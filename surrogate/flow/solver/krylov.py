@@ -2,7 +2,7 @@
 
 ``jax.scipy.sparse.linalg.gmres`` finishes a whole restart cycle whatever the residual is; here
 each vector costs a convolution with G, so the loop ends at the first vector that suffices. Under
-``vmap`` it ends where all systems of the batch have that many. It has a batching rule of its own:
+``vmap`` it ends once every system of the batch has converged. It has a batching rule of its own:
 that of ``while_loop`` would copy all Krylov vectors of the batch for every new one.
 """
 
@@ -46,15 +46,21 @@ def gmres(
     flat_b, unravel = ravel_pytree(b)
     product = eqx.filter_closure_convert(lambda v: ravel_pytree(matvec(unravel(v)))[0], flat_b)
     arrays, static = eqx.partition(product, eqx.is_array)
+    arrays, structure = jax.tree.flatten(arrays)
+
+    def multiply(arrays, v):
+        return eqx.combine(jax.tree.unflatten(structure, arrays), static)(v)
 
     @custom_vmap
     def solve(arrays, flat_b, tolerance):
-        return _solve(eqx.combine(arrays, static), flat_b, tolerance, max_vectors)
+        return _solve(lambda v: multiply(arrays, v), flat_b, tolerance, max_vectors)
 
     @solve.def_vmap
     def solve_all(size, batched, arrays, flat_b, tolerance):
-        axes = jax.tree.map(lambda one: 0 if one else None, batched[0])
-        products = jax.vmap(lambda arrays, v: eqx.combine(arrays, static)(v), (axes, 0))
+        if not any((*batched[0], *batched[1:])):  # JAX asks so where it differentiates
+            found = _solve(lambda v: multiply(arrays, v), flat_b, tolerance, max_vectors)
+            return found, jax.tree.map(lambda _: False, found)
+        products = jax.vmap(multiply, ([0 if one else None for one in batched[0]], 0))
         flat_b = flat_b if batched[1] else jnp.broadcast_to(flat_b, (size, *flat_b.shape))
         found = _solve(lambda v: products(arrays, v), flat_b, tolerance, max_vectors)
         return found, jax.tree.map(lambda _: True, found)

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, by_lapack
 from surrogate.devices import Sharded
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
@@ -254,6 +254,6 @@ def with_goal_row(
     """
     by_traction = jax.grad(drag_coefficient)(slip[0])
     row = -goal * by_traction / jnp.abs(drag)[:, None]
-    error = jnp.einsum("bm,bm->b", row, jnp.linalg.solve(compliance, slip[..., None])[..., 0])
+    error = jnp.einsum("bm,bm->b", row, jax.vmap(by_lapack(jnp.linalg.solve))(compliance, slip))
     y = jnp.concatenate([slip, error[:, None]], axis=1)
     return y, jnp.concatenate([compliance, row[:, None]], axis=1)
