@@ -238,7 +238,7 @@ class Surrogate:
     @functools.cached_property
     def novelty(self) -> Novelty:
         """Measure of how little the training samples say about the loads of other bodies."""
-        return Novelty.of(self.network, self.training_samples)
+        return Novelty.of_answers(self.network, self.training_samples)
 
     def _checked(self, parameters, reynolds, extrapolate):
         """Return bodies and Reynolds numbers as arrays, refusing what cannot be answered."""

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
+from surrogate.model.confidence import Novelty
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import broadcast_json, first
 from surrogate.repeats import differences
@@ -59,7 +60,8 @@ def _largest_bounds(surrogate: Surrogate, candidates: Samples, count: int) -> li
     The covariance of all loads at all candidates is factored by Cholesky's method, whose pivots are
     the loads of the next sample; only the rows of these are computed.
     """
-    novelty, scales = surrogate.novelty, surrogate.error_scales
+    novelty = Novelty.of(surrogate.network, surrogate.training_samples)
+    scales = surrogate.error_scales
     unknown = np.asarray(novelty.unknown(candidates))
     loads = len(scales)
     factor: Float[np.ndarray, "rows outputs"] = np.empty((loads * count, unknown.shape[1]))

@@ -105,7 +105,7 @@ def _errors(plan, network, held_out, loads):
     """Errors of all loads on held-out bodies, over Cd, and the scales of the bounds for them."""
     errors = np.asarray(load_errors(network, held_out, loads))
     samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
-    novelty = Novelty.of(network, samples)
+    novelty = Novelty.of_answers(network, samples)
     scales = error_scales(errors, jax.vmap(novelty)(*held_out))
     p95 = np.percentile(errors, 95, axis=0)
     measures = {"mean": errors.mean(0), "p95": p95, "max": errors.max(0), "scale": scales}

@@ -1,6 +1,7 @@
 """Cd, Cl and Cm of cambered bodies at incidence against body-fitted finite elements."""
 
 import functools
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -77,7 +78,7 @@ def measure(
     """
     shape = family_shape(parameters)
     found = Flow(Scene(fidelity=run.fidelity(fidelity))).solve(shape, reynolds, allow_unsteady=True)
-    truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
+    truth = _truth(run, parameters, reynolds)
     loads = found.drag, found.lift, found.moment
     row: Row = {
         "drag": found.drag,
@@ -109,6 +110,28 @@ def measure_drawn(run: Run, draw: int, fidelity: str) -> Row:
     return row | measure(run, body, reynolds, fidelity)
 
 
+def _truth(run, parameters, reynolds):
+    """The loads by elements, or those of the earlier record that the run is given."""
+    earlier = run.options.get("elements")
+    if earlier is None:
+        return _by_elements(tuple(parameters.items()), reynolds, run.tiny)
+    return _recorded(earlier)[name_of(parameters), reynolds]
+
+
+@functools.cache
+def _recorded(path: Path) -> dict[tuple, ElementLoads]:
+    """The loads by elements of the flows of a record, by body and Re, and of sections by chord."""
+    result, found = json.loads(path.read_text())["result"], {}
+    for row in result["rows"]:
+        cd = row["cd"] / (1 + row["cd_error"])
+        cl, cm = (row[name] - row[f"{name}_error"] * cd for name in ("cl", "cm"))
+        found[row["body"], row["reynolds"]] = ElementLoads(cd, cl, cm)
+    for row in result.get("sections", ()):
+        case = tuple(row[name] for name in ("section", "incidence", "chord_reynolds"))
+        found[case] = ElementLoads(row["cd_elements"], row["cl_elements"], np.nan)
+    return found
+
+
 @functools.cache
 def _by_elements(body: tuple, reynolds: float, tiny: bool) -> ElementLoads:
     return unbounded_loads(dict(body), reynolds, COARSE if tiny else SECTION)
@@ -127,13 +150,17 @@ def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> 
     reynolds = chord_reynolds / shape.chord
     fidelity = run.pick("draft", "standard")  # the tiny domain is too short for a section
     found = Flow(Scene(fidelity=fidelity)).solve(shape, reynolds, allow_unsteady=True)
-    truth = unbounded_loads(shape, reynolds, COARSE if run.tiny else SECTION)
+    if earlier := run.options.get("elements"):
+        by_chord = _recorded(earlier)[section, incidence, chord_reynolds]
+    else:
+        loads = unbounded_loads(shape, reynolds, COARSE if run.tiny else SECTION)
+        by_chord = ElementLoads(*(load / shape.chord for load in loads))
     known = LETHE[incidence] if (section, chord_reynolds) == ("0012", 1000.0) else (None, None)
     return {
         "cd": found.drag / shape.chord,
         "cl": found.lift / shape.chord,
-        "cd_elements": truth.cd / shape.chord,
-        "cl_elements": truth.cl / shape.chord,
+        "cd_elements": by_chord.cd,
+        "cl_elements": by_chord.cl,
         "cd_lethe": known[0],
         "cl_lethe": known[1],
         "status": found.status,
@@ -190,7 +217,11 @@ NACA = columns(
     " | elements {cd_elements:.4f} | Lethe {cd_lethe:.4f} | Cl {cl:+.4f}"
     " | elements {cl_elements:+.4f} | Lethe {cl_lethe:+.4f} | {status}"
 )
+OPTIONS = {
+    "--elements": {"type": Path, "help": "earlier record, whose loads by elements are taken"},
+}
+TABLES = [Table(CASES, measure), Table(SECTIONS, section, key="sections")]
 STUDIES = {
-    "lift": Study([Table(CASES, measure), Table(SECTIONS, section, key="sections")], text),
-    "random_sections": Study([Table(DRAWS, measure_drawn)], text_of_random),
+    "lift": Study(TABLES, text, options=OPTIONS),
+    "random_sections": Study([Table(DRAWS, measure_drawn)], text_of_random, options=OPTIONS),
 }
