@@ -44,6 +44,27 @@ def compute_where(wanted: Bool[AnyArray, ""], compute: Callable, otherwise: PyTr
     return jax.lax.while_loop(lambda carry: carry[0], step, (wanted, otherwise))[1]
 
 
+def with_batching(one: Callable, many: Callable) -> Callable:
+    """Return a function of arrays that ``vmap`` evaluates in a way of its own.
+
+    Reverse mode does not pass through it.
+
+    Args:
+      one: the function.
+      many: of the size of a batch, of which arguments have a batch axis (in front), and of the
+        arguments; returns the results of ``one`` for the batch.
+    """
+    function = custom_vmap(one)
+
+    @function.def_vmap
+    def rule(size, batched, *arguments):
+        some = any(jax.tree.leaves(batched))  # where it differentiates JAX asks for none too
+        results = many(size, batched, *arguments) if some else one(*arguments)
+        return results, jax.tree.map(lambda _: some, results)
+
+    return function
+
+
 def by_lapack(function: Callable) -> Callable:
     """Decorate a function of matrices that LAPACK computes on a CPU, so that batches do not hang.
 
@@ -52,25 +73,16 @@ def by_lapack(function: Callable) -> Callable:
     one matrix after the other. Reverse mode does not pass through it.
     """
 
-    @custom_vmap
-    def one(*matrices):
-        return function(*matrices)
-
-    @one.def_vmap
     def many(size, batched, *matrices):
-        if not any(batched):  # JAX asks so where it differentiates
-            results = function(*matrices)
-            return results, jax.tree.map(lambda _: False, results)
-        matrices = [
+        matrices = tuple(
             each if mapped else jnp.broadcast_to(each, (size, *each.shape))
             for each, mapped in zip(matrices, batched, strict=True)
-        ]
+        )
         if jax.default_backend() == "cpu":
-            results = jax.lax.map(lambda each: one(*each), tuple(matrices))
-        else:
-            results = jax.vmap(function)(*matrices)
-        return results, jax.tree.map(lambda _: True, results)
+            return jax.lax.map(lambda each: one(*each), matrices)
+        return jax.vmap(function)(*matrices)
 
+    one = with_batching(lambda *matrices: function(*matrices), many)
     return one
 
 

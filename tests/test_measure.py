@@ -12,10 +12,11 @@ import pytest
 import report
 import rivals
 import run
+import solved_flows
 import study
 from elements import PLANE, solve_by_elements
 from passages import passage
-from studies import onset_2d, optima, three_loads
+from studies import onset_2d, optima
 from studies.designs import SYMMETRIC
 from study import Run, Study, Table, columns
 
@@ -166,19 +167,20 @@ def test_an_interrupted_study_is_resumed_by_the_same_command(tmp_path, monkeypat
 
 def test_solved_flows_are_read_as_they_were_written(tmp_path):
     """So that flows may be solved on one machine and models fitted on another."""
-    _, samples, _ = bodies = three_loads.bodies_of("lift", True, 16)
+    _, samples, _ = bodies = solved_flows.bodies_of("lift", True, 16)
     rows, count = np.random.default_rng(0), samples.count
     flags = rows.integers(9, size=count), rows.random(count) < 0.5
     loads = rows.normal(size=(count, 3))
-    held_out = three_loads.FlowBatch(rows.normal(size=(count, 5)), loads, *flags)
-    training = three_loads.LoadsAndGradients(loads, rows.normal(size=(count, 3, 7)), loads, *flags)
-    flows = three_loads.SolvedFlows(samples, training, held_out, np.array(0.5), np.array("GPU"))
+    held_out = solved_flows.FlowBatch(rows.normal(size=(count, 5)), loads, *flags)
+    training = solved_flows.LoadsAndGradients(loads, rows.normal(size=(count, 3, 7)), loads, *flags)
+    flows = solved_flows.SolvedFlows(samples, training, held_out, np.array(0.5), np.array("GPU"))
     options = {"flows": tmp_path / "flows.npz"}
-    three_loads.write_flows(options["flows"], flows)
-    found = three_loads.read_or_solve(Run(True, options), *bodies)
+    solved_flows.write_flows(options["flows"], flows)
+    found = solved_flows.read_or_solve(Run(True, options), *bodies)
     jax.tree.map(np.testing.assert_array_equal, found, flows)
+    others = solved_flows.bodies_of("particle", True, 16)
     with pytest.raises(InvalidInput, match=r"flows\.npz: has the flows of other bodies"):
-        three_loads.read_or_solve(Run(True, options), *three_loads.bodies_of("particle", True, 16))
+        solved_flows.read_or_solve(Run(True, options), *others)
 
 
 def test_an_unknown_study_is_refused():

@@ -75,7 +75,7 @@ def loads_and_status(
 @functools.partial(loads_and_status.defjvp, symbolic_zeros=True)
 def _loads_tangent(bodies, loads, primals, tangents):
     body_fixed, reynolds_fixed = (isinstance(tangent, SymbolicZero) for tangent in tangents)
-    operators, state, info = bodies.solved(*jax.lax.stop_gradient(primals))
+    operators, state, info = bodies.solved(*primals)
     gradients = exact_gradients(bodies, loads, not reynolds_fixed, *primals, state, operators)
     values = load_values(bodies, loads, operators, state)
     change = jnp.zeros_like(values) if body_fixed else gradients[0] @ tangents[0]

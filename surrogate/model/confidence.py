@@ -99,7 +99,7 @@ def error_scales(
 
 def _factor_and_ridge(network, parameters, reynolds):
     """By NumPy and SciPy, since BLAS takes half of the products of K^T K."""
-    known = np.asarray(_known(network, parameters, reynolds))
+    known = np.asarray(_all_gradients(network, parameters, reynolds))
     ridge = RIDGE * np.mean(np.sum(known**2, axis=1))
     matrix = known.T @ known / ridge
     matrix[np.diag_indices(len(matrix))] += 1.0
@@ -108,10 +108,6 @@ def _factor_and_ridge(network, parameters, reynolds):
 
 
 @jax.jit
-def _known(network, parameters, reynolds):
-    return _all_gradients(network, parameters, reynolds)
-
-
 def _all_gradients(network, parameters, reynolds):
     """Gradients of all loads of some bodies in the weights, over Cd, a row for each."""
     gradients = jax.vmap(_gradients, (None, 0, 0))(network, parameters, reynolds)

@@ -78,7 +78,8 @@ def measure(
     """
     shape = family_shape(parameters)
     found = Flow(Scene(fidelity=run.fidelity(fidelity))).solve(shape, reynolds, allow_unsteady=True)
-    truth = _truth(run, parameters, reynolds)
+    case = name_of(parameters), reynolds
+    truth = _truth(run, case, lambda: _by_elements(tuple(parameters.items()), reynolds, run.tiny))
     loads = found.drag, found.lift, found.moment
     row: Row = {
         "drag": found.drag,
@@ -110,12 +111,10 @@ def measure_drawn(run: Run, draw: int, fidelity: str) -> Row:
     return row | measure(run, body, reynolds, fidelity)
 
 
-def _truth(run, parameters, reynolds):
-    """The loads by elements, or those of the earlier record that the run is given."""
+def _truth(run, case, solve):
+    """The loads by elements: solved, or those of the earlier record that the run is given."""
     earlier = run.options.get("elements")
-    if earlier is None:
-        return _by_elements(tuple(parameters.items()), reynolds, run.tiny)
-    return _recorded(earlier)[name_of(parameters), reynolds]
+    return solve() if earlier is None else _recorded(earlier)[case]
 
 
 @functools.cache
@@ -127,7 +126,7 @@ def _recorded(path: Path) -> dict[tuple, ElementLoads]:
         cl, cm = (row[name] - row[f"{name}_error"] * cd for name in ("cl", "cm"))
         found[row["body"], row["reynolds"]] = ElementLoads(cd, cl, cm)
     for row in result.get("sections", ()):
-        case = tuple(row[name] for name in ("section", "incidence", "chord_reynolds"))
+        case = row["section"], row["incidence"], row["chord_reynolds"]
         found[case] = ElementLoads(row["cd_elements"], row["cl_elements"], np.nan)
     return found
 
@@ -150,11 +149,12 @@ def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> 
     reynolds = chord_reynolds / shape.chord
     fidelity = run.pick("draft", "standard")  # the tiny domain is too short for a section
     found = Flow(Scene(fidelity=fidelity)).solve(shape, reynolds, allow_unsteady=True)
-    if earlier := run.options.get("elements"):
-        by_chord = _recorded(earlier)[section, incidence, chord_reynolds]
-    else:
+
+    def by_elements():
         loads = unbounded_loads(shape, reynolds, COARSE if run.tiny else SECTION)
-        by_chord = ElementLoads(*(load / shape.chord for load in loads))
+        return ElementLoads(*(load / shape.chord for load in loads))
+
+    by_chord = _truth(run, (section, incidence, chord_reynolds), by_elements)
     known = LETHE[incidence] if (section, chord_reynolds) == ("0012", 1000.0) else (None, None)
     return {
         "cd": found.drag / shape.chord,

@@ -3,7 +3,8 @@
 import dataclasses
 import functools
 
-from studies.three_loads import CELLS, HELD_OUT, mean_and_largest, scene_of
+from solved_flows import CELLS, HELD_OUT, scene_of
+from studies.three_loads import mean_and_largest
 from study import Result, Row, Run, Study, Table, cases, columns
 
 from surrogate import NotConverged

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.custom_batching import custom_vmap
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from surrogate.arrays import by_lapack, full_single_precision
+from surrogate.arrays import by_lapack, full_single_precision, with_batching
 
 
 class KrylovResult(NamedTuple):
@@ -51,21 +50,16 @@ def gmres(
     def multiply(arrays, v):
         return eqx.combine(jax.tree.unflatten(structure, arrays), static)(v)
 
-    @custom_vmap
     def solve(arrays, flat_b, tolerance):
         return _solve(lambda v: multiply(arrays, v), flat_b, tolerance, max_vectors)
 
-    @solve.def_vmap
     def solve_all(size, batched, arrays, flat_b, tolerance):
-        if not any((*batched[0], *batched[1:])):  # JAX asks so where it differentiates
-            found = _solve(lambda v: multiply(arrays, v), flat_b, tolerance, max_vectors)
-            return found, jax.tree.map(lambda _: False, found)
         products = jax.vmap(multiply, ([0 if one else None for one in batched[0]], 0))
         flat_b = flat_b if batched[1] else jnp.broadcast_to(flat_b, (size, *flat_b.shape))
-        found = _solve(lambda v: products(arrays, v), flat_b, tolerance, max_vectors)
-        return found, jax.tree.map(lambda _: True, found)
+        return _solve(lambda v: products(arrays, v), flat_b, tolerance, max_vectors)
 
-    found = solve(arrays, flat_b, jnp.asarray(tolerance, flat_b.dtype))
+    tolerance = jnp.asarray(tolerance, flat_b.dtype)
+    found = with_batching(solve, solve_all)(arrays, flat_b, tolerance)
     return found._replace(x=unravel(found.x))
 
 
