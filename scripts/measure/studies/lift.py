@@ -60,7 +60,7 @@ SECTIONS = [
     for turn in turns
     for reynolds in (100.0, 1000.0)
 ]
-COARSE = SECTION._replace(order=2, box=20.0, wall=0.2, near=0.5)
+COARSE = SECTION._replace(box=20.0, wall=0.2, near=0.5)
 LOADS = ("cd", "cl", "cm")
 
 
