@@ -20,6 +20,7 @@ from surrogate import (
 )
 from surrogate.flow.check.error_estimate import (
     ERROR_MODELS,
+    TALL,
     Loads,
     accuracy_text,
     estimate_error,
@@ -175,6 +176,26 @@ def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_u
     assert add.sufficient == "fine"
 
 
+@pytest.mark.parametrize(("of_lift", "status"), [(0.018, "accurate"), (0.022, "degraded")])
+def test_lift_that_is_expected_to_err_by_more_than_its_tolerance_is_not_accurate(of_lift, status):
+    standard = FIDELITIES["standard"]
+
+    def solve(fidelity):
+        error = of_lift * (standard.cells / fidelity.cells) ** 2
+        return Loads(2.0, 2 * (0.3 + error), 0.0)
+
+    found = estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5)
+    assert found.expected_error < standard.tolerance
+    assert found.status == status
+    if status == "degraded":
+        assert found.cause == "Cl expected to err by 1.1 % of Cd, over 1 %"
+        assert found.sufficient == "fine"
+        text = accuracy_text(status, 0.001, 0.002, 0.004, found.sufficient, found.cause)
+        assert text == f"not known to meet 0.4 %: {found.cause} (expected 0.1 %, bound 0.2 %; " + (
+            "fine would do)"
+        )
+
+
 def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_tolerance():
     def solve(fidelity):
         return Loads(1 + 0.06 * (10 / fidelity.cells) ** 2, 0.0, 0.0)
@@ -205,7 +226,7 @@ def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_toleranc
 )
 def test_accuracy_in_words(answer, text):
     *errors, sufficient = answer
-    assert accuracy_text(*errors, 0.004, sufficient) == text
+    assert accuracy_text(*errors, 0.004, sufficient, cause=TALL) == text
 
 
 def test_domains_grow_with_the_wake():

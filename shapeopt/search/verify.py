@@ -55,7 +55,8 @@ class Verified:
     def accuracy(self) -> str:
         """A text that says whether every flow meets the tolerance, with the largest errors."""
         errors = self.expected_error, self.estimated_error
-        return accuracy_text(self.status, *errors, self.solutions[0].tolerance)
+        cause = next((one.cause for one in self.solutions if one.cause), "")
+        return accuracy_text(self.status, *errors, self.solutions[0].tolerance, cause=cause)
 
     @property
     def seconds(self) -> float:

@@ -36,14 +36,16 @@ class Solution:
       drag: Cd; ``drag_pressure`` and ``drag_friction`` are its parts.
       lift: Cl, positive along y, in 3-D along z.
       moment: Cm about the centroid, positive nose up.
-      status: "accurate" where Cd is expected to meet the tolerance, else "degraded", or "unknown"
-        without an estimate; ``accuracy`` says why.
+      status: "accurate" where Cd is expected to meet the tolerance, and Cl and Cm to err by at most
+        2.5 times as much of Cd; else "degraded", or "unknown" without an estimate; ``accuracy``
+        says why.
       expected_error: expected relative error of Cd; None where there is no estimate.
       estimated_error: relative bound of the error of Cd, made to cover 95 % of the errors.
       estimated_lift_error: bound of the error of Cl itself.
       estimated_moment_error: bound of the error of Cm itself.
       sufficient: name of a fidelity that should meet the tolerance that this one does not.
       extrapolated_drag: Cd extrapolated from two grids, where both are fine enough.
+      cause: of a degraded flow: which load is expected to err by too much, or that it is too tall.
       tolerance: relative error of Cd that the scene's fidelity is made for.
       green_applications: convolutions with G of this flow, without gradient and estimate.
       newton_steps: Newton steps of the last solve.
@@ -68,6 +70,7 @@ class Solution:
     estimated_moment_error: float | None
     sufficient: str | None
     extrapolated_drag: float | None
+    cause: str
     tolerance: float
     green_applications: int
     newton_steps: int
@@ -108,7 +111,7 @@ class Solution:
     def accuracy(self) -> str:
         """A text on whether Cd meets the tolerance: "meets 0.4 % (expected 0.3 %, bound ...)"."""
         errors = self.expected_error, self.estimated_error
-        return accuracy_text(self.status, *errors, self.tolerance, self.sufficient)
+        return accuracy_text(self.status, *errors, self.tolerance, self.sufficient, self.cause)
 
     @functools.cached_property
     def onset(self) -> float:

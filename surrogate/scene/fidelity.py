@@ -52,8 +52,9 @@ class Fidelity:
         whose boundary layers are thin; where they are thinnest ``harmonics`` are doubled. By
         default 3 in 2-D and 1, for none, in 3-D.
       tolerance: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
-        expected error is below it. Levels are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in
-        2-D, at Re 0.1 to 100 and aspect 0.5 to 4 in 3-D.
+        expected error is below it, and those of Cl and Cm, over Cd, are below 2.5 times it. Levels
+        are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in 2-D, at Re 0.1 to 100 and aspect 0.5
+        to 4 in 3-D.
     """
 
     name: str

@@ -14,6 +14,8 @@ from surrogate.flow.grid.wall_3d import thin_layer
 from surrogate.scene.fidelity import NAMED, Fidelity, inverse_layer
 
 ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
+LOAD_TOLERANCE = 2.5  # tolerance of errors of Cl and Cm over Cd, as a multiple of that of Cd
+TALL = "taller than the bodies of its tests"
 
 
 class ErrorEstimate(NamedTuple):
@@ -21,8 +23,9 @@ class ErrorEstimate(NamedTuple):
 
     Attributes:
       status: "unknown" where no estimate was asked for; "accurate" where the drag's expected error
-        is within the fidelity's tolerance; "degraded" where it is not, where no coarser flow could
-        be solved, or where the body is taller than any that the tolerance was tested on.
+        is within the fidelity's tolerance, and those of Cl and Cm are within 2.5 times it, over Cd;
+        "degraded" where they are not, where no coarser flow could be solved, or where the body is
+        taller than any that the tolerance was tested on.
       expected_error: relative error of the drag that is expected, in 3-D with a margin; None where
         no coarser flow exists.
       estimated_error: relative bound of the drag's error, made to cover 95 % of the errors.
@@ -32,6 +35,7 @@ class ErrorEstimate(NamedTuple):
       extrapolated_drag: limit of the two grids' drags (Richardson 1911), by the fitted share of
         the grid's error; None where the coarser grid has too few cells. Of the named fidelities
         only fine has one.
+      cause: of a degraded flow: which load is expected to err by too much, or that it is too tall.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -41,6 +45,7 @@ class ErrorEstimate(NamedTuple):
     estimated_moment_error: float | None = None
     sufficient: str | None = None
     extrapolated_drag: float | None = None
+    cause: str = ""
 
 
 class Loads(NamedTuple):
@@ -213,28 +218,39 @@ def estimate_error(
     spreads = model.spreads(whole.cells, reynolds, nose)
     likely = model.likely(Loads(*of_grid), Loads(*of_domain), spreads)
     margin = model.margin(coarser.cells, reynolds)
-    expected = margin * likely.drag
+    expected = Loads(*(margin * each for each in likely))
     bounds = [safety * each for safety, each in zip(model.SAFETY, likely, strict=True)]
     resolved = coarser.cells >= ASYMPTOTIC_CELLS
     limit = loads.drag * (1 - model.GRID_SHARE * of_grid[0]) if resolved else None
     size = loads.drag if loads.lift else 0.0  # of symmetric bodies lift and moment are exact
-    known = expected, max(expected, bounds[0]), *(size * bound for bound in bounds[1:])
+    known = expected.drag, max(expected.drag, bounds[0]), *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:
-        return ErrorEstimate("degraded", *known, None, limit)
-    if expected <= fidelity.tolerance:
+        return ErrorEstimate("degraded", *known, None, limit, TALL)
+    of_loads = LOAD_TOLERANCE * fidelity.tolerance if loads.lift else math.inf
+    tolerances = Loads(fidelity.tolerance, of_loads, of_loads)
+    if not (cause := _excess(expected, tolerances)):
         return ErrorEstimate("accurate", *known, None, limit)
 
     def expected_at(level):
         level = level.for_body(reynolds, height, nose)
-        grid = of_grid[0] * (whole.cells / level.cells) ** order
-        domain = of_domain[0] * _domain_error(whole, level, model)
-        parts = (Loads(part, 0.0, 0.0) for part in (grid, domain))
+        finer = (whole.cells / level.cells) ** order
+        larger = _domain_error(whole, level, model)
+        grid, domain = (finer * g for g in of_grid), (larger * d for d in of_domain)
         spreads = model.spreads(level.cells, reynolds, nose)
-        return margin * model.likely(*parts, spreads).drag
+        likely = model.likely(Loads(*grid), Loads(*domain), spreads)
+        return Loads(*(margin * each for each in likely))
 
     levels = NAMED[dimension].values()
-    sufficient = next((f.name for f in levels if expected_at(f) <= fidelity.tolerance), None)
-    return ErrorEstimate("degraded", *known, sufficient, limit)
+    enough = (level.name for level in levels if not _excess(expected_at(level), tolerances))
+    return ErrorEstimate("degraded", *known, next(enough, None), limit, cause)
+
+
+def _excess(expected, tolerances):
+    """Return which load is expected to err by more than its tolerance; empty if none is."""
+    for symbol, error, most in zip(("Cd", "Cl", "Cm"), expected, tolerances, strict=True):
+        if error > most:
+            return f"{symbol} expected to err by {100 * error:.2g} % of Cd, over {100 * most:.2g} %"
+    return ""
 
 
 def _domain_error(whole, level, model):
@@ -250,15 +266,17 @@ def accuracy_text(
     bound: float | None,
     tolerance: float,
     sufficient: str | None = None,
+    cause: str = "",
 ) -> str:
-    """Return in words whether a drag meets its tolerance, such as "meets 0.4 % (expected ...)".
+    """Return in words whether a flow meets its tolerance, such as "meets 0.4 % (expected ...)".
 
     Args:
       status: "accurate", "degraded", or "unknown" without an estimate.
-      expected: expected relative error, if known.
-      bound: relative bound of the error, if known.
+      expected: expected relative error of the drag, if known.
+      bound: relative bound of the drag's error, if known.
       tolerance: relative error tolerance of the fidelity.
       sufficient: name of a fidelity that should meet this tolerance, if any.
+      cause: why it is degraded although the drag's expected error is within the tolerance.
     """
     wanted = f"{100 * tolerance:g} %"
     if status == "unknown":
@@ -266,9 +284,9 @@ def accuracy_text(
     if expected is None or bound is None:
         return f"not known to meet {wanted}: no coarser grid resolves the body's flow"
     sizes = f"expected {100 * expected:.2g} %, bound {100 * bound:.2g} %"
+    remedy = f"; {sufficient} would do" if sufficient else ""
     if status == "accurate":
         return f"meets {wanted} ({sizes})"
     if expected <= tolerance:
-        return f"not known to meet {wanted}: taller than the bodies of its tests ({sizes})"
-    remedy = f"; {sufficient} would do" if sufficient else ""
+        return f"not known to meet {wanted}: {cause} ({sizes}{remedy})"
     return f"does not meet {wanted} ({sizes}{remedy})"
