@@ -1,4 +1,4 @@
-"""Least drag of a surrogate's bodies over a lower bound on the lift, and their best glide ratio."""
+"""Least drag over a lower bound on the lift, and the best glide ratio."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,19 +6,26 @@ from typing import Any
 from shapeopt.problem.objective import Glide
 from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
-from shapeopt.search.optimise import optimise_all
+from shapeopt.search.designer import Designer
+from shapeopt.search.sheet import optima
 from surrogate.model.surrogate import Surrogate
+from surrogate.progress import Update
 
 
 def designs_over_lift(
-    surrogate: Surrogate, reynolds: float, lifts: Sequence[float], **bounds: float | None
+    model: Surrogate | Designer,
+    reynolds: float,
+    lifts: Sequence[float],
+    progress: Update | None = None,
+    **bounds: float | None,
 ) -> tuple[list[dict[str, Any]], dict[str, Any], float]:
-    """Optimise bodies under lower bounds on the lift, and for the best glide ratio, in one batch.
+    """Optimise bodies under lower bounds on the lift, and one for the best glide ratio.
 
     Args:
-      surrogate: of bodies with lift.
+      model: as for ``optima``, of bodies with lift.
       reynolds: the Reynolds number.
       lifts: lower bounds on Cl, one for each body of least drag.
+      progress: as for ``optima``.
       **bounds: other constraints of all bodies by their names in ``Problem``.
 
     Returns:
@@ -26,11 +33,11 @@ def designs_over_lift(
       seconds of all.
 
     Raises:
-      InvalidInput, NotConverged: as ``optimise_all``.
+      InvalidInput, NotConverged: as ``optima``.
     """
-    scene = surrogate.scene
+    scene = model.scene
     problems = [Problem(scene, reynolds, lift=lift, **bounds) for lift in lifts]
-    designs = optimise_all([*problems, Problem(scene, Glide(reynolds), **bounds)], surrogate)
+    designs = optima([*problems, Problem(scene, Glide(reynolds), **bounds)], model, progress)
     *rows, best = map(_row, designs)
     return rows, best, sum(design.seconds for design in designs)
 
@@ -47,4 +54,5 @@ def _row(design: Design) -> dict[str, Any]:
         "cm": design.moment,
         "glide": design.lift / design.drag,
         "kkt_residual": design.kkt_residual,
+        "flows": design.flows,
     }

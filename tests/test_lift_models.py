@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from conftest import TINY
 
-from shapeopt import Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
+from shapeopt import Designer, Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.commands.predict_drag import main as predict_drag
+from shapeopt.drag_bucket import designs_over_lift
 from shapeopt.payoff.direct import design_directly
+from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.propose import propose
 from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
 from surrogate.flow.solver import steady
@@ -182,6 +184,25 @@ def test_optima_of_a_known_polar():
         propose(dataclasses.replace(flat, within=ellipse | {"gamma2": (0.2, 0.3)}), Polar())
     with pytest.raises(NotConverged, match=r"lift 3\.5 is out of reach .* Cl 3$"):
         propose(Problem(SCENE, 10.0, lift=3.5), Polar())
+
+
+def test_bodies_over_lift_are_optima_of_the_flow_and_share_its_flows():
+    family = Family(aspect=(1.5, 2.0), incidence=(-4, 12))
+    flow = Flow(dataclasses.replace(SCENE, family=family))
+    designer, states = Designer(flow), []
+    rows, best, _ = designs_over_lift(
+        designer, 10.0, [0.0, 0.1], lambda done, state: states.append((done, state))
+    )
+    assert [row["lift"] for row in rows] == [0.0, 0.1]
+    for row in (*rows, best):
+        assert row["kkt_residual"] <= KKT_TOLERANCE
+        assert row["lift"] is None or row["cl"] >= row["lift"] - KKT_TOLERANCE * row["cd"]
+        loads = flow.loads(family.parameters(row["parameters"]), 10.0)
+        np.testing.assert_allclose([row["cd"], row["cl"], row["cm"]], loads, rtol=1e-6)
+    total = sum(row["flows"] for row in (*rows, best))
+    assert total == designer.memory.flows > 0
+    assert states[0] == (0.0, "design 1 of 3, 0 flows so far")
+    assert states[-1] == (1.0, f"3 designs, {total} flows")
 
 
 def test_loads_of_symmetric_bodies_are_refused():

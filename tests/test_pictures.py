@@ -357,6 +357,7 @@ def test_bodies_over_lift_by_the_command(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("mistake", "words"),
     [
+        ("--reynolds 20 --max-length 2 --memory m.json", "--memory: goes with --until flow"),
         ("--reynolds 20 --lifts 0:0.6:7", "lift: the bodies of this scene have no lift"),
         ("--reynolds 20,30 --lifts 0,0.1", "--lifts: goes with one Reynolds number"),
         ("--reynolds 20 --lifts 0,x", "--lifts '0,x': one number, or several with commas"),

@@ -28,14 +28,19 @@ from collections.abc import Sequence
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
-from shapeopt.commands.problem_arguments import add_problem_arguments, problem_of, surrogate_of
+from shapeopt.commands.problem_arguments import (
+    MEMORY_HELP,
+    UNTIL_HELP,
+    add_problem_arguments,
+    problem_of,
+    surrogate_of,
+)
 from shapeopt.commands.sections import unsteady_remark
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
-from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from shapeopt.search.optimise import optimise
 from shapeopt.stored import design_settings, stored_run
 from surrogate.errors import InvalidInput
@@ -160,13 +165,8 @@ def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add_problem_arguments(parser)
-    until = (
-        "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with "
-        f"the violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most {KKT_ACCEPTED:g}"
-    )
-    parser.add_argument("--until", choices=["surrogate", "flow"], help=until)
-    memory = "JSON file of solved flows and adjoints, which later designs use and extend"
-    parser.add_argument("--memory", help=memory)
+    parser.add_argument("--until", choices=["surrogate", "flow"], help=UNTIL_HELP)
+    parser.add_argument("--memory", help=MEMORY_HELP)
     parser.add_argument("--out", required=True, help="folder of the run")
     parser.add_argument("--overwrite", action="store_true", help="replace a run that is there")
     add_device_argument(parser)

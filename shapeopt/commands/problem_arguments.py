@@ -12,6 +12,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.problem.robust import Robust
 from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.problem.uncertainty import LogNormal, Uniform
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate.body.parameters import FAMILY
 from surrogate.errors import InvalidInput
 from surrogate.model.store import load
@@ -20,6 +21,11 @@ from surrogate.scene.scene import Scene
 
 SINGLE = {"glide": Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
 SETTLING = "settling"  # the objective that finds its Reynolds number
+UNTIL_HELP = (
+    "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with the "
+    f"violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most {KKT_ACCEPTED:g}"
+)
+MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
