@@ -168,7 +168,7 @@ def _search_record(design: Design) -> dict[str, Any]:
         "reynolds": problem.objective.nominal,
         "objective": {
             "kind": type(problem.objective).__name__,
-            "number_of_cases": len(problem.scenarios.counted().weight),
+            "number_of_cases": len(problem.scenarios.weight),
             **problem.objective.record(problem.scene),
         },
         "flows": design.flows,
@@ -195,7 +195,7 @@ def _verification_record(
       solution: the flow past the body itself, if it is known.
       surrogate: by which the design was found, if by one.
     """
-    scenarios = design.problem.scenarios.counted()
+    scenarios = design.problem.scenarios
     network = surrogate and surrogate.network
     record: dict[str, Any] = {**dict.fromkeys(DRAGS), "verify_s": 0.0, "cases": []}
     drags = [None] * len(scenarios.weight)

@@ -21,13 +21,14 @@ from surrogate import (
 from surrogate.flow.check.error_estimate import (
     ERROR_MODELS,
     TALL,
+    ErrorEstimate,
     Loads,
     accuracy_text,
     estimate_error,
 )
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.retraction import offset_correction, retraction
-from surrogate.scene.fidelity import NAMED
+from surrogate.scene.fidelity import NAMED, SPACE_FIDELITIES
 
 DRAFT = FIDELITIES["draft"]
 MODEL = ERROR_MODELS[2]
@@ -194,6 +195,40 @@ def test_lift_that_is_expected_to_err_by_more_than_its_tolerance_is_not_accurate
         assert text == f"not known to meet 0.4 %: {found.cause} (expected 0.1 %, bound 0.2 %; " + (
             "fine would do)"
         )
+
+
+def test_a_coarser_flow_that_is_not_finite_leaves_no_estimate():
+    standard = FIDELITIES["standard"]
+
+    def solve(fidelity):
+        return Loads(np.nan, np.nan, np.nan)
+
+    found = estimate_error(Loads(2.0, 0.3, 0.0), solve, standard, 10.0, 1.0, 2, 0.5)
+    assert found == ErrorEstimate("degraded")
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-7])
+def test_lift_and_moment_of_symmetric_flows_are_exact_but_for_the_solver(noise):
+    standard = FIDELITIES["standard"]
+
+    def solve(fidelity):
+        return Loads(2.0 + 0.1 / fidelity.cells, noise, -noise)
+
+    found = estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5)
+    assert found.estimated_error > 0 == found.estimated_lift_error == found.estimated_moment_error
+
+
+def test_bounds_are_at_least_the_expected_errors():
+    """In 3-D at high Re, where the margin is larger than the safety factor."""
+    fine = SPACE_FIDELITIES["fine"]
+
+    def solve(fidelity):
+        error = (10 / fidelity.cells) ** 2
+        return Loads(1 + 0.01 * error, 0.3 + 0.01 * error, 0.1 + 0.01 * error)
+
+    found = estimate_error(solve(fine), solve, fine, 150.0, 1.0, 3, 0.5)
+    assert found.estimated_error == pytest.approx(found.expected_error)
+    assert found.estimated_lift_error == pytest.approx(found.expected_error * solve(fine).drag)
 
 
 def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_tolerance():

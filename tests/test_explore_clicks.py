@@ -10,8 +10,8 @@ import pytest
 from pages import NAMES, REYNOLDS, every, surrogate_of, visited
 
 from shapeopt import Problem, optimise
-from shapeopt.drag_bucket import designs_over_lift
 from shapeopt.render.page.page import reference_body
+from shapeopt.search.over_lift import designs_over_lift
 from surrogate.body.validity import CLEAR_THICKNESS_RATIO
 
 YAW, PITCH = 0.45, 0.35  # of the page's view of 3-D bodies
@@ -28,7 +28,7 @@ def drag_at(name, state):
 
 
 @functools.cache
-def bucket():
+def over_lift():
     """Bodies of least drag over two bounds on the lift, a slack one first; that of best glide."""
     return designs_over_lift(surrogate_of("with lift"), REYNOLDS, [-9.0, 0.1])[:2]
 
@@ -36,7 +36,7 @@ def bucket():
 def least_drag(name):
     """Least Cd by the search in Python."""
     if name == "with lift":
-        return bucket()[0][0]["cd"]
+        return over_lift()[0][0]["cd"]
     return optimise(Problem(surrogate_of(name).scene, REYNOLDS), surrogate_of(name)).drag
 
 
@@ -175,7 +175,7 @@ def test_best_glide_button_finds_the_best_ratio():
     draws = net.loads(family.sample(jax.random.key(3), 4096), REYNOLDS)
     cd, cl, _ = loads_of(state)
     assert cl / cd >= float((draws[:, 1] / draws[:, 0]).max())
-    (least, bound), best = bucket()
+    (least, bound), best = over_lift()
     assert cl / cd == pytest.approx(best["glide"], rel=1e-4)
     assert bound["cl"] >= 0.1 - 1e-6 > least["cl"]
     assert bound["cd"] > least["cd"]

@@ -9,13 +9,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import TINY
+from pictures import pixels
 
 from shapeopt import Designer, Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
+from shapeopt.commands.cli import run
+from shapeopt.commands.design_sheet import main as design_sheet
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.commands.predict_drag import main as predict_drag
-from shapeopt.drag_bucket import designs_over_lift
 from shapeopt.payoff.direct import design_directly
+from shapeopt.payoff.queries import query_stream
 from shapeopt.search.optimality import KKT_TOLERANCE
+from shapeopt.search.over_lift import designs_over_lift
 from shapeopt.search.propose import propose
 from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
 from surrogate.flow.solver import steady
@@ -203,6 +207,62 @@ def test_bodies_over_lift_are_optima_of_the_flow_and_share_its_flows():
     assert total == designer.memory.flows > 0
     assert states[0] == (0.0, "design 1 of 3, 0 flows so far")
     assert states[-1] == (1.0, f"3 designs, {total} flows")
+    again, same, _ = designs_over_lift(designer, 10.0, [0.0, 0.1])
+    assert [row["flows"] for row in (*again, same)] == [0, 0, 0]  # they are in the memory
+    assert [row["cd"] for row in (*again, same)] == [row["cd"] for row in (*rows, best)]
+
+
+def test_bodies_over_lift_that_are_out_of_reach_say_why():
+    net = load("pretrained:lift")
+    ellipse = {"aspect": (2.0, 2.0)} | dict.fromkeys(
+        ("beta2", "beta3", "beta4", "gamma2", "gamma3"), (0.0, 0.0)
+    )
+    rows, best, _ = designs_over_lift(net, 40.0, [0.1, 2.5], within=ellipse)
+    assert rows[0]["why_not"] is None
+    assert rows[0]["cl"] == pytest.approx(0.1, abs=1e-6)
+    assert rows[1]["cd"] is None
+    assert "lift 2.5 is out of reach" in rows[1]["why_not"]
+    assert best["at_range_ends"] == ["incidence"]
+    with pytest.raises(NotConverged, match=r"lift 2\.5 is out of reach"):
+        designs_over_lift(net, 40.0, [2.5], within=ellipse)
+
+
+def test_a_sheet_with_a_lift_out_of_reach_shows_the_other_bodies(tmp_path, capsys):
+    out = tmp_path / "sheet.png"
+    sheet = ["--surrogate", "pretrained:lift", "--reynolds", "140,140", "--lifts", "0.3,0.3,2.5"]
+    assert run(design_sheet, [*sheet, "--out", str(out), "--json"]) == 3
+    printed = capsys.readouterr()
+    assert "1 of 3 bodies were not found: Cl >= 2.5 at Re 140: " in printed.err
+    result = json.loads(printed.out)
+    assert [row["lift"] for row in result["designs"]] == [0.3, 2.5]
+    assert result["best_glide"]["onset"] < 140 < result["designs"][0]["onset"]
+    assert result["until"] == "surrogate"
+    pixels(out)
+
+
+def test_a_moment_that_is_given_is_met():
+    problem = Problem(SCENE, 10.0, min_moment=0.2, max_moment=0.2)
+    found = propose(problem, Polar())
+    assert found.kkt_residual < 1e-6
+    loads = Polar().loads(found.parameters, RE)
+    assert float(loads[2]) == pytest.approx(0.2, abs=1.1e-5)
+
+
+def test_a_list_of_one_reynolds_number_is_that_number():
+    assert Problem(SCENE, [10.0], lift=0.1).objective == Problem(SCENE, 10.0, lift=0.1).objective
+
+
+def test_queries_with_lift_bound_loads_and_hold_incidences():
+    queries = query_stream(SCENE, 3, 24)
+    assert [str(one) for one in queries] == [str(one) for one in query_stream(SCENE, 3, 24)]
+    glides = [one for one in queries if isinstance(one.objective, Glide)]
+    held = [one for one in glides if one.within]
+    bounded = [one for one in queries if one.max_moment is not None]
+    assert 0 < len(held) < len(glides) < len(queries) > len(bounded) > 0
+    for one in queries:
+        assert (one.lift is None) == (one in glides)
+        low, high = (one.within or {}).get("incidence", (-4.0, -4.0))
+        assert -4 <= low == high <= 12
 
 
 def test_loads_of_symmetric_bodies_are_refused():

@@ -19,9 +19,9 @@ from shapeopt.commands import design_sheet
 from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.export.solid import solid
-from shapeopt.render.bucket import plot_bucket
 from shapeopt.render.figures import draw_body, plt
 from shapeopt.render.mesh import flow_mesh
+from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.render.pictures import (
     VIEW,
     Panel,
@@ -316,7 +316,7 @@ def test_streamlines_at_incidence_follow_the_flow():
         assert eddy.bounds[0] > float(flow.markers[:, 0].min()) - 0.05
 
 
-def test_bucket_draws_its_bodies(tmp_path):
+def test_the_plot_over_lift_draws_its_bodies(tmp_path):
     """Drawn as given: other bodies, another picture."""
     family = Family(aspect=(1, 4), gamma2=(-0.3, 0.3), incidence=(-4, 20))
     bodies = np.array([[2, 0, 0], [3, 0.3, 0], [2, 0.1, 9], [4, 0.2, 12]])
@@ -326,7 +326,7 @@ def test_bucket_draws_its_bodies(tmp_path):
     ]
     turned = [*rows[:2], rows[2] | {"parameters": rows[1]["parameters"]}]
     (size, first), (other_size, second) = (
-        pixels(plot_bucket(family, drawn, rows[3], tmp_path / "bucket.png"))
+        pixels(plot_over_lift(family, drawn, rows[3], tmp_path / "over_lift.png"))
         for drawn in (rows[:3], turned)
     )
     assert size == other_size
@@ -339,7 +339,7 @@ def test_bodies_over_lift_by_the_command(tmp_path, capsys):
     net = surrogate_of("with lift")
     save(tmp_path / "net", net)
     arguments = ["--surrogate", str(tmp_path / "net"), "--reynolds", "20", "--lifts", "0:0.1:3"]
-    out = tmp_path / "bucket.png"
+    out = tmp_path / "over_lift.png"
     assert run(design_sheet.main, [*arguments, "--out", str(out), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     rows, best = result["designs"], result["best_glide"]

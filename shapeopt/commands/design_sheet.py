@@ -2,7 +2,7 @@
 
 python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out sheet.png
 python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts 0:0.6:7 \
-    --until flow --out bucket.png
+    --until flow --out over_lift.png
 
 They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate:
 one after the other, each with the flows of those before. With --lifts: the bodies of least Cd whose
@@ -17,13 +17,14 @@ from pathlib import Path
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.problem_arguments import MEMORY_HELP, UNTIL_HELP
 from shapeopt.commands.ranges import numbers
-from shapeopt.drag_bucket import designs_over_lift
-from shapeopt.render.bucket import plot_bucket
+from shapeopt.commands.sections import unsteady_remark
 from shapeopt.render.designs import plot_designs
+from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.search.designer import Designer
+from shapeopt.search.over_lift import designs_over_lift
 from shapeopt.search.sheet import designs_over
 from surrogate.body.parameters import FAMILY
-from surrogate.errors import InvalidInput
+from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject, check_file
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
@@ -31,13 +32,18 @@ from surrogate.progress import progress_bar
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, optimise all bodies in one batch and draw them."""
+    """Parse the arguments, optimise all bodies and draw them.
+
+    Raises:
+      NotConverged: a body was not found; those found are drawn and printed.
+    """
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
-    reynolds = sorted(numbers(arguments.reynolds))
+    reynolds = sorted(set(numbers(arguments.reynolds)))
     lengths = []
     if arguments.max_length is not None:
-        lengths = sorted(numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5"))
+        lengths = numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5")
+    lengths = sorted(set(lengths))
     if arguments.lifts is not None:
         return _over_lift(arguments, surrogate, reynolds, lengths, out)
     if not lengths:
@@ -45,9 +51,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     with progress_bar("designs") as progress:
         over = reynolds, lengths, arguments.min_thickness
         rows, seconds = designs_over(_model(arguments, surrogate), *over, progress)
-    plot_designs(surrogate.scene.family, rows, out)
-    result = {"designs": rows, "seconds": seconds, "out": str(out)}
-    return emit(result, arguments.json, "\n".join([*map(_line, rows), f"-> {out}"]))
+    plot_designs(surrogate.scene.family, [row for row in rows if row["excess"] is not None], out)
+    result = {"designs": rows, "seconds": seconds, "until": arguments.until, "out": str(out)}
+    return _emitted(result, arguments.json, rows, [_length(row) for row in rows])
 
 
 def _over_lift(
@@ -60,18 +66,42 @@ def _over_lift(
     """Draw the bodies of least drag over bounds on the lift, and that of best glide."""
     if len(reynolds) > 1 or len(lengths) > 1:
         raise InvalidInput("--lifts: goes with one Reynolds number and at most one --max-length")
-    lifts = sorted(numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False))
+    lifts = numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False)
     bounds = {
         "max_length": lengths[0] if lengths else None,
         "min_thickness": arguments.min_thickness,
     }
     with progress_bar("designs") as progress:
-        over = reynolds[0], lifts, progress
+        over = reynolds[0], sorted(set(lifts)), progress
         rows, best, seconds = designs_over_lift(_model(arguments, surrogate), *over, **bounds)
-    plot_bucket(surrogate.scene.family, rows, best, out)
-    result = {"designs": rows, "best_glide": best, "seconds": seconds, "out": str(out)}
-    lines = [*map(_lift_line, [*rows, best]), f"-> {out}"]
-    return emit(result, arguments.json, "\n".join(lines))
+    plot_over_lift(surrogate.scene.family, [row for row in rows if not row["why_not"]], best, out)
+    result = {"designs": rows, "best_glide": best, "seconds": seconds}
+    result |= {"until": arguments.until, "out": str(out)}
+    bodies = [*rows, best]
+    return _emitted(result, arguments.json, bodies, [_lift(row) for row in bodies])
+
+
+def _emitted(
+    result: JsonObject, as_json: bool, rows: list[JsonObject], bounds: list[str]
+) -> JsonObject:
+    """Print the result, a line for every body with its bound, and return it.
+
+    Raises:
+      NotConverged: a body was not found.
+    """
+    pairs = list(zip(rows, bounds, strict=True))
+    on_flow = result["until"] == "flow"
+    lines = [f"Re {row['reynolds']:<6g} {bound:16} {_line(row, on_flow)}" for row, bound in pairs]
+    late = [row for row in rows if row["onset"] and row["reynolds"] > row["onset"]]
+    lines += [f"  {unsteady_remark(min(late, key=lambda row: row['onset']))}"] if late else []
+    ends = sorted({name for row in rows for name in row["at_range_ends"] or ()})
+    lines += [f"  some bodies at the end of the range of {', '.join(ends)}"] if ends else []
+    emit(result, as_json, "\n".join([*lines, f"-> {result['out']}"]))
+    if lost := [(row, bound) for row, bound in pairs if row["why_not"]]:
+        row, bound = lost[0]
+        reason = f"{bound} at Re {row['reynolds']:g}: {row['why_not']}"
+        raise NotConverged(f"{len(lost)} of {len(rows)} bodies were not found: {reason}")
+    return result
 
 
 def _model(arguments: argparse.Namespace, surrogate: Surrogate) -> Surrogate | Designer:
@@ -83,24 +113,27 @@ def _model(arguments: argparse.Namespace, surrogate: Surrogate) -> Surrogate | D
     return surrogate
 
 
-def _lift_line(row: JsonObject) -> str:
-    bound = "best glide" if row["lift"] is None else f"Cl >= {row['lift']:g}"
-    lift, glide = (round(row[name], 4) + 0.0 for name in ("cl", "glide"))  # no minus zero
-    coefficients = f"Cd {row['cd']:.4f}  Cl {lift:.4f}  Cl/Cd {glide:.4f}"
-    return f"Re {row['reynolds']:<6g} {bound:16} {coefficients}{_flows(row)}"
+def _lift(row: JsonObject) -> str:
+    return "best glide" if row["lift"] is None else f"Cl >= {row['lift']:g}"
 
 
-def _line(row: JsonObject) -> str:
-    bound = "any length" if row["max_length"] is None else f"length <= {row['max_length']:g} D"
-    drag = f"Cd {row['cd']:.4f}  {row['excess']:+.2%}"
-    return f"Re {row['reynolds']:<6g} {bound:16} {drag}{_flows(row)}"
+def _length(row: JsonObject) -> str:
+    return "any length" if row["max_length"] is None else f"length <= {row['max_length']:g} D"
 
 
-def _flows(row: JsonObject) -> str:
-    """The flows and the KKT residual of an optimum of the flow, as text."""
-    if not row["flows"]:
-        return ""
-    return f"  {row['flows']} flows, KKT residual {row['kkt_residual']:.0e}"
+def _line(row: JsonObject, on_flow: bool) -> str:
+    """The coefficients of a body, and the work of an optimum of the flow, as text."""
+    if row["why_not"]:
+        return "not found"
+    parts = [f"Cd {row['cd']:.4f}"]
+    if "lift" in row:
+        lift, glide = (round(row[name], 4) + 0.0 for name in ("cl", "glide"))  # no minus zero
+        parts.append(f"Cl {lift:.4f}  Cl/Cd {glide:.4f}")
+    elif row["excess"] is not None:
+        parts.append(f"{row['excess']:+.2%}")
+    if on_flow:
+        parts.append(f"{row['flows']} flows, KKT residual {row['kkt_residual']:.0e}")
+    return "  ".join(parts)
 
 
 def _parser() -> Parser:

@@ -1,6 +1,7 @@
 """A random stream of design problems, the queries that all strategies answer."""
 
 import math
+from typing import Any
 
 import jax
 import numpy as np
@@ -17,6 +18,8 @@ LENGTHS, THICKNESSES = (1.3, 2.1), (0.5, 0.85)  # bounds that are active at most
 HEIGHTS = (0.45, 0.65)  # upper bounds on the height, in 3-D instead of the lower on the thickness
 SPREAD = 0.2  # standard deviation of log Re in the robust objective, at most
 LIFTS = (0.1, 0.5)  # lower bounds on Cl, in scenes whose bodies have lift
+MOMENTS = (0.0, 0.3)  # upper bounds on Cm there
+INCIDENCES = (0.25, 0.75)  # shares of its range at which some problems hold the incidence
 
 
 def plain_queries(scene: Scene, count: int) -> list[Problem]:
@@ -45,8 +48,9 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
     """Return ``count`` random solvable problems, with log Re uniform over the scene's range.
 
     A bound on the length and one on the thickness (3-D: on the height) are each set with
-    probability 1/2. Where bodies have lift, half of the problems ask for the best glide ratio
-    instead of the least drag, and the others have a lower bound on the lift.
+    probability 1/2. Where bodies have lift, a problem asks with probability 1/2 for the best glide
+    ratio instead of the least drag, then with probability 1/2 at a given incidence, and otherwise
+    has a lower bound on the lift; with probability 1/3 it has an upper bound on the moment.
 
     Raises:
       InvalidInput: the family's bodies are all longer or thinner than the bounds that are drawn.
@@ -58,19 +62,18 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
         if len(queries) == count:
             break
         key, drawing = jax.random.split(key)
-        place, length, thickness, long, thick = np.asarray(jax.random.uniform(drawing, (5,), float))
-        bounds = {"max_length": _between(LENGTHS, length)} if long < 0.5 else {}
-        if thick < 0.5 and scene.dimension == 3:
+        drawn = np.asarray(jax.random.uniform(drawing, (5,), float))
+        place, length, thickness, has_length, has_thickness = drawn
+        bounds = {"max_length": _between(LENGTHS, length)} if has_length < 0.5 else {}
+        if has_thickness < 0.5 and scene.dimension == 3:
             bounds["max_thickness"] = _between(HEIGHTS, thickness)
-        elif thick < 0.5:
+        elif has_thickness < 0.5:
             bounds["min_thickness"] = _between(THICKNESSES, thickness)
         reynolds = float(np.exp(low + place * (high - low)))
         if not scene.family.body_class.symmetric:
-            glide, lift = np.asarray(jax.random.uniform(jax.random.fold_in(drawing, 1), (2,)))
-            if glide < 0.5:
-                reynolds = Glide(reynolds)
-            else:
-                bounds["lift"] = _between(LIFTS, lift)
+            glide, more = _with_lift(scene, jax.random.fold_in(drawing, 1))
+            reynolds = Glide(reynolds) if glide else reynolds
+            bounds |= more
         problem = Problem(scene, reynolds, **bounds)
         try:
             candidates(problem)
@@ -80,6 +83,22 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
     if len(queries) < count:
         raise InvalidInput("queries: hardly any bound on length or thickness suits this family")
     return queries
+
+
+def _with_lift(scene, key):
+    """Return whether a problem asks for the glide ratio, and its bounds on loads and incidence."""
+    drawn = np.asarray(jax.random.uniform(key, (6,)))
+    glides, lift, moment, has_moment, incidence, holds_incidence = drawn
+    bounds: dict[str, Any] = {}
+    if has_moment < 1 / 3:
+        bounds["max_moment"] = _between(MOMENTS, moment)
+    if glides >= 0.5:
+        return False, bounds | {"lift": _between(LIFTS, lift)}
+    ranges = dict(scene.family.ranges)
+    if holds_incidence < 0.5 and "incidence" in ranges:
+        angle = _between(ranges["incidence"], _between(INCIDENCES, incidence))
+        bounds["within"] = {"incidence": (angle, angle)}
+    return True, bounds
 
 
 def _between(ends, share):

@@ -34,9 +34,7 @@ class Tumbling(AtReynolds):
     """
 
     def scenarios(self, scene: Scene) -> Scenarios:
-        """Return one scenario for each incidence of Gauss's rule, and two of weight 0.
-
-        Those without weight are at 0 and 90 degrees, so that the design itself stays at 45.
+        """Return one scenario for each incidence of Gauss's rule.
 
         Raises:
           InvalidInput: the scene is not of 3-D bodies at incidences from 0 to 90 degrees, or Re is
@@ -55,15 +53,15 @@ class Tumbling(AtReynolds):
             raise InvalidInput("tumbling: needs bodies of revolution, flatness 1")
         cosines, weight = np.polynomial.legendre.leggauss(ORIENTATIONS)
         angles = np.rad2deg(np.arccos((1 + cosines) / 2))
-        angles = np.append(angles, [0, QUARTER_TURN])  # without weight: they keep the design at 45
         shift = np.zeros((len(angles), len(names)))
         shift[:, names.index(INCIDENCE.name)] = angles - middle
         reynolds = [scene.check_reynolds(self.reynolds)] * len(angles)
-        return scenarios_of(scene, reynolds, np.append(weight / 2, [0, 0]), shift)
+        return scenarios_of(scene, reynolds, weight / 2, shift)
 
     def fixed_parameters(self, scene: Scene) -> dict[str, float]:
-        """Return the flatness 1, where the scene's bodies may be flattened."""
-        return {FLATNESS: 1.0} if FLATNESS in scene.family.names else {}
+        """Return the incidence 45, and the flatness 1 where the scene's bodies may be flattened."""
+        held = {INCIDENCE.name: QUARTER_TURN / 2, FLATNESS: 1.0}
+        return {name: value for name, value in held.items() if name in scene.family.names}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -15,6 +15,7 @@ from surrogate.checks import did_you_mean, expect, finite_number, interval, show
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
+LEAST_GAP = 1e-6  # between the bounds on Cm: searches need an interior
 RANGE_END = 1e-6  # of a range's width, within which a parameter is at its end
 
 
@@ -42,7 +43,7 @@ class Problem:
       max_thickness: upper bound on the greatest thickness; in 3-D on the height.
       lift: lower bound on Cl, in every case of the objective; for scenes whose bodies have lift.
       min_moment: lower bound on Cm, about the centroid, nose up.
-      max_moment: upper bound on Cm.
+      max_moment: upper bound on Cm; if it is the lower bound too, Cm is held within 5e-7 of it.
       max_camber: upper bound on the distance of the camber line from the chord, for scenes whose
         bodies have camber.
 
@@ -68,7 +69,8 @@ class Problem:
         if not isinstance(self.scene, Scene):
             raise InvalidInput(f"problem: {self.scene!r} is no Scene")
         if isinstance(self.reynolds, list | tuple) or getattr(self.reynolds, "ndim", 0) == 1:
-            equal = Weighted(tuple(self.reynolds), (1.0,) * len(self.reynolds))
+            several = tuple(self.reynolds)
+            equal = several[0] if len(several) == 1 else Weighted(several, (1.0,) * len(several))
             object.__setattr__(self, "reynolds", equal)
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
@@ -108,11 +110,14 @@ class Problem:
         scenarios = self.objective.scenarios(self.scene)
         if self.scene.family.body_class.symmetric:
             return scenarios
-        bounds = [
-            -bound.sense * UNBOUNDED if getattr(self, name) is None else getattr(self, name)
+        bounds = {
+            name: -bound.sense * UNBOUNDED if getattr(self, name) is None else getattr(self, name)
             for name, bound in LOAD_BOUNDS.items()
-        ]
-        return scenarios._replace(load_bounds=np.array(bounds))
+        }
+        missing = max(LEAST_GAP - (bounds["max_moment"] - bounds["min_moment"]), 0.0)
+        bounds["min_moment"] -= missing / 2
+        bounds["max_moment"] += missing / 2
+        return scenarios._replace(load_bounds=np.array(list(bounds.values())))
 
     @property
     def is_about_lift(self) -> bool:

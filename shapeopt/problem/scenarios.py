@@ -72,15 +72,6 @@ class Scenarios(NamedTuple):
     round_body: Float[AnyArray, " parameters"]
     load_bounds: Float[AnyArray, " load_bounds"]
 
-    def counted(self) -> "Scenarios":
-        """Return the scenarios that take a flow: those with weight, or all if loads are bounded."""
-        if np.any(np.abs(self.load_bounds) < UNBOUNDED):
-            return self
-        kept = np.asarray(self.weight) > 0
-        return self._replace(
-            shift=self.shift[kept], reynolds=self.reynolds[kept], weight=self.weight[kept]
-        )
-
     def padded(self, count: int) -> "Scenarios":
         """Return the same objective with ``count`` cases, the last one repeated with weight 0."""
         missing = count - len(self.weight)

@@ -49,7 +49,7 @@ def evaluate_design(
     Raises:
       NotConverged: a flow or adjoint did not converge.
     """
-    scenarios, round_body = problem.scenarios.counted(), problem.scene.family.ellipse(1.0)
+    scenarios, round_body = problem.scenarios, problem.scene.family.ellipse(1.0)
     cases = list(zip(scenarios.shift, scenarios.reynolds, strict=True))
     queries = [(parameters + shift, reynolds) for shift, reynolds in cases]
     if relative := bool(scenarios.relative):

@@ -1,5 +1,6 @@
-"""Optima over Reynolds number and length, and how much drag each bound costs."""
+"""Optima of many problems, and those over Reynolds number and length with what each bound costs."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -7,14 +8,23 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise_all
+from surrogate.body.shape import family_shape
+from surrogate.errors import NotConverged
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import Update
+from surrogate.scene.limits import onset_of
+
+Row = dict[str, Any]
+OPTIMUM = (  # the entries of a row that has an optimum
+    "parameters", "chord", "cd", "cl", "cm", "glide", "kkt_residual", "flows", "onset",
+    "at_range_ends",
+)  # fmt: skip
 
 
 def optima(
     problems: Sequence[Problem], model: Surrogate | Designer, progress: Update | None = None
-) -> list[Design]:
-    """Return the optimum of every problem, in their order.
+) -> list[Design | NotConverged]:
+    """Return the optimum of every problem, or the reason why there is none, in their order.
 
     Args:
       problems: of the model's scene.
@@ -23,17 +33,59 @@ def optima(
       progress: called as ``progress(share, state)`` before each optimum of the flow and at the end.
 
     Raises:
-      InvalidInput, NotConverged: as ``optimise_all`` or ``Designer.design``.
+      InvalidInput: as ``optimise_all`` or ``Designer.design``.
+      NotConverged: no problem has an optimum.
     """
+    found: list[Design | NotConverged] = []
     if isinstance(model, Surrogate):
-        return optimise_all(problems, model)
-    update, designs, flows = progress or (lambda done, state: None), list[Design](), 0
-    for k, problem in enumerate(problems):
-        update(k / len(problems), f"design {k + 1} of {len(problems)}, {flows} flows so far")
-        designs.append(model.design(problem))
-        flows += designs[-1].flows
-    update(1.0, f"{len(problems)} designs, {flows} flows")
-    return designs
+        try:
+            return list(optimise_all(problems, model))
+        except NotConverged:  # of one of them at least
+            found = [_optimum(model, problem) for problem in problems]
+    else:
+        update, flows = progress or (lambda done, state: None), 0
+        for k, problem in enumerate(problems):
+            update(k / len(problems), f"design {k + 1} of {len(problems)}, {flows} flows so far")
+            found.append(_optimum(model, problem))
+            flows += getattr(found[-1], "flows", 0)
+        update(1.0, f"{len(problems)} designs, {flows} flows")
+    if not any(isinstance(one, Design) for one in found):
+        raise found[0]
+    return found
+
+
+def _optimum(model: Surrogate | Designer, problem: Problem) -> Design | NotConverged:
+    try:
+        if isinstance(model, Designer):
+            return model.design(problem)
+        return optimise_all([problem], model)[0]
+    except NotConverged as reason:
+        return reason
+
+
+def row_of(problem: Problem, found: Design | NotConverged) -> Row:
+    """Return a problem's Reynolds number and its optimum as a row; without one "why_not" says why.
+
+    "flows" are those of this design alone, which used the flows of the designs before it.
+    """
+    row: Row = {"reynolds": problem.objective.nominal, "why_not": None}
+    if isinstance(found, NotConverged):
+        return row | dict.fromkeys(OPTIMUM) | {"why_not": str(found)}
+    family = problem.scene.family
+    body = family.named(found.parameters)
+    values = {
+        "parameters": body,
+        "chord": found.chord,
+        "cd": found.drag,
+        "cl": found.lift,
+        "cm": found.moment,
+        "glide": found.lift / found.drag,
+        "kkt_residual": found.kkt_residual,
+        "flows": found.flows,
+        "onset": onset_of(family_shape(body, dimension=problem.scene.dimension)),
+        "at_range_ends": problem.at_range_ends(found.parameters),
+    }
+    return row | {name: values[name] for name in OPTIMUM}
 
 
 def designs_over(
@@ -42,7 +94,7 @@ def designs_over(
     lengths: Sequence[float],
     min_thickness: float | None = None,
     progress: Update | None = None,
-) -> tuple[list[dict[str, Any]], float]:
+) -> tuple[list[Row], float]:
     """Return the optimum at every Re and bound on the length as a row, and the wall seconds of all.
 
     Args:
@@ -53,30 +105,31 @@ def designs_over(
       progress: as for ``optima``.
 
     Returns:
-      Rows by length, then Re, without a bound last; ``excess`` is the drag over that of the
-      optimum without a bound on the length, minus 1. Then the wall seconds.
+      Rows as of ``row_of`` by length, then Re, without a bound last; ``excess`` is the drag over
+      that of the optimum without a bound on the length, minus 1. Then the wall seconds.
 
     Raises:
-      InvalidInput, NotConverged: as ``optima``.
+      InvalidInput, NotConverged: as ``optima``; NotConverged if at no Re there is an optimum
+        without a bound on the length.
     """
     problems = [
         Problem(model.scene, re, length, min_thickness)
         for length in (*lengths, None)
         for re in reynolds
     ]
-    designs = optima(problems, model, progress)
-    unbounded = {d.problem.reynolds: d.drag for d in designs if d.problem.max_length is None}
-    rows = [
-        {
-            "reynolds": design.problem.reynolds,
-            "max_length": design.problem.max_length,
-            "parameters": model.scene.family.named(design.parameters),
-            "chord": design.chord,
-            "cd": design.drag,
-            "excess": design.drag / unbounded[design.problem.reynolds] - 1,
-            "kkt_residual": design.kkt_residual,
-            "flows": design.flows,
-        }
-        for design in designs
-    ]
-    return rows, sum(design.seconds for design in designs)
+    found = optima(problems, model, progress)
+    lost = [one for one in found[-len(reynolds) :] if isinstance(one, NotConverged)]
+    if len(lost) == len(reynolds):
+        raise lost[0]
+    rows = [row_of(*pair) for pair in zip(problems, found, strict=True)]
+    unbounded = {row["reynolds"]: row["cd"] for row in rows[-len(reynolds) :]}
+    for row, problem in zip(rows, problems, strict=True):
+        known = row["cd"], unbounded[row["reynolds"]]
+        excess = None if None in known else known[0] / known[1] - 1
+        row |= {"max_length": problem.max_length, "excess": excess}
+    return rows, wall_seconds(found)
+
+
+def wall_seconds(found: Sequence[Design | NotConverged]) -> float:
+    """Return the wall seconds of the designs that were found."""
+    return math.fsum(one.seconds for one in found if isinstance(one, Design))

@@ -81,7 +81,7 @@ def verify(problem: Problem, parameters: Body) -> Verified:
         the objective is relative.
     """
     expect("verify", problem, Problem, "Problem")
-    flow, scenarios = Flow(problem.scene), problem.scenarios.counted()
+    flow, scenarios = Flow(problem.scene), problem.scenarios
     parameters = problem.scene.family.check(parameters)
     cylinder = cylinder_drags(problem)
     solutions = tuple(
@@ -109,7 +109,7 @@ def cylinder_drags(problem: Problem) -> tuple[float | None, ...]:
     """
     flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
     known: dict[float, float | None] = {}
-    scenarios = problem.scenarios.counted()
+    scenarios = problem.scenarios
     if problem.is_about_lift and not scenarios.relative:
         return (None,) * len(scenarios.reynolds)
     for reynolds in map(float, scenarios.reynolds):

@@ -15,6 +15,7 @@ from surrogate.scene.fidelity import NAMED, Fidelity, inverse_layer
 
 ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
 LOAD_TOLERANCE = 2.5  # tolerance of errors of Cl and Cm over Cd, as a multiple of that of Cd
+NO_LIFT = 1e-5  # Cl and Cm over Cd up to which a flow is symmetric, but for the solver's tolerance
 TALL = "taller than the bodies of its tests"
 
 
@@ -33,8 +34,7 @@ class ErrorEstimate(NamedTuple):
       estimated_moment_error: bound of the error of Cm itself, as that of Cl.
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
       extrapolated_drag: limit of the two grids' drags (Richardson 1911), by the fitted share of
-        the grid's error; None where the coarser grid has too few cells. Of the named fidelities
-        only fine has one.
+        the grid's error; None where the coarser grid has less than 16 cells per D.
       cause: of a degraded flow: which load is expected to err by too much, or that it is too tall.
     """
 
@@ -56,12 +56,12 @@ class Loads(NamedTuple):
     moment: float
 
 
-@dataclasses.dataclass(frozen=True)
 class ErrorModel(abc.ABC):
     """A model of how errors depend on the grid and on the domain, in 2-D or in 3-D.
 
-    The constants are fitted to errors against finite elements and finer grids (studies ``trust``,
-    ``trust_space`` and ``lift``).
+    The constants are fitted to errors against finite elements and finer grids: of the bodies of
+    studies ``lift`` and ``trust_space``, and of random bodies and sections of other seeds than
+    those of ``trust`` and ``random_sections``.
     """
 
     COARSER: ClassVar[float]  # cells of the coarser grid, as a share of the whole
@@ -111,7 +111,8 @@ class ErrorModel2D(ErrorModel):
     A larger domain shows the domain's error with its sign. The two parts partly cancel, so they are
     added with their signs; to their sum's square are added those of half the domain's part, which
     is uncertain, and of a spread that neither part shows. The spread grows with the cell size over
-    the thickness of the thinnest boundary layer. Lift that goes wrong at the tail means a moment.
+    the thickness of the thinnest boundary layer. An error of the lift is assumed to act at the tail
+    and so adds to that of the moment.
     """
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.4, 1.75
@@ -204,7 +205,8 @@ def estimate_error(
       nose: radius of curvature in D that its boundary layers follow (``Shape.nose``).
       fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
     """
-    model, whole = ERROR_MODELS[dimension], dataclasses.replace(fidelity, wake=0.0, refinement=1.0)
+    model = ERROR_MODELS[dimension]
+    whole = dataclasses.replace(fidelity, wake=0.0, refinement=1.0)  # they have been applied
     try:
         coarser = whole.coarser(model.COARSER, fewest)
         rough, other = solve(coarser), solve(coarser.scaled(model.OTHER_DOMAIN))
@@ -217,16 +219,20 @@ def estimate_error(
     of_domain = [(a - b) / step for a, b in zip(rough, other, strict=True)]
     spreads = model.spreads(whole.cells, reynolds, nose)
     likely = model.likely(Loads(*of_grid), Loads(*of_domain), spreads)
+    if not all(map(math.isfinite, likely)):
+        return ErrorEstimate("degraded")
     margin = model.margin(coarser.cells, reynolds)
     expected = Loads(*(margin * each for each in likely))
-    bounds = [safety * each for safety, each in zip(model.SAFETY, likely, strict=True)]
+    parts = zip(model.SAFETY, likely, expected, strict=True)
+    bounds = [max(safety * each, most) for safety, each, most in parts]
     resolved = coarser.cells >= ASYMPTOTIC_CELLS
     limit = loads.drag * (1 - model.GRID_SHARE * of_grid[0]) if resolved else None
-    size = loads.drag if loads.lift else 0.0  # of symmetric bodies lift and moment are exact
-    known = expected.drag, max(expected.drag, bounds[0]), *(size * bound for bound in bounds[1:])
+    lifting = max(abs(loads.lift), abs(loads.moment)) > NO_LIFT * loads.drag
+    size = loads.drag if lifting else 0.0  # of symmetric flows lift and moment are exact
+    known = expected.drag, bounds[0], *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:
         return ErrorEstimate("degraded", *known, None, limit, TALL)
-    of_loads = LOAD_TOLERANCE * fidelity.tolerance if loads.lift else math.inf
+    of_loads = LOAD_TOLERANCE * fidelity.tolerance if lifting else math.inf
     tolerances = Loads(fidelity.tolerance, of_loads, of_loads)
     if not (cause := _excess(expected, tolerances)):
         return ErrorEstimate("accurate", *known, None, limit)
@@ -249,7 +255,7 @@ def _excess(expected, tolerances):
     """Return which load is expected to err by more than its tolerance; empty if none is."""
     for symbol, error, most in zip(("Cd", "Cl", "Cm"), expected, tolerances, strict=True):
         if error > most:
-            return f"{symbol} expected to err by {100 * error:.2g} % of Cd, over {100 * most:.2g} %"
+            return f"{symbol} expected to err by {100 * error:.3g} % of Cd, over {100 * most:.3g} %"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""The drag bucket: least Cd of bodies over their Cl, with every body, and the best glide ratio."""
+"""Least Cd of bodies over their Cl, with every body drawn, and the best glide ratio."""
 
 from pathlib import Path
 
@@ -18,7 +18,9 @@ ABOVE, BELOW = 0.45, -0.75  # inches from a point to the centroid of its body
 LARGEST, LEAST = 0.55, 0.2  # inches of one D in the figure
 
 
-def plot_bucket(family: Family, rows: list[JsonObject], best: JsonObject, path: str | Path) -> Path:
+def plot_over_lift(
+    family: Family, rows: list[JsonObject], best: JsonObject, path: str | Path
+) -> Path:
     """Plot Cd over Cl of bodies of least drag, each body at its incidence above its point.
 
     The tangent from the origin, where Cl / Cd is greatest, is that of the best glide ratio; its
