@@ -39,6 +39,24 @@ void froehlich(size_t count, const real *inputs, real *loads)
     }
 }
 
+/* Zastawny et al. 2012, drag of prolate spheroids of aspect 2.5 and 1.25 (no others). */
+void zastawny(size_t count, const real *inputs, real *loads)
+{
+    static const real constants[2][9] = {
+        {2, (real)5.1, (real)0.48, (real)15.52, (real)1.05, (real)24.68, (real)0.98, (real)3.19,
+         (real)0.21},
+        {(real)1.95, (real)18.12, (real)1.023, (real)4.26, (real)0.384, (real)21.52, (real)0.99,
+         (real)2.86, (real)0.26}};
+    for (size_t i = 0; i < count; i++) {
+        const real *a = constants[inputs[i * INPUTS] < (real)1.875], logs = log(inputs[i * INPUTS + 4]);
+        const real at_0 = a[1] * exp(-a[2] * logs) + a[3] * exp(-a[4] * logs);
+        const real at_90 = a[5] * exp(-a[6] * logs) + a[7] * exp(-a[8] * logs);
+        const real s = sin(RADIAN * inputs[i * INPUTS + 3]);
+        loads[i * LOADS] = at_0 + (at_90 - at_0) * pow(s, a[0]);
+        loads[i * LOADS + 1] = loads[i * LOADS + 2] = 0;
+    }
+}
+
 /* Area of an ellipsoid as the stream sees it, over the cross-section of the sphere. */
 static real front(const real *input)
 {

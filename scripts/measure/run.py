@@ -61,6 +61,8 @@ MODULES = {  # the studies of every module
     "optima": "literature least",
     "particle": "particle",
     "particle_codes": "particle_codes",
+    "particle_designs": "particle_designs",
+    "section_designs": "section_designs",
     "settling": "settling",
     "speed": "speed network",
     "speed_3d": "space_speed space_rival",

@@ -19,6 +19,7 @@ OUTCOMES |= {"refused": "#b8bec9", "silently wrong": "#d81b60"}
 NUMBERS = (1e-3, 0.1, 1.0, 10.0, 40.0, 100.0, 300.0)
 BODIES = {"ellipse": {}, "section": {"beta2": 0.2, "beta3": 0.08, "gamma2": 0.4, "gamma3": 0.1}}
 STEADY = (0.01, 1.0, 10.0, 40.0, 100.0, 300.0)  # Re at incidence, refused beyond the onset
+LOADS = {"Cd": "drag", "Cl": "lift", "Cm": "moment"}
 FINER = 1.5  # times the cells of fine at most, for thin boundary layers
 ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
@@ -73,7 +74,7 @@ def outcome(run, aspect, reynolds, fidelity, stream="unbounded", **_) -> Row:
 
 @functools.cache
 def _solve(aspect: float, re: float, fidelity: Fidelity, stream: str, estimate: bool) -> tuple:
-    """Status, Cd and estimated error; or why there are none."""
+    """Return the status, Cd and its bound; or why there is no flow, None and None."""
     options = {"estimate": estimate, "allow_unsteady": True}
     try:
         found = solved({"aspect": aspect}, re, fidelity, stream=stream, **options)
@@ -110,11 +111,13 @@ def loads_of_section(
     """
     body = {"aspect": aspect, "incidence": incidence} | BODIES[kind]
     fine = dataclasses.replace(run.fidelity("fine"), refinement=FINER)
+    if reynolds > onset_of(family_shape(body)):
+        return {"outcome": "unsteady"}
+    flow = functools.partial(solved, body, reynolds, allow_unsteady=False)
     try:
-        flow = functools.partial(solved, body, reynolds, allow_unsteady=False)
         found = flow(run.fidelity("standard"), estimate=True)
-    except InvalidInput as reason:
-        return {"outcome": "unsteady" if "unstable" in str(reason) else "refused"}
+    except InvalidInput:
+        return {"outcome": "refused"}
     except NotConverged:
         return {"outcome": "not converged"}
     truth = flow(fine)
@@ -138,10 +141,9 @@ def sections_text(result: Result) -> str:
     """Return a sentence on how many errors are within their bounds and tolerances."""
     rows = result["fields"]
     known = [row for row in rows if row.get("drag_bound") is not None]
-    loads = {"Cd": "drag", "Cl": "lift", "Cm": "moment"}
     within = {
         symbol: sum(row[f"{load}_bound"] >= abs(row[f"{load}_error"]) for row in known)
-        for symbol, load in loads.items()
+        for symbol, load in LOADS.items()
     }
     counts = ", ".join(f"{count} of {symbol}" for symbol, count in within.items())
     lost = sum(row["outcome"] == "not converged" for row in rows)
@@ -152,8 +154,19 @@ def sections_text(result: Result) -> str:
     return (
         f"Of {len(rows)} flows {lost} did not converge; of {len(known)} with an estimate the bound "
         f"covers the error of {counts}. Of {len(called)} that are called accurate {over} exceed a "
-        "tolerance."
+        f"tolerance; their largest errors are {_largest(called)}."
     )
+
+
+def _largest(rows):
+    """Return the largest error over Cd of each load in words, and of which flow it is."""
+    parts = []
+    for symbol, load in LOADS.items():
+        worst = max(rows, key=lambda row: abs(row[f"{load}_error"]), default=None)
+        if worst:
+            place = ", ".join(worst[name] for name in ("panel", "row", "column"))
+            parts.append(f"{symbol} {100 * worst[f'{load}_error']:+.2f} % ({place})")
+    return ", ".join(parts) or "not known"
 
 
 def cell(row: Row) -> str:

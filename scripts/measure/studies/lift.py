@@ -12,6 +12,7 @@ from study import Result, Row, Run, Study, Table, columns
 from tools import bounds_of, name_of
 
 from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
+from surrogate.flow.check.error_estimate import LOAD_TOLERANCE
 from surrogate.scene.samples import held_out_samples
 
 BODIES: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
@@ -174,8 +175,22 @@ def text(result: Result) -> str:
 
 
 def text_of_random(result: Result) -> str:
-    """Return tables of every random section, and of the fidelities."""
-    return f"{FLOWS(result['rows'])}\n\n{_levels(result['rows'])}"
+    """Return tables of every random section and of the fidelities, and a sentence on the status."""
+    rows = result["rows"]
+    called = [row for row in rows if row["status"] == "accurate"]
+    over = sum(max(map(abs, _errors_over_tolerance(row))) > 1 for row in called)
+    return (
+        f"{FLOWS(rows)}\n\n{_levels(rows)}\n\n"
+        f"Of {len(called)} flows that are called accurate {over} exceed the tolerance of Cd or, "
+        f"{LOAD_TOLERANCE:g} times that, of Cl or Cm."
+    )
+
+
+def _errors_over_tolerance(row):
+    """Return the errors of Cd, Cl and Cm over what an accurate flow may have."""
+    tolerance = FIDELITIES[row["fidelity"]].tolerance
+    loads = row["cl_error"], row["cm_error"]
+    return row["cd_error"] / tolerance, *(error / tolerance / LOAD_TOLERANCE for error in loads)
 
 
 def _levels(rows):
@@ -203,19 +218,20 @@ def _summary(level, rows):
 FLOWS = columns(
     "body {body} | Re {reynolds:g} | fidelity {fidelity} | cells per D {cells} | Cd {cd:.4f}"
     " | error {cd_error:+.2%} | Cl {cl:+.4f} | error over Cd {cl_error:+.2%} | Cm {cm:+.4f}"
-    " | error over Cd {cm_error:+.2%} | {status} | {green_applications} G | {seconds:.1f} s"
+    " | error over Cd {cm_error:+.2%} | status {status} | work {green_applications} G"
+    " | seconds {seconds:.1f}"
 )
 LEVELS = columns(
     "fidelity {fidelity} | flows {flows} | Cd: mean error {cd_mean:.2%} | most {cd_most:.2%}"
-    " | within its bound {cd_covered:.0%} | bound over error {cd_ratio:.1f}"
+    " | within its bound {cd_covered:.0%} | median bound over error {cd_ratio:.1f}"
     " | Cl: mean {cl_mean:.2%} | most {cl_most:.2%} | within its bound {cl_covered:.0%}"
-    " | bound over error {cl_ratio:.1f} | Cm: mean {cm_mean:.2%} | most {cm_most:.2%}"
-    " | within its bound {cm_covered:.0%} | bound over error {cm_ratio:.1f}"
+    " | median bound over error {cl_ratio:.1f} | Cm: mean {cm_mean:.2%} | most {cm_most:.2%}"
+    " | within its bound {cm_covered:.0%} | median bound over error {cm_ratio:.1f}"
 )
 NACA = columns(
     "NACA {section} | incidence {incidence:g} | chord Re {chord_reynolds:g} | Cd {cd:.4f}"
     " | elements {cd_elements:.4f} | Lethe {cd_lethe:.4f} | Cl {cl:+.4f}"
-    " | elements {cl_elements:+.4f} | Lethe {cl_lethe:+.4f} | {status}"
+    " | elements {cl_elements:+.4f} | Lethe {cl_lethe:+.4f} | status {status}"
 )
 OPTIONS = {
     "--elements": {"type": Path, "help": "earlier record, whose loads by elements are taken"},

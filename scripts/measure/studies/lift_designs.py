@@ -1,5 +1,8 @@
 """Designs with lift: flows and work of each strategy, and when the training pays."""
 
+import contextlib
+from collections.abc import Callable
+
 import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, columns
 
@@ -7,14 +10,18 @@ from shapeopt import Designer, Glide, Problem
 from shapeopt.payoff.break_even import LATE, break_even, resampled_break_even
 from shapeopt.payoff.direct import design_directly
 from shapeopt.payoff.queries import query_stream
+from shapeopt.problem.conflicts import candidates
 from shapeopt.search.design import Design
-from surrogate import Family, Flow, NotConverged, Scene, load
-from surrogate.model.surrogate import LOAD_NAMES
+from shapeopt.search.evaluated import starting_body
+from surrogate import Family, Flow, NotConverged, Scene, family_shape, load
+from surrogate.scene.limits import onset_of
 
 NAME = "pretrained:lift"
 LED, GROWING, DIRECT = "the network", "kriging with memory", "direct"
 QUERIES, SEED = 20, 3
 FAR = 0.01  # relative excess over the best known objective that counts as another optimum
+STARTS = 4  # of ``direct`` at most
+ENOUGH = 20_000  # convolutions with G, after which ``direct`` does not start again
 
 
 def _queries(run: Run) -> list[Problem]:
@@ -31,10 +38,38 @@ def _scene(run: Run) -> Scene:
 def one_at_a_time(run: Run, query: int, strategy: str) -> Row:
     """Return the design of a query by a strategy that forgets its flows afterwards."""
     problem = _queries(run)[query]
-    if strategy == DIRECT:
-        return _answer(problem, lambda: design_directly(problem, Flow(problem.scene)))
-    model = Flow(problem.scene) if run.tiny else load(NAME)
-    return _answer(problem, lambda: Designer(model).design(problem))
+
+    def led():
+        return Designer(Flow(problem.scene) if run.tiny else load(NAME)).design(problem)
+
+    if strategy == LED:
+        return _answer(problem, lambda: [led()])
+    return _answer(problem, lambda: directly_as_good(problem, led().objective, query))
+
+
+def directly_as_good(problem: Problem, target: float, seed: int) -> list[Design]:
+    """Return the designs of ``direct``, one from each body where it starts.
+
+    It starts again, from a random feasible body, while its best objective is more than ``FAR``
+    above ``target``, which an engineer does not know, and less than ``ENOUGH`` convolutions were
+    spent. Starts that fail are left out.
+
+    Raises:
+      NotConverged: all of them fail.
+    """
+    flow, rng = Flow(problem.scene), np.random.default_rng(seed)
+    starts = [starting_body(problem), *rng.choice(candidates(problem), STARTS - 1)]
+    designs: list[Design] = []
+    for start in starts:
+        with contextlib.suppress(NotConverged):
+            designs.append(design_directly(problem, flow, start))
+        best = min((one.objective for one in designs), default=np.inf)
+        spent = sum(one.green_applications for one in designs)
+        if best - target <= FAR * abs(target) or spent > ENOUGH:
+            break
+    if not designs:
+        raise NotConverged(f"SLSQP on the flow: from none of {len(starts)} bodies")
+    return designs
 
 
 def in_a_row(run: Run, strategy: str) -> list[Row]:
@@ -43,39 +78,47 @@ def in_a_row(run: Run, strategy: str) -> list[Row]:
     designer = Designer(Flow(_scene(run)))
     for k, problem in enumerate(queries):
         run.progress(k / len(queries), f"query {k + 1} of {len(queries)}")
-        rows.append(_answer(problem, lambda one=problem: designer.design(one)) | {"query": k})
+        rows.append(_answer(problem, lambda: [designer.design(problem)]) | {"query": k})  # noqa: B023
     return rows
 
 
-def _answer(problem: Problem, solve) -> Row:
-    glide = isinstance(problem.objective, Glide)
-    asked = "glide ratio" if glide else f"Cl {problem.lift:.2f}"
-    row = {"asked": asked, "reynolds": problem.objective.nominal, "problem": None}
+def _answer(problem: Problem, solve: Callable[[], list[Design]]) -> Row:
+    """Return the best of the designs found for a problem, with the work of all."""
+    row = {"asked": _asked(problem), "reynolds": problem.objective.nominal, "problem": None}
     row |= {"max_length": problem.max_length, "min_thickness": problem.min_thickness}
     try:
-        design: Design = solve()
+        designs = solve()
     except NotConverged as reason:
         return row | {"problem": str(reason)}
-    return row | {
-        "objective": design.objective,
-        "cd": design.drag,
-        "cl": design.lift,
-        "flows": design.flows,
-        "green_applications": design.green_applications,
-        "kkt": design.kkt_residual,
-        "seconds": design.seconds,
+    best = min(designs, key=lambda design: design.objective)
+    work = {
+        name: sum(getattr(design, name) for design in designs)
+        for name in ("flows", "green_applications", "seconds")
     }
+    body = problem.scene.family.named(best.parameters)
+    loads = {"cd": best.drag, "cl": best.lift, "cm": best.moment}
+    loads |= {"parameters": body, "onset": onset_of(family_shape(body))}
+    found = {"objective": best.objective, "kkt": best.kkt_residual, "starts": len(designs)}
+    return row | found | loads | work
+
+
+def _asked(problem: Problem) -> str:
+    """Return what a problem asks for, in words."""
+    glide = isinstance(problem.objective, Glide)
+    words = ["glide ratio" if glide else f"Cl {problem.lift:.2f}"]
+    if problem.within:
+        words.append(f"at {problem.within['incidence'][0]:.1f} degrees")
+    if problem.max_moment is not None:
+        words.append(f"Cm at most {problem.max_moment:.2f}")
+    return ", ".join(words)
 
 
 def training(run: Run, _: Result) -> Result:
-    """Return the work of the training that made the network, and its held-out errors."""
+    """Return the work of the training that made the network."""
     record = load(NAME).record
-    errors = [[record[f"{name}_error_{of}"] for name in LOAD_NAMES] for of in ("mean", "max")]
     return {
         "training_g": record["green_applications"] + record["earlier_green_applications"],
         "bodies": record["samples"],
-        "error_mean": errors[0],
-        "error_max": max(errors[1]),
     }
 
 
@@ -85,12 +128,13 @@ def when_to_train(result: Result) -> str:
     led, growing, direct = lines[LED], lines[GROWING], lines[DIRECT]
     after, own, late = _late(result)
     return (
-        f"Sections at incidence, {led['asked']} queries (least drag at a lift, best glide ratio): "
+        f"Sections at incidence, {led['asked']} queries (least drag, best glide): "
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
-        f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct`, which "
-        f"ends over {100 * FAR:g} % above the best optimum in {direct['far']}. Training pays "
-        f"against `direct` {_pays(result)}; against kriging with memory it {_in_words(after)} "
-        f"(last {LATE} designs: {late:.0f} G, the network's {own:.0f} G)."
+        f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct` "
+        f"(restarted in {direct['restarted']}). Training pays against `direct` {_pays(result)}; "
+        f"kriging with memory takes {growing['work']:.0f} G a design, {late:.0f} in the last "
+        f"{LATE}, the network {led['work']:.0f} and {own:.0f}: against it training "
+        f"{_in_words(after)}."
     )
 
 
@@ -100,13 +144,16 @@ def text(result: Result) -> str:
         f"The training of {NAME} on {result['bodies']:,} sections took {result['training_g']:,} "
         "convolutions (G)."
     )
-    by_network = LED_ROWS([row for row in result["rows"] if row["problem"] is None])
-    table, (after, own, late) = STRATEGIES(strategies(result)), _late(result)
+    rows = [row for row in result["rows"] if row["problem"] is None]
+    unsteady = sum(row["reynolds"] > row["onset"] for row in rows)
+    (after, own, late), lines = _late(result), strategies(result)
+    mean = {line["strategy"]: line["work"] for line in lines}
     return (
-        f"{table}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in brackets "
-        f"the 95 % interval. Kriging with memory takes {late:.0f} G for each of the last {LATE} "
-        f"designs, and the network {own:.0f} G: against it training {_in_words(after)}.\n\n"
-        f"{by_network}"
+        f"{STRATEGIES(lines)}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in "
+        f"brackets the 95 % interval. Kriging with memory takes {mean[GROWING]:.0f} G a design, "
+        f"{late:.0f} in the last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}: against it "
+        f"training {_in_words(after)}. {unsteady} of the network's {len(rows)} optima are steady "
+        f"flows beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
     )
 
 
@@ -160,9 +207,11 @@ def strategies(result: Result) -> list[Row]:
                 "flows": np.mean([row["flows"] for row in mine]),
                 "most": max(row["flows"] for row in mine),
                 "work": np.mean([row["green_applications"] for row in mine]),
+                "middle": np.median([row["green_applications"] for row in mine]),
                 "kkt": max(row["kkt"] for row in mine),
                 "gap": max(gaps),
                 "far": sum(gap > FAR for gap in gaps),
+                "restarted": sum(row["starts"] > 1 for row in mine),
             }
         )
     return lines
@@ -174,12 +223,14 @@ def _numbers(rows: list[Row]) -> list[int]:
 
 STRATEGIES = columns(
     "strategy {strategy} | queries {asked} | found {found} | flows a design {flows:.2f}"
-    " | most {most} | G a design {work:.0f} | largest KKT residual {kkt:.0e}"
-    " | objective above the best known, at most {gap:.3%} | by more than 1 % in {far}"
+    " | most {most} | G a design, mean {work:.0f} | median {middle:.0f}"
+    " | largest KKT residual {kkt:.0e} | objective above the best known, at most {gap:.3%}"
+    f" | by more than {100 * FAR:g} % in {{far}} | started again in {{restarted}}"
 )
 LED_ROWS = columns(
-    "query {query} | asked {asked} | Re {reynolds:.3g} | Cd {cd:.4f} | Cl {cl:.4f} | flows {flows}"
-    " | work {green_applications} G | KKT residual {kkt:.0e}"
+    "query {query} | asked {asked} | Re {reynolds:.3g} | onset {onset:.3g} | Cd {cd:.4f}"
+    " | Cl {cl:.4f} | Cm {cm:.4f} | flows {flows} | work {green_applications} G"
+    " | KKT residual {kkt:.0e}"
 )
 TABLES = [
     Table([{"query": k, "strategy": LED} for k in range(QUERIES)], one_at_a_time),

@@ -64,9 +64,9 @@ def text(result: Result) -> str:
 
 
 COLUMNS = columns(
-    "method {method} | {kind} | error over Cd, mean and largest: Cd {cd:.3%} | {cd_most:.2%}"
-    " | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%} | steps {steps} | G {work:,}"
-    " | seconds {seconds:.0f} | {outcome}"
+    "method {method} | settings {kind} | error over Cd, mean and largest: Cd {cd:.3%}"
+    " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
+    " | steps {steps} | G {work:,} | seconds {seconds:.0f} | outcome {outcome}"
 )
 STUDIES = {
     f"{scene}_methods": Study(

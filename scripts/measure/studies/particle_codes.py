@@ -15,7 +15,7 @@ from study import Result, Row, Run, Study, Table, cases, columns
 from tools import medians
 
 SOURCE = Path(__file__).parents[1] / "correlations.c"
-FORMULAS = ("froehlich", "hoelzer_sommerfeld", "ganser", "bagheri_bonadonna")
+FORMULAS = ("froehlich", "zastawny", "hoelzer_sommerfeld", "ganser", "bagheri_bonadonna")
 BY_SPHERICITY = ("hoelzer_sommerfeld", "ganser")
 KINDS = {"double": (np.float64, "double"), "single": (np.float32, "float")}
 RANGES = np.array([[1.05, 4], [1, 1], [0, 0], [0, 90], [1, 100]])  # of prolate spheroids, and Re
@@ -25,6 +25,8 @@ def measure(run: Run, correlation: str, precision: str) -> Row:
     """Return the answers per second, and the largest difference of Cd from that in Python."""
     dtype, real = KINDS[precision]
     few = RANGES[:, 0] + np.ptp(RANGES, axis=1) * np.random.default_rng(0).random((FEW, 5))
+    if correlation == "zastawny":
+        few[:, 0] = np.resize(list(correlations_at_incidence.ZASTAWNY), FEW)
     known = [few]
     if correlation in BY_SPHERICITY:
         known.append(np.array([1 / ellipsoid(*body[:2]).surface for body in few]))
@@ -63,9 +65,10 @@ def _drag(correlation, aspect, flatness, beta2, incidence, reynolds):
 def text(result: Result) -> str:
     """Return a paragraph on what was called."""
     return (
-        f"{MANY:,} prolate spheroids in one call, a thousand different ones. All but Froehlich's "
-        "are of the drag alone; Hoelzer and Sommerfeld's and Ganser's are given each body's "
-        "sphericity, and Bagheri and Bonadonna's is the mean over random orientations."
+        f"{MANY:,} prolate spheroids in one call, a thousand different ones, Zastawny's of the two "
+        "aspects that it has. All but Froehlich's are of the drag alone; Hoelzer and Sommerfeld's "
+        "and Ganser's are given each body's sphericity, and Bagheri and Bonadonna's is the mean "
+        "over random orientations."
     )
 
 

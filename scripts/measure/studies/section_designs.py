@@ -1,0 +1,99 @@
+"""Sections of least drag over a bound on the lift, at optima of the flow, and a polar.
+
+The polar is that of the section with the best glide ratio, by the flow. With pictures: Cd over Cl
+with every body, the polar, and streamlines at incidence.
+"""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from study import TINY, Result, Row, Run, Study, Table, columns
+
+from shapeopt import Designer, Problem, optimise_all
+from shapeopt.render.over_lift import plot_over_lift
+from shapeopt.render.polar import plot_polar
+from shapeopt.search.over_lift import designs_over_lift
+from surrogate import Flow, Scene, Solution, family_shape, load
+from surrogate.flow.output.folder import flow_as_stored
+from surrogate.flow.output.picture import draw_flows
+
+NAME, REYNOLDS = "pretrained:lift", 40.0
+LIFTS = tuple(np.linspace(0, 1.2, 7).tolist())
+BEFORE = {"aspect": 2.0, "incidence": 10.0}  # the ellipse that is drawn first
+ELLIPSE = {"aspect": (2.0, 2.2)} | dict.fromkeys(
+    ("beta2", "beta3", "beta4", "gamma2", "gamma3"), (0.0, 0.0)
+)  # the bodies of tiny runs
+INCIDENCES = tuple(range(-4, 13, 2))
+
+
+def over_lift(run: Run) -> list[Row]:
+    """Return the bodies of least drag over bounds on the lift, and that of best glide, last.
+
+    They are optima of the flow, led by the network; ``network`` is the Cd of its own optimum.
+    """
+    net = load(NAME)
+    coarse = Flow(dataclasses.replace(net.scene, fidelity=TINY))
+    reynolds, lifts = run.pick((6.0, LIFTS[:1]), (REYNOLDS, LIFTS))
+    bounds = {"within": run.pick(ELLIPSE, None)}
+    designer = Designer(run.pick(coarse, net))
+    rows, best, _ = designs_over_lift(designer, reynolds, lifts, run.progress, **bounds)
+    problems = [Problem(net.scene, reynolds, lift=lift, **bounds) for lift in lifts]
+    own = [design.drag for design in optimise_all(problems, net)]
+    asked = [f"Cl at least {lift:.1f}" for lift in lifts]
+    bodies = zip([*asked, "best glide"], [*rows, best], [*own, None], strict=True)
+    return [row | {"asked": name, "network": cd} for name, row, cd in bodies]
+
+
+def polar(_: Run, result: Result) -> Result:
+    """Return the loads of the section with the best glide ratio over the incidence, by the flow."""
+    best, rows = result["rows"][-1], []
+    for incidence in INCIDENCES:
+        found = _solve(best["parameters"] | {"incidence": incidence}, best["reynolds"])
+        at = {"incidence": incidence, "reynolds": best["reynolds"], "status": found.status}
+        rows.append(at | {"cd": found.drag, "cl": found.lift, "cm": found.moment})
+    return {"polar": rows}
+
+
+def _solve(body: dict[str, float], reynolds: float) -> Solution:
+    return Flow(Scene()).solve(family_shape(body), reynolds)
+
+
+def text(result: Result) -> str:
+    """Return sentences on the flows of all designs and on the network's predictions; the polar."""
+    rows = result["rows"]
+    total = sum(row["flows"] for row in rows)
+    off = max(abs(row["network"] / row["cd"] - 1) for row in rows if row["network"] is not None)
+    return (
+        f"All {len(rows)} designs together take {total} flows. The least Cd that the network "
+        f"predicts differs from that of the flow's optimum by {off:.2%} at most.\n\n"
+        f"{POLAR(result['polar'])}"
+    )
+
+
+def draw(result: Result, path: Path) -> None:
+    """Draw Cd over Cl with the bodies, the polar, and the flows of an ellipse and a section."""
+    *rows, best = result["rows"]
+    plot_over_lift(load(NAME).scene.family, rows, best, path)
+    by_d = {"reference": "D", "chord_reynolds": None}
+    polar = [row | by_d for row in result["polar"]]
+    title = "the section with the best glide ratio, by the flow"
+    plot_polar(polar, title, path.with_name(f"{path.stem}_polar.png"))
+    pictures = []
+    for name, body in (("ellipse", BEFORE), ("best glide ratio", best["parameters"])):
+        found = _solve(body, best["reynolds"])
+        title = f"{name}    Re {found.reynolds:g}    Cl/Cd {found.lift / found.drag:.3f}"
+        pictures.append(flow_as_stored(found).picture._replace(title=title))
+    draw_flows(pictures, path.with_name(f"{path.stem}_flows.png"))
+
+
+FORM = columns(
+    "asked {asked} | Cd {cd:.4f} | least Cd by the network {network:.4f} | Cl {cl:.4f}"
+    " | Cm {cm:.4f} | Cl/Cd {glide:.4f} | incidence {parameters[incidence]:.2f}"
+    " | flows {flows} | KKT residual {kkt_residual:.0e}"
+)
+POLAR = columns(
+    "incidence {incidence:g} | Re {reynolds:g} | Cd {cd:.4f} | Cl {cl:z.4f} | Cm {cm:z.4f}"
+    " | status {status}"
+)
+STUDIES = {"section_designs": Study([Table([{}], over_lift, FORM)], text, polar, draw)}
