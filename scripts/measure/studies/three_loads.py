@@ -40,12 +40,10 @@ from surrogate.training.plan import make_plan
 
 COUNTS = {"particle": (16, 32, 64, 128, 256), "lift": (64, 256, 1024, 4096)}
 TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's default
-# Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, those of supervised
-# regression make their steps on all bodies at once, and one matrix of gradient-enhanced kriging for
-# 4,096 sections takes 11 GB.
+# Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, and one matrix of
+# gradient-enhanced kriging for 4,096 sections takes 11 GB.
 MOST = {
     ("lift", TRUNCATED): 1024,
-    ("lift", "supervised"): 1024,
     ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 64,
