@@ -26,8 +26,8 @@ OBJECTIVES = {
     "least mean drag": (Tumbling(REYNOLDS), {"beta2": (0.0, 0.0)}),
     "fastest at 90 degrees": (Settling(ARCHIMEDES), {"incidence": (90.0, 90.0)}),
 }
-ELLIPSOIDS = {"flatness": (1.0, 1.0), "beta2": (0.0, 0.0)}  # the bodies of tiny runs
-SPHERE = ELLIPSOIDS | {"aspect": (1.0, 1.0)}
+SPHERE = {"flatness": (1.0, 1.0), "beta2": (0.0, 0.0), "aspect": (1.0, 1.0)}
+PROLATE = SPHERE | {"aspect": (1.0, 2.0)}  # the bodies of tiny runs
 
 
 def design(run: Run, objective: str) -> Row:
@@ -36,7 +36,7 @@ def design(run: Run, objective: str) -> Row:
     coarse = dataclasses.replace(net.scene.fidelity, cells=5)
     model = run.pick(Flow(dataclasses.replace(net.scene, fidelity=coarse)), net)
     designer, family = Designer(model), net.scene.family
-    narrow = within | run.pick(ELLIPSOIDS, {})
+    narrow = within | run.pick(PROLATE, {})
     found = designer.design(Problem(model.scene, asked, within=narrow))
     sphere = Designer(model).design(Problem(model.scene, asked, within=within | SPHERE))
     return {
