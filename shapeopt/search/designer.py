@@ -25,6 +25,7 @@ from shapeopt.search.evaluated import (
     best_design,
     distance,
     evaluate_design,
+    known_optima,
     starting_body,
 )
 from shapeopt.search.following import MAX_PROBLEMS, follow_all, following, not_followed
@@ -165,21 +166,6 @@ class Designer:
             problem = found
         raise not_followed()
 
-    def _known_optima(self, problem: Problem) -> list[EvaluatedDesign]:
-        """Return the bodies of the memory that are optima of a problem with one scenario."""
-        scenarios = problem.scenarios
-        if len(scenarios.weight) > 1 or bool(scenarios.relative):
-            return []
-        reynolds = float(scenarios.reynolds[0])
-        bodies = [
-            seen.parameters
-            for seen in self.memory.observations
-            if seen.reynolds == reynolds
-            and bool(satisfied(seen.parameters[None], problem.limits, -FEASIBLE)[0])
-        ]
-        known = (evaluate_design(problem, self.memory, body) for body in bodies)
-        return [one for one in known if one.kkt_residual <= KKT_TOLERANCE]
-
     def _search(
         self, problem: Problem, report: Report | None
     ) -> tuple[list[EvaluatedDesign], int, int]:
@@ -189,7 +175,8 @@ class Designer:
           NotConverged: no flow was found, or none of the last ``MAX_FAILURES`` models has an
             optimum, as where bounds on loads are out of reach.
         """
-        memory, evaluated, failed = self.memory, self._known_optima(problem), list[np.ndarray]()
+        memory, failed = self.memory, list[np.ndarray]()
+        evaluated = known_optima(problem, memory)
         calls = tightness = without = 0
         for _ in range(MAX_BODIES):
             try:

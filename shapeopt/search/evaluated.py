@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from shapeopt.problem.conflicts import candidates
+from shapeopt.problem.constraints import FEASIBLE, satisfied
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import combine, load_constraints
 from shapeopt.search.memory import Memory
@@ -63,6 +64,21 @@ def evaluate_design(
     value, of_loads = float(value), np.asarray(constraints)
     residual = kkt_residual(problem.limits, parameters, value, gradient, of_loads, by_loads)
     return EvaluatedDesign(parameters, value, gradient, residual, of_loads, by_loads)
+
+
+def known_optima(problem: Problem, memory: Memory) -> list[EvaluatedDesign]:
+    """Return the bodies of the memory that are optima of a problem, without solving any flow.
+
+    There are none where one flow does not answer it: with several scenarios, or relative drags.
+    """
+    scenarios = problem.scenarios
+    if len(scenarios.weight) > 1 or bool(scenarios.relative):
+        return []
+    at_this_re = [one for one in memory.observations if one.reynolds == scenarios.reynolds[0]]
+    bodies = [one.parameters for one in at_this_re]
+    bodies = [p for p in bodies if satisfied(p[None], problem.limits, -FEASIBLE)[0]]
+    known = (evaluate_design(problem, memory, body) for body in bodies)
+    return [one for one in known if one.kkt_residual <= KKT_TOLERANCE]
 
 
 @jax.jit

@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from shapeopt.problem.objective import Glide
 from shapeopt.problem.problem import Problem
 from shapeopt.search.designer import Designer
-from shapeopt.search.sheet import Row, optima, row_of, wall_seconds
-from surrogate.errors import NotConverged
+from shapeopt.search.sheet import Row, expect_one, optima, row_of, wall_seconds
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import Update
 
@@ -32,17 +31,15 @@ def designs_over_lift(
       ``row_of`` with the bound "lift", and the wall seconds of all.
 
     Raises:
-      InvalidInput, NotConverged: as ``optima``; NotConverged if there is no best glide ratio, or
-        no body for any of the bounds.
+      InvalidInput: as ``optima``.
+      NotConverged: there is no best glide ratio, or no body for any of the bounds.
     """
     scene = model.scene
     problems = [Problem(scene, reynolds, lift=lift, **bounds) for lift in lifts]
     problems.append(Problem(scene, Glide(reynolds), **bounds))
     found = optima(problems, model, progress)
-    for part in (found[:-1], found[-1:]):
-        lost = [one for one in part if isinstance(one, NotConverged)]
-        if len(lost) == len(part):
-            raise lost[0]
+    expect_one(found[:-1])
+    expect_one(found[-1:])
     pairs = zip(problems, found, strict=True)
     *rows, best = (row_of(problem, one) | {"lift": problem.lift} for problem, one in pairs)
     return rows, best, wall_seconds(found)

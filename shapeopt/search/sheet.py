@@ -34,24 +34,26 @@ def optima(
 
     Raises:
       InvalidInput: as ``optimise_all`` or ``Designer.design``.
-      NotConverged: no problem has an optimum.
     """
-    found: list[Design | NotConverged] = []
     if isinstance(model, Surrogate):
         try:
             return list(optimise_all(problems, model))
         except NotConverged:  # of one of them at least
-            found = [_optimum(model, problem) for problem in problems]
-    else:
-        update, flows = progress or (lambda done, state: None), 0
-        for k, problem in enumerate(problems):
-            update(k / len(problems), f"design {k + 1} of {len(problems)}, {flows} flows so far")
-            found.append(_optimum(model, problem))
-            flows += getattr(found[-1], "flows", 0)
-        update(1.0, f"{len(problems)} designs, {flows} flows")
+            return [_optimum(model, problem) for problem in problems]
+    update, before = progress or (lambda done, state: None), model.memory.flows
+    found: list[Design | NotConverged] = []
+    for k, problem in enumerate(problems):
+        flows = model.memory.flows - before
+        update(k / len(problems), f"design {k + 1} of {len(problems)}, {flows} flows so far")
+        found.append(_optimum(model, problem))
+    update(1.0, f"{len(problems)} designs, {model.memory.flows - before} flows")
+    return found
+
+
+def expect_one(found: Sequence[Design | NotConverged]) -> None:
+    """Raise the first reason unless an optimum was found."""
     if not any(isinstance(one, Design) for one in found):
         raise found[0]
-    return found
 
 
 def _optimum(model: Surrogate | Designer, problem: Problem) -> Design | NotConverged:
@@ -68,12 +70,12 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
 
     "flows" are those of this design alone, which used the flows of the designs before it.
     """
-    row: Row = {"reynolds": problem.objective.nominal, "why_not": None}
+    row: Row = dict.fromkeys(OPTIMUM) | {"reynolds": problem.objective.nominal, "why_not": None}
     if isinstance(found, NotConverged):
-        return row | dict.fromkeys(OPTIMUM) | {"why_not": str(found)}
+        return row | {"why_not": str(found)}
     family = problem.scene.family
     body = family.named(found.parameters)
-    values = {
+    return row | {
         "parameters": body,
         "chord": found.chord,
         "cd": found.drag,
@@ -85,7 +87,6 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "onset": onset_of(family_shape(body, dimension=problem.scene.dimension)),
         "at_range_ends": problem.at_range_ends(found.parameters),
     }
-    return row | {name: values[name] for name in OPTIMUM}
 
 
 def designs_over(
@@ -109,8 +110,8 @@ def designs_over(
       that of the optimum without a bound on the length, minus 1. Then the wall seconds.
 
     Raises:
-      InvalidInput, NotConverged: as ``optima``; NotConverged if at no Re there is an optimum
-        without a bound on the length.
+      InvalidInput: as ``optima``.
+      NotConverged: at no Re there is an optimum without a bound on the length.
     """
     problems = [
         Problem(model.scene, re, length, min_thickness)
@@ -118,9 +119,7 @@ def designs_over(
         for re in reynolds
     ]
     found = optima(problems, model, progress)
-    lost = [one for one in found[-len(reynolds) :] if isinstance(one, NotConverged)]
-    if len(lost) == len(reynolds):
-        raise lost[0]
+    expect_one(found[-len(reynolds) :])
     rows = [row_of(*pair) for pair in zip(problems, found, strict=True)]
     unbounded = {row["reynolds"]: row["cd"] for row in rows[-len(reynolds) :]}
     for row, problem in zip(rows, problems, strict=True):

@@ -11,7 +11,7 @@ from study import TINY, Result, Row, Run, Study, Table, cases, maps, panel, word
 from tools import SILENT, bounds_of, relative_error, solved
 
 from surrogate import FIDELITIES, Fidelity, InvalidInput, NotConverged, family_shape
-from surrogate.flow.check.error_estimate import LOAD_TOLERANCE
+from surrogate.flow.check.error_estimate import load_tolerances
 from surrogate.scene.limits import onset_of
 
 OUTCOMES = {"accurate": "#4c9f70", "degraded": "#f2b134", "not converged": "#e08e58"}
@@ -148,9 +148,8 @@ def sections_text(result: Result) -> str:
     counts = ", ".join(f"{count} of {symbol}" for symbol, count in within.items())
     lost = sum(row["outcome"] == "not converged" for row in rows)
     called = [row for row in known if row["outcome"] == "accurate"]
-    tolerance = FIDELITIES["standard"].tolerance
-    limits = {"drag": tolerance} | dict.fromkeys(("lift", "moment"), LOAD_TOLERANCE * tolerance)
-    over = sum(any(abs(row[f"{n}_error"]) > most for n, most in limits.items()) for row in called)
+    most = load_tolerances(FIDELITIES["standard"].tolerance)._asdict()
+    over = sum(any(abs(row[f"{load}_error"]) > most[load] for load in most) for row in called)
     return (
         f"Of {len(rows)} flows {lost} did not converge; of {len(known)} with an estimate the bound "
         f"covers the error of {counts}. Of {len(called)} that are called accurate {over} exceed a "

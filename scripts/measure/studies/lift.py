@@ -12,7 +12,7 @@ from study import Result, Row, Run, Study, Table, columns
 from tools import bounds_of, name_of
 
 from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
-from surrogate.flow.check.error_estimate import LOAD_TOLERANCE
+from surrogate.flow.check.error_estimate import LOAD_TOLERANCE, load_tolerances
 from surrogate.scene.samples import held_out_samples
 
 BODIES: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
@@ -178,7 +178,7 @@ def text_of_random(result: Result) -> str:
     """Return tables of every random section and of the fidelities, and a sentence on the status."""
     rows = result["rows"]
     called = [row for row in rows if row["status"] == "accurate"]
-    over = sum(max(map(abs, _errors_over_tolerance(row))) > 1 for row in called)
+    over = sum(map(_exceeds, called))
     return (
         f"{FLOWS(rows)}\n\n{_levels(rows)}\n\n"
         f"Of {len(called)} flows that are called accurate {over} exceed the tolerance of Cd or, "
@@ -186,11 +186,11 @@ def text_of_random(result: Result) -> str:
     )
 
 
-def _errors_over_tolerance(row):
-    """Return the errors of Cd, Cl and Cm over what an accurate flow may have."""
-    tolerance = FIDELITIES[row["fidelity"]].tolerance
-    loads = row["cl_error"], row["cm_error"]
-    return row["cd_error"] / tolerance, *(error / tolerance / LOAD_TOLERANCE for error in loads)
+def _exceeds(row):
+    """Return whether a load errs by more than its tolerance."""
+    tolerances = load_tolerances(FIDELITIES[row["fidelity"]].tolerance)
+    pairs = zip(LOADS, tolerances, strict=True)
+    return any(abs(row[f"{load}_error"]) > most for load, most in pairs)
 
 
 def _levels(rows):

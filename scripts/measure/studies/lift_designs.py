@@ -39,12 +39,13 @@ def one_at_a_time(run: Run, query: int, strategy: str) -> Row:
     """Return the design of a query by a strategy that forgets its flows afterwards."""
     problem = _queries(run)[query]
 
-    def led():
-        return Designer(Flow(problem.scene) if run.tiny else load(NAME)).design(problem)
+    def led(one):
+        return [Designer(Flow(one.scene) if run.tiny else load(NAME)).design(one)]
 
-    if strategy == LED:
-        return _answer(problem, lambda: [led()])
-    return _answer(problem, lambda: directly_as_good(problem, led().objective, query))
+    def direct(one):
+        return directly_as_good(one, led(one)[0].objective, query)
+
+    return _answer(problem, led if strategy == LED else direct)
 
 
 def directly_as_good(problem: Problem, target: float, seed: int) -> list[Design]:
@@ -78,16 +79,16 @@ def in_a_row(run: Run, strategy: str) -> list[Row]:
     designer = Designer(Flow(_scene(run)))
     for k, problem in enumerate(queries):
         run.progress(k / len(queries), f"query {k + 1} of {len(queries)}")
-        rows.append(_answer(problem, lambda: [designer.design(problem)]) | {"query": k})  # noqa: B023
+        rows.append(_answer(problem, lambda one: [designer.design(one)]) | {"query": k})
     return rows
 
 
-def _answer(problem: Problem, solve: Callable[[], list[Design]]) -> Row:
+def _answer(problem: Problem, solve: Callable[[Problem], list[Design]]) -> Row:
     """Return the best of the designs found for a problem, with the work of all."""
     row = {"asked": _asked(problem), "reynolds": problem.objective.nominal, "problem": None}
     row |= {"max_length": problem.max_length, "min_thickness": problem.min_thickness}
     try:
-        designs = solve()
+        designs = solve(problem)
     except NotConverged as reason:
         return row | {"problem": str(reason)}
     best = min(designs, key=lambda design: design.objective)

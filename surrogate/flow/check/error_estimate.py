@@ -232,8 +232,9 @@ def estimate_error(
     known = expected.drag, bounds[0], *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:
         return ErrorEstimate("degraded", *known, None, limit, TALL)
-    of_loads = LOAD_TOLERANCE * fidelity.tolerance if lifting else math.inf
-    tolerances = Loads(fidelity.tolerance, of_loads, of_loads)
+    tolerances = load_tolerances(fidelity.tolerance)
+    if not lifting:
+        tolerances = tolerances._replace(lift=math.inf, moment=math.inf)
     if not (cause := _excess(expected, tolerances)):
         return ErrorEstimate("accurate", *known, None, limit)
 
@@ -249,6 +250,11 @@ def estimate_error(
     levels = NAMED[dimension].values()
     enough = (level.name for level in levels if not _excess(expected_at(level), tolerances))
     return ErrorEstimate("degraded", *known, next(enough, None), limit, cause)
+
+
+def load_tolerances(tolerance: float) -> Loads:
+    """Return the tolerances of the errors of Cd, Cl and Cm over Cd by that of the drag."""
+    return Loads(tolerance, LOAD_TOLERANCE * tolerance, LOAD_TOLERANCE * tolerance)
 
 
 def _excess(expected, tolerances):
