@@ -11,6 +11,7 @@ from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Loads
 from study import Result, Row, Run, Study, Table, cases, columns, values
 from tools import mean_and_most
 
+from shapeopt import Tumbling
 from shapeopt.render.figures import INK, STYLE, plt, save_figure
 from shapeopt.render.polar import LABELS
 from surrogate import Flow, load
@@ -25,9 +26,7 @@ KINDS = {  # what is drawn of each: prolate spheroids, oblate ones, flattened el
 LOADS = ("cd", "cl", "cm")
 POLARS = cases(aspect=(2.5, 0.5), incidence=range(0, 91, 15))  # a prolate and an oblate spheroid
 POLAR_REYNOLDS = 20.0
-# Spheroids over random orientations: Gauss's rule over the cosine of the incidence.
 ORIENTED = cases(aspect=(0.5, 0.75, 1.6, 2.5, 3.8), reynolds=(1.0, 10.0, 80.0))
-ANGLES = 4
 ALIGNED = 5.0  # degrees from 0 and 90, within which lift and moment are too small to compare with
 LINES = (
     "-",
@@ -94,14 +93,13 @@ def polar(run: Run, aspect: float, incidence: float) -> Row:
 
 def oriented(run: Run, aspect: float, reynolds: float) -> Row:
     """Return a spheroid's mean Cd over random orientations by flow, surrogate and correlation."""
-    net, (points, weights) = load(SURROGATE), np.polynomial.legendre.leggauss(ANGLES)
-    angles = np.degrees(np.arccos((points + 1) / 2))
-    given = [{"aspect": aspect, "incidence": angle} for angle in angles.tolist()]
-    bodies = [net.scene.family.parameters(one) for one in given]
+    net = load(SURROGATE)
+    cases = Tumbling(reynolds).scenarios(net.scene)
+    bodies = net.scene.family.parameters({"aspect": aspect, "incidence": 45.0}) + cases.shift
     found = {}
     for name, model in (("flow", _flow(run.tiny)), ("surrogate", net)):
         drags = [np.asarray(model.loads(body, reynolds))[0] for body in bodies]
-        found[name] = float(np.dot(weights / 2, drags))
+        found[name] = float(cases.weight @ drags)
     answer = bagheri_bonadonna(ellipsoid(aspect), reynolds)
     return {
         "cd": found["flow"],
