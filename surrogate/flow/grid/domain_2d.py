@@ -18,7 +18,7 @@ from surrogate.flow.grid.domain import SPLINE_CELLS, Domain, box_around
 from surrogate.flow.grid.immersed import Spreading, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
-from surrogate.flow.grid.oseen_2d import Kernel, SymmetricKernel, oseen_kernel
+from surrogate.flow.grid.oseen_2d import Kernel, oseen_kernel
 from surrogate.flow.grid.wall_2d import wall_2d
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import Scene
@@ -136,11 +136,6 @@ class Domain2D(Domain):
         return cls(lattice, far, modes, box, nodes, height, far_order=order)
 
     @property
-    def mirrored(self) -> bool:
-        """Whether G must carry the images of the body in the tunnel's walls explicitly."""
-        return self.height is not None and not self.modes.symmetric
-
-    @property
     def operators_are_small(self) -> bool:
         """Whether the operators of all samples can be stored: true for symmetric bodies."""
         return self.modes.symmetric
@@ -152,9 +147,9 @@ class Domain2D(Domain):
 
     def green_function(
         self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
-    ) -> Kernel | SymmetricKernel:
+    ) -> Kernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
-        return oseen_kernel(lattice, reynolds, self.height, self.mirrored, dtype)
+        return oseen_kernel(lattice, reynolds, self.height, dtype)
 
     def spread_body(
         self, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float

@@ -17,62 +17,84 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Complex, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.grid.lattice import Lattice, mirror_image
+from surrogate.flow.grid.lattice import Lattice
+from surrogate.flow.grid.waves import halves, joined, one_part, wave_numbers, waves_across
 
 
 class Kernel(eqx.Module):
-    """The Green's function G as a zero-padded spectrum, ready to convolve with a force density."""
+    """The Green's function G, as a spectrum between cosines and sines about a lattice's middle.
 
-    direct: Complex[Array, "2 2 kx ky"]
-    mirror: Complex[Array, "2 2 kx ky"] | None
+    Across the stream, even components of fields are transformed to cosines and odd ones to sines,
+    by small matrices. Forces with a mirror plane need the upper half of the lattice; others are
+    split into a part that is its own mirror image and one that is minus its mirror image. Wave
+    numbers across come first, so that the Fourier transforms run along the last axis.
 
-    def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[AnyArray, "2 nx ny"]:
+    Attributes:
+      spectra: for the two parts; one in an unbounded stream, where it serves both, and for forces
+        with a mirror plane, which have no second part.
+      folded: whether the lattice is the half above a mirror plane.
+    """
+
+    spectra: Complex[Array, "parts 2 2 ky kx"]
+    folded: bool = eqx.field(static=True)
+
+    def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
-        shape = force.shape[1:]
-        padded = (2 * shape[0], 2 * shape[1])
-        spectrum = _multiply(self.direct, jnp.fft.rfft2(force, s=padded))
-        if self.mirror is not None:
-            spectrum += _multiply(self.mirror, jnp.fft.rfft2(mirror_image(force, 1), s=padded))
-        return jnp.fft.irfft2(spectrum, s=padded)[:, : shape[0], : shape[1]]
+        if self.folded:
+            return self._of_part(force, 0)
+        parts = _stacked(halves(tuple(force), axis=1))
+        found = jnp.stack([self._of_part(parts[:, odd], odd) for odd in (0, 1)], axis=1)
+        return jnp.stack(joined(_components(found), axis=1))
 
     def of_parity(
         self, force: Float[AnyArray, "2 nx ny"], odd: Int[AnyArray, ""]
     ) -> Float[AnyArray, "2 nx ny"]:
-        """Return the velocity due to a force with a symmetry, at the cost of any other."""
-        return self(force)
+        """Return the velocity due to a force that is its own mirror image, or minus it (``odd`` 1).
 
+        The lattice is not folded. This takes half of the time.
+        """
+        part = _stacked(halves(tuple(force), axis=1))[:, odd]
+        found = one_part(_components(self._of_part(part, odd)), odd)
+        return jnp.stack(joined(found, axis=1))
 
-class SymmetricKernel(eqx.Module):
-    """The Green's function G on an upper half plane, where u is even across the stream and v odd.
-
-    Across, u is transformed to cosines and v to sines, by small matrices. In these wave numbers psi
-    an even u and an odd v have real spectra, so half the rows and half the complex numbers suffice.
-    Wave numbers across come first, so that the Fourier transforms run along the last axis.
-    """
-
-    spectrum: Complex[Array, "2 2 ky kx"]
-
-    def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
-        """Return the velocity on faces due to a force density on faces: one convolution with G."""
-        nx, ny = force.shape[1:]
-        forward, backward = (m.astype(force.dtype) for m in _cosines_and_sines(ny))
+    def _of_part(self, force, odd):
+        """Convolve the upper half of a force that has one of the two symmetries."""
+        nx, rows = force.shape[1:]
+        transforms = _transforms(rows, self.folded)
+        forward, backward = (jnp.asarray(each, force.dtype)[odd] for each in transforms)
+        spectrum = self.spectra[odd if len(self.spectra) == 2 else 0]
         lateral = jnp.einsum("cjk,cxj->ckx", forward, force)
-        spectrum = _multiply(self.spectrum, jnp.fft.rfft(lateral, n=2 * nx))
-        lateral = jnp.fft.irfft(spectrum, n=2 * nx)[..., :nx]
+        lateral = _multiply(spectrum, jnp.fft.rfft(lateral, n=2 * nx))
+        lateral = jnp.fft.irfft(lateral, n=2 * nx)[..., :nx]
         return jnp.einsum("ckx,ckj->cxj", lateral, backward)
 
 
-def _cosines_and_sines(ny):
-    """Return the transforms of ny upper rows, padded so that nothing wraps around, and back."""
-    psi = _padded_waves(ny)
-    row = np.arange(ny)[:, None]
-    forward = np.stack([np.cos(psi * (row + 0.5)), np.sin(psi * (row + 1))])
-    weight = np.where(psi == 0, 1.0, 2.0) / (2 * ny)
-    return forward, (forward * weight).transpose(0, 2, 1)
+@functools.cache
+def _transforms(rows, folded):
+    """Return the matrices to cosines and sines across and back, of both parts and components.
+
+    The second component has one row more than the first if the lattice is not folded: that on the
+    mirror plane. In its odd part it has the opposite sign, by which one spectrum serves both parts.
+    """
+    kinds = []
+    for parity in (1, -1):
+        waves = waves_across(rows if folded else rows - 1, parity, plane=not folded)
+        missing = rows - len(waves.centred[0])
+        forward = np.pad(waves.centred[0], ((0, missing), (0, 0))), parity * waves.faces[0]
+        backward = np.pad(waves.centred[1], ((0, 0), (0, missing))), parity * waves.faces[1]
+        kinds.append((np.stack(forward), np.stack(backward)))
+    return tuple(map(np.stack, zip(*kinds, strict=True)))
 
 
-def _padded_waves(ny):
-    return np.pi * np.arange(2 * ny + 1) / (2 * ny)
+def _stacked(field):
+    """Stack the components of a field's halves, the first with a row of zeros at the end."""
+    u, v = field
+    return jnp.stack([jnp.pad(u, ((0, 0), (0, 0), (0, 1))), v])
+
+
+def _components(field):
+    """Return the components, the first without its additional row."""
+    return field[0][..., :-1], field[1]
 
 
 def _multiply(kernel, spectrum):
@@ -88,38 +110,37 @@ def oseen_kernel(
     lattice: Lattice,
     reynolds: Float[AnyArray, ""],
     height: float | None,
-    mirrored: bool = False,
     dtype: DTypeLike = jnp.float64,
-) -> Kernel | SymmetricKernel:
+) -> Kernel:
     """Return the Green's function of the Oseen operator on a lattice.
 
     Args:
-      lattice: the grid; a folded one gets a kernel for its upper half.
+      lattice: the grid; a folded one is the upper half of the stream.
       reynolds: U D / nu.
-      height: tunnel height in D, a whole number of cells; None for an unbounded stream.
-      mirrored: the tunnel has slip walls and the source need not be symmetric about its centre
-        line; then the kernel has period 2 H and carries the mirror image explicitly.
+      height: of a tunnel with slip walls in D, a whole, even number of cells; None for an unbounded
+        stream.
       dtype: of the velocities that the kernel returns for forces of the same dtype.
     """
-    ny = lattice.shape[1]
-    if lattice.folded:
-        waves = _unbounded_waves(4 * ny) if height is None else _tunnel_waves(lattice.rows(height))
-        return SymmetricKernel(_half_spectrum(lattice, reynolds, *waves, dtype))
-    rows = np.arange(-ny, ny)
+    cells = lattice.unfolded.shape[1] // 2
     if height is None:
-        waves = _unbounded_waves(2 * ny)
-        return Kernel(_spectrum(lattice, reynolds, *waves, rows, None, dtype), None)
-    period = lattice.rows(height) * (2 if mirrored else 1)
-    waves = _tunnel_waves(period)
-    images = (rows, rows - period // 2) if mirrored else (rows,)
-    spectra = [_spectrum(lattice, reynolds, *waves, rows, 1 / period, dtype) for rows in images]
-    return Kernel(*spectra) if mirrored else Kernel(*spectra, None)
+        waves = [_unbounded_waves(4 * cells)]
+    else:
+        waves = _tunnel_waves(lattice.rows(height))[: 1 if lattice.folded else 2]
+    spectra = [_spectrum(lattice, reynolds, cells, *pair, dtype) for pair in waves]
+    return Kernel(jnp.stack(spectra), bool(lattice.folded))
 
 
 def _tunnel_waves(period):
-    """Return the wave numbers of a period, negative ones folded, and their weights."""
+    """Return the wave numbers across a tunnel and their weights, for both parts of a force.
+
+    With its images in the walls a force that is its own mirror image is periodic, and one that is
+    minus its mirror image changes its sign after each period. The mean across of the first vanishes
+    as mass is conserved.
+    """
     index = np.arange(1, period // 2 + 1)
-    return 2 * np.pi * index / period, np.where(2 * index == period, 1.0, 2.0) / period
+    even = np.where(2 * index == period, 1.0, 2.0) / period
+    odd = np.full(period // 2, 2.0 / period)
+    return (2 * np.pi * index / period, even), (2 * np.pi * (index - 0.5) / period, odd)
 
 
 @functools.cache
@@ -138,27 +159,14 @@ def _unbounded_waves(rows, nodes=12, panels=13, ratio=4.0):
     return np.concatenate(theta), np.concatenate(weight)
 
 
-def _spectrum(lattice, reynolds, theta, weight, rows, mean_weight, dtype):
-    """Return the FFT of the kernel on displacements n in [-nx, nx) and the given ``rows``.
+def _spectrum(lattice, reynolds, cells, theta, weight, dtype):
+    """Return G between cosines and sines across, from a sum over wave numbers theta.
 
-    ``mean_weight`` is the weight of theta = 0 (a tunnel's mean flow), None where it has none.
+    The lattice has ``cells`` rows on either side of its middle.
     """
-    xx, xy, yx, yy = _columns(lattice, reynolds, theta, dtype)
-    even = (np.cos(np.outer(theta, rows)) * weight[:, None]).astype(dtype)
-    odd_xy = (np.sin(np.outer(theta, rows - 0.5)) * weight[:, None]).astype(dtype)
-    odd_yx = (np.sin(np.outer(theta, rows + 0.5)) * weight[:, None]).astype(dtype)
-    gyy = yy @ even
-    if mean_weight is not None:
-        gyy += (mean_weight * _mean_column(lattice, reynolds)[:, None]).astype(dtype)
-    kernel = jnp.stack([jnp.stack([xx @ even, xy @ odd_xy]), jnp.stack([yx @ odd_yx, gyy])])
-    return jnp.fft.rfft2(jnp.fft.ifftshift(kernel, axes=(-2, -1)))
-
-
-def _half_spectrum(lattice, reynolds, theta, weight, dtype):
-    """Return the kernel between cosines and sines of the padded wave numbers psi across."""
-    ny = lattice.shape[1]
-    psi = _padded_waves(ny)
-    whole, half = np.arange(-2 * ny, 2 * ny), np.arange(-2 * ny, 2 * ny) + 0.5
+    psi = wave_numbers(cells)
+    whole = np.arange(-2 * cells, 2 * cells + 1)
+    half = whole[:-1] + 0.5
     even = np.cos(np.outer(theta, whole)) * weight[:, None] @ np.cos(np.outer(whole, psi))
     odd = np.sin(np.outer(theta, half)) * weight[:, None] @ np.sin(np.outer(half, psi))
     even, odd = even.astype(dtype), odd.astype(dtype)
@@ -227,10 +235,3 @@ def _powers(base, exponent):
 def _both_ways(upstream, downstream):
     """Join values at distances 0, 1, ... upstream and downstream to one sequence, -M to M - 1."""
     return jnp.concatenate([upstream[:0:-1], downstream[:-1]])
-
-
-def _mean_column(lattice, reynolds):
-    """Return g at theta = 0, the mean lateral velocity of a tunnel; mass forbids a mean of u'."""
-    n = np.arange(-lattice.shape[0], lattice.shape[0])
-    P = lattice.step[0] * reynolds
-    return lattice.step[0] * jnp.where(n >= 0, 1.0, jnp.power((2 - P) / (2 + P), np.abs(n)))

@@ -24,7 +24,14 @@ from scipy.special import ive
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen_2d import sequences
-from surrogate.flow.grid.waves_3d import contract, halves, joined, wave_numbers, waves_across
+from surrogate.flow.grid.waves import (
+    contract,
+    halves,
+    joined,
+    one_part,
+    wave_numbers,
+    waves_across,
+)
 
 # Times t of the exponentials and points beta of their fit, from the far field of the largest
 # lattice to the shortest waves: G to 1e-10 of its largest value (study ``constants``).
@@ -84,8 +91,7 @@ class SpaceKernel(eqx.Module):
         if odd is None or axis == 1:
             return joined(jax.lax.map(convolution, every), axis)
         found = convolution(jax.tree.map(lambda leaf: leaf[odd], every))
-        parts = jax.tree.map(lambda leaf: jnp.stack([(1 - odd) * leaf, odd * leaf]), found)
-        return joined(parts, axis)
+        return joined(one_part(found, odd), axis)
 
     def _convolution(self, force, waves):
         """Convolve the upper part of a force, which these waves across have the symmetries of."""

@@ -1,4 +1,4 @@
-"""Cosines and sines across the stream, about the middle of a lattice, in 3-D.
+"""Cosines and sines across the stream, about the middle of a lattice.
 
 Fields that are their own mirror image, or minus it, are known by their upper half. Others are
 split into two such parts.
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from surrogate.arrays import AnyArray
 
@@ -39,6 +39,11 @@ def halves(field: Field, axis: int) -> Field:
             image = jnp.concatenate([plane, image, zero], axis)
         parts.append(jnp.stack([upper + image, upper - image]) / 2)
     return tuple(parts)
+
+
+def one_part(part: Field, odd: Int[AnyArray, ""]) -> Field:
+    """Return the two parts of a field that has one of the two symmetries, given its upper half."""
+    return tuple(jnp.stack([(1 - odd) * leaf, odd * leaf]) for leaf in part)
 
 
 def joined(parts: Field, axis: int) -> Field:
