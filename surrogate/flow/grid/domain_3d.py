@@ -29,6 +29,7 @@ FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, a
 MAX_CELLS = 4_000_000  # of the part that is gridded, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
 ORDERS = 3  # highest order of the modes of bodies at incidence
+MODES_AT_ONCE = 100_000  # numbers in the velocities that are computed at once
 FAR_COMBINATIONS = 6  # of those modes, see ``CompressedResponse``
 ROUNDING = 0.5  # D, to multiples of which the extent of a fitted body is rounded up
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
@@ -124,5 +125,6 @@ class Domain3D(Domain):
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
     ) -> Float[Array, "rows axes ..."]:
-        """Apply a function to the rows of mode amplitudes one after another, to save memory."""
-        return jax.lax.map(function, amplitudes)  # all at once would take gigabytes
+        """Apply a function to the rows of mode amplitudes, few at once, to save memory."""
+        one = jax.eval_shape(function, amplitudes[0])  # all at once would take gigabytes
+        return jax.lax.map(function, amplitudes, batch_size=max(1, MODES_AT_ONCE // one.size))

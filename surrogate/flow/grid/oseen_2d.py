@@ -18,7 +18,7 @@ from jaxtyping import Array, Complex, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.grid.waves import halves, joined, one_part, wave_numbers, waves_across
+from surrogate.flow.grid.waves import half, joined, joined_part, wave_numbers, waves_across
 
 
 class Kernel(eqx.Module):
@@ -42,9 +42,8 @@ class Kernel(eqx.Module):
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
         if self.folded:
             return self._of_part(force, 0)
-        parts = _stacked(halves(tuple(force), axis=1))
-        found = jnp.stack([self._of_part(parts[:, odd], odd) for odd in (0, 1)], axis=1)
-        return jnp.stack(joined(_components(found), axis=1))
+        found = [self._of_part(_stacked(half(tuple(force), 1, odd)), odd) for odd in (0, 1)]
+        return jnp.stack(joined(_components(jnp.stack(found, axis=1)), axis=1))
 
     def of_parity(
         self, force: Float[AnyArray, "2 nx ny"], odd: Int[AnyArray, ""]
@@ -53,9 +52,8 @@ class Kernel(eqx.Module):
 
         The lattice is not folded. This takes half of the time.
         """
-        part = _stacked(halves(tuple(force), axis=1))[:, odd]
-        found = one_part(_components(self._of_part(part, odd)), odd)
-        return jnp.stack(joined(found, axis=1))
+        found = self._of_part(_stacked(half(tuple(force), 1, odd)), odd)
+        return jnp.stack(joined_part(_components(found), 1, odd))
 
     def _of_part(self, force, odd):
         """Convolve the upper half of a force that has one of the two symmetries."""
@@ -87,9 +85,9 @@ def _transforms(rows, folded):
 
 
 def _stacked(field):
-    """Stack the components of a field's halves, the first with a row of zeros at the end."""
+    """Stack the components of the upper half of a field, the first with zeros in its last row."""
     u, v = field
-    return jnp.stack([jnp.pad(u, ((0, 0), (0, 0), (0, 1))), v])
+    return jnp.stack([jnp.pad(u, ((0, 0), (0, 1))), v])
 
 
 def _components(field):

@@ -26,9 +26,10 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.oseen_2d import sequences
 from surrogate.flow.grid.waves import (
     contract,
+    half,
     halves,
     joined,
-    one_part,
+    joined_part,
     wave_numbers,
     waves_across,
 )
@@ -87,11 +88,10 @@ class SpaceKernel(eqx.Module):
         def convolution(part):
             return self._split_convolution(part[0], (*waves, part[1]), odd)
 
-        every = halves(force, axis), both
         if odd is None or axis == 1:
-            return joined(jax.lax.map(convolution, every), axis)
-        found = convolution(jax.tree.map(lambda leaf: leaf[odd], every))
-        return joined(one_part(found, odd), axis)
+            return joined(jax.lax.map(convolution, (halves(force, axis), both)), axis)
+        found = convolution((half(force, axis, odd), jax.tree.map(lambda leaf: leaf[odd], both)))
+        return joined_part(found, axis, odd)
 
     def _convolution(self, force, waves):
         """Convolve the upper part of a force, which these waves across have the symmetries of."""

@@ -20,41 +20,50 @@ Field = tuple[Float[AnyArray, "..."], ...]  # a component each, on its own faces
 def halves(field: Field, axis: int) -> Field:
     """Return the upper halves of a field's even and odd part under mirroring, stacked.
 
-    The even part is its own mirror image, the odd part minus its mirror image. The component along
-    the axis lies on faces: on the mirror plane, where the even part vanishes, and at multiples of
-    the step on both sides, one more above it.
-
     Args:
       field: a component along each axis.
       axis: that is mirrored.
     """
-    parts = []
+    return tuple(map(jnp.stack, zip(*(half(field, axis, odd) for odd in (0, 1)), strict=True)))
+
+
+def half(field: Field, axis: int, odd: int | Int[AnyArray, ""]) -> Field:
+    """Return the upper half of a field's even part under mirroring, or of its odd part (``odd`` 1).
+
+    The even part is its own mirror image, the odd part minus its mirror image. The component along
+    the axis lies on faces: on the mirror plane, where the even part vanishes, and at multiples of
+    the step on both sides, one more above it.
+    """
+    found, sign = [], 1 - 2 * odd
     for own, part in enumerate(field):
         lower, upper = jnp.split(part, [part.shape[axis] // 2], axis)
         image = jnp.flip(lower, axis)
         if own == axis:
             plane, image = jnp.split(-image, [1], axis)
-            zero = jnp.zeros_like(plane)
             upper = jnp.concatenate([-plane, upper], axis)
-            image = jnp.concatenate([plane, image, zero], axis)
-        parts.append(jnp.stack([upper + image, upper - image]) / 2)
-    return tuple(parts)
-
-
-def one_part(part: Field, odd: Int[AnyArray, ""]) -> Field:
-    """Return the two parts of a field that has one of the two symmetries, given its upper half."""
-    return tuple(jnp.stack([(1 - odd) * leaf, odd * leaf]) for leaf in part)
+            image = jnp.concatenate([plane, image, jnp.zeros_like(plane)], axis)
+        found.append((upper + sign * image) / 2)
+    return tuple(found)
 
 
 def joined(parts: Field, axis: int) -> Field:
     """Return the whole of a field, whose upper halves ``halves`` would return."""
-    whole = []
-    for own, (even, odd) in enumerate(parts):
-        upper, image = even + odd, even - odd
-        if own == axis:  # the plane is in the upper half, the outermost face has no image
-            image = -jax.lax.slice_in_dim(image, 1, image.shape[axis] - 1, axis=axis)
-        whole.append(jnp.concatenate([jnp.flip(image, axis), upper], axis))
-    return tuple(whole)
+    return tuple(
+        _whole(even + odd, even - odd, axis, own == axis) for own, (even, odd) in enumerate(parts)
+    )
+
+
+def joined_part(part: Field, axis: int, odd: Int[AnyArray, ""]) -> Field:
+    """Return the whole of a field that has one of the two symmetries, as ``half`` numbers them."""
+    sign = 1 - 2 * odd
+    return tuple(_whole(upper, sign * upper, axis, own == axis) for own, upper in enumerate(part))
+
+
+def _whole(upper, image, axis, on_faces):
+    """Join the upper half of a component and the mirror image of its lower half."""
+    if on_faces:  # the plane is in the upper half, the outermost face has no image
+        image = -jax.lax.slice_in_dim(image, 1, image.shape[axis] - 1, axis=axis)
+    return jnp.concatenate([jnp.flip(image, axis), upper], axis)
 
 
 class Waves(NamedTuple):
