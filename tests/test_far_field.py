@@ -23,18 +23,11 @@ def domain(symmetric=False):
     return dataclasses.replace(whole, far=(coarse,), far_order=3)
 
 
-@pytest.fixture
-def double(monkeypatch):
-    """Compute the far field in double precision."""
-    monkeypatch.setattr(far, "PRECISION", jnp.float64)
-
-
 def velocity(domain, force, reynolds=10.0):
     response = far.far_response(domain, jnp.asarray(reynolds))
     return far.far_velocity(response, force, far.far_powers(domain))
 
 
-@pytest.mark.usefixtures("double")
 @pytest.mark.parametrize("force", [FORCE, FORCE * jnp.array([1.0, 0.0]), FORCE[::-1]])
 def test_exact_series_is_the_flux_of_its_first_two_terms(force):
     """Its flux is that of u_1 + u_2 less that of u_2 alone, which is of fourth order."""
@@ -62,17 +55,6 @@ def test_exact_series_is_the_flux_of_its_first_two_terms(force):
     assert float(jnp.abs(velocity(quadratic, force) - expected).max()) > 0.01 * size
 
 
-@pytest.mark.parametrize("symmetric", [True, False])
-def test_single_precision_is_enough(request, symmetric):
-    found = velocity(domain(symmetric), FORCE)
-    request.getfixturevalue("double")
-    expected = velocity(domain(symmetric), FORCE)
-    assert found.dtype == expected.dtype == float
-    size = float(jnp.abs(expected).max())
-    assert 0 < float(jnp.abs(found - expected).max()) < 1e-5 * size
-
-
-@pytest.mark.usefixtures("double")
 def test_symmetric_domains_have_the_terms_of_the_drag_alone():
     """On the upper half, and as the upper half of the whole."""
     half, whole = domain(symmetric=True), domain()

@@ -126,5 +126,5 @@ class Domain3D(Domain):
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
     ) -> Float[Array, "rows axes ..."]:
         """Apply a function to the rows of mode amplitudes, few at once, to save memory."""
-        one = jax.eval_shape(function, amplitudes[0])  # all at once would take gigabytes
-        return jax.lax.map(function, amplitudes, batch_size=max(1, MODES_AT_ONCE // one.size))
+        size = jax.eval_shape(function, amplitudes[0]).size  # all at once would take gigabytes
+        return jax.lax.map(function, amplitudes, batch_size=MODES_AT_ONCE // size or None)

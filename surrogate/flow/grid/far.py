@@ -28,9 +28,6 @@ from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.lattice import Lattice
 
 BLENDING_CELLS = 6  # width of a coarse lattice's blending function, in its cells
-# The precision of the coarse lattices. Single precision changes Cd by less than 1e-6 (study
-# ``precision``).
-PRECISION = jnp.float32
 
 # Drags and lifts: a homogeneous polynomial of order n is known from its values at the first n + 1.
 FORCES = ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0))
@@ -57,9 +54,7 @@ def far_response(
     for level, coarse in enumerate(domain.far):
         inner = inside.profile(coarse.faces(), band)
         order = domain.far_order if level == 0 else 2
-        with jax.default_matmul_precision("highest"):  # GPUs would round to 10 bits
-            ring = _ring(domain, coarse, inner, reynolds, order)
-        for powers, field in zip(*ring, strict=True):
+        for powers, field in zip(*_ring(domain, coarse, inner, reynolds, order), strict=True):
             total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
     if domain.modes.lift_index is not None:  # exactly, which rounding has spoilt
@@ -92,9 +87,8 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
     of second order is q(u_1), and that of third (q(u_1 + u_2) - q(u_1 - u_2)) / 2.
     """
     axes = _force_axes(domain)
-    green = domain.green_function(coarse, reynolds, PRECISION)
+    green = domain.green_function(coarse, reynolds)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
-    inner, outer = inner.astype(PRECISION), outer.astype(PRECISION)
     refine = refinement(domain.lattice, coarse)
 
     def fluxes(velocity):
@@ -103,7 +97,7 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
         return whole, whole - inside
 
     forces = [_unit_force(coarse, axis, domain.FORCE_UNIT) for axis in axes]
-    forces = Polynomial(_powers(len(axes), 1), jnp.stack(forces).astype(PRECISION))
+    forces = Polynomial(_powers(len(axes), 1), jnp.stack(forces))
     first = _convolved(green, forces)
     found = jax.lax.map(fluxes, _values(first, 2))
     flux, outside = (_polynomial(values, len(axes), 2) for values in found)
@@ -133,14 +127,14 @@ def _convolved(green, polynomial, then=lambda velocity: velocity) -> Polynomial:
 
 def _values(polynomial, order):
     """Return the values of a polynomial at the forces that determine one of this order."""
-    weights = _monomials(polynomial.powers, order).astype(polynomial.fields.dtype)
+    weights = _monomials(polynomial.powers, order)
     return jnp.tensordot(weights, polynomial.fields, axes=1)
 
 
 def _polynomial(values, forces, order) -> Polynomial:
     """Return the homogeneous polynomial of this order in the forces that has these values."""
     powers = _powers(forces, order)
-    weights = np.linalg.inv(_monomials(powers, order)).astype(values.dtype)
+    weights = np.linalg.inv(_monomials(powers, order))
     return Polynomial(powers, jnp.tensordot(weights, values, axes=1))
 
 
