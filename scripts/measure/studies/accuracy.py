@@ -4,7 +4,9 @@ import contextlib
 import functools
 import sys
 import tempfile
+from unittest import mock
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +16,9 @@ from tools import medians, solved
 from shapeopt.commands.march_flow import main as march
 from surrogate import FIDELITIES, Fidelity, Flow, Scene, Unbounded, family_shape, load
 from surrogate.arrays import single
+from surrogate.flow.grid import far
 from surrogate.flow.grid.discretise import fitted_domain
+from surrogate.flow.grid.domain_3d import Domain3D
 from surrogate.flow.solver import steady
 from surrogate.scene.samples import Samples, held_out_samples
 from surrogate.training.plan import METHODS
@@ -143,6 +147,22 @@ def single_precision(run: Run, aspect: float, incidence: float, reynolds: float)
     }
 
 
+def far_precision(run: Run, aspect: float, incidence: float, reynolds: float) -> Row:
+    """Return the change of a 3-D body's forces over its drag by a far field in double precision."""
+    shape = family_shape({"aspect": aspect, "incidence": incidence}, dimension=3)
+    domain = fitted_domain(Unbounded(), run.fidelity("draft", 3), shape, reynolds)
+    re = jnp.asarray(reynolds)
+    operators = jax.jit(lambda: steady.assemble(domain, shape.markers(domain.nodes), re))()
+    with mock.patch.object(Domain3D, "FAR_PRECISION", jnp.float64):
+        response = far.far_response(domain, re)
+    solve = jax.jit(lambda operators: steady.body_flow(domain, operators))
+    both = operators, eqx.tree_at(lambda operators: operators.far, operators, response)
+    found = [solve(each) for each in both]
+    forces = np.array([domain.forces(state.amplitude) for state, _ in found])
+    change = np.abs(forces[1] - forces[0]).max() / -forces[0, 0]
+    return {"change": float(change) if all(info.converged for _, info in found) else None}
+
+
 def marched(run: Run, reynolds: float) -> Row:
     """March the cylinder in time by the command ``march_flow.py``, and return its result."""
     few = run.pick(["--time", "5", "--height", "6"], [])
@@ -175,6 +195,11 @@ PRECISION = columns(
     " | float32 {single} G | difference of Cd, Cl {difference:.0e}"
     " | time, float32 over float64 {time_ratio:.2f}"
 )
+FAR_PRECISION = columns(
+    "aspect, in 3-D {aspect:g} | incidence {incidence:g} | Re {reynolds:g}"
+    " | difference of Cd, Cl by the far field's precision {change:.0e}"
+)
+SPHEROIDS = cases(aspect=[0.6, 2.0], incidence=[0.0, 30.0], reynolds=[0.001, 1.0, 40.0])
 ELLIPSES = [
     *cases(aspect=[1.0], incidence=[0.0], reynolds=[1.0, 1e-3, 0.1, 10.0, 40.0, 100.0, 300.0]),
     *cases(aspect=[0.5, 5.0], incidence=[0.0], reynolds=[40.0]),
@@ -184,6 +209,11 @@ ELLIPSES = [
 STUDIES = {
     "flow": Study([Table(flows, flow_error, FLOW, tiny="all")]),
     "gradients": Study([Table(SOURCES, gradient_error, GRADIENTS, tiny="all")]),
-    "precision": Study([Table(ELLIPSES, single_precision, PRECISION)]),
+    "precision": Study(
+        [
+            Table(ELLIPSES, single_precision, PRECISION),
+            Table(SPHEROIDS, far_precision, FAR_PRECISION, key="far"),
+        ]
+    ),
     "march": Study([Table(cases(reynolds=[20.0, 100.0]), marched)], march_text),
 }

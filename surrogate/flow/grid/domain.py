@@ -51,6 +51,7 @@ class Domain(abc.ABC):
 
     MIN_THICKNESS: ClassVar[float]  # cells across the mean thickness of a body
     CLEARANCE: ClassVar[tuple[float, float]]  # D from a fitted body to the domain's edges
+    FAR_PRECISION: ClassVar[DTypeLike]  # of the coarse lattices of the far field
     FORCE_UNIT: ClassVar[float]  # force, over rho U^2 D^(d-1), of a unit amplitude of mode 0
 
     @classmethod

@@ -51,6 +51,7 @@ class Domain2D(Domain):
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
+    FAR_PRECISION = jnp.float64  # takes no longer than single precision
     FORCE_UNIT = 1.0
 
     @classmethod

@@ -46,6 +46,7 @@ class Domain3D(Domain):
 
     MIN_THICKNESS = 2.0
     CLEARANCE = (1.0, 0.5)
+    FAR_PRECISION = jnp.float32  # changes forces by some 1e-8 of the drag (study ``precision``)
     FORCE_UNIT = FORCE_UNIT
 
     @classmethod

@@ -54,7 +54,9 @@ def far_response(
     for level, coarse in enumerate(domain.far):
         inner = inside.profile(coarse.faces(), band)
         order = domain.far_order if level == 0 else 2
-        for powers, field in zip(*_ring(domain, coarse, inner, reynolds, order), strict=True):
+        with jax.default_matmul_precision("highest"):  # GPUs would round to 10 bits
+            ring = _ring(domain, coarse, inner, reynolds, order)
+        for powers, field in zip(*ring, strict=True):
             total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
     if domain.modes.lift_index is not None:  # exactly, which rounding has spoilt
@@ -87,8 +89,10 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
     of second order is q(u_1), and that of third (q(u_1 + u_2) - q(u_1 - u_2)) / 2.
     """
     axes = _force_axes(domain)
-    green = domain.green_function(coarse, reynolds)
+    precision = domain.FAR_PRECISION
+    green = domain.green_function(coarse, reynolds, precision)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
+    inner, outer = inner.astype(precision), outer.astype(precision)
     refine = refinement(domain.lattice, coarse)
 
     def fluxes(velocity):
@@ -97,7 +101,7 @@ def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
         return whole, whole - inside
 
     forces = [_unit_force(coarse, axis, domain.FORCE_UNIT) for axis in axes]
-    forces = Polynomial(_powers(len(axes), 1), jnp.stack(forces))
+    forces = Polynomial(_powers(len(axes), 1), jnp.stack(forces).astype(precision))
     first = _convolved(green, forces)
     found = jax.lax.map(fluxes, _values(first, 2))
     flux, outside = (_polynomial(values, len(axes), 2) for values in found)
@@ -127,14 +131,14 @@ def _convolved(green, polynomial, then=lambda velocity: velocity) -> Polynomial:
 
 def _values(polynomial, order):
     """Return the values of a polynomial at the forces that determine one of this order."""
-    weights = _monomials(polynomial.powers, order)
+    weights = _monomials(polynomial.powers, order).astype(polynomial.fields.dtype)
     return jnp.tensordot(weights, polynomial.fields, axes=1)
 
 
 def _polynomial(values, forces, order) -> Polynomial:
     """Return the homogeneous polynomial of this order in the forces that has these values."""
     powers = _powers(forces, order)
-    weights = np.linalg.inv(_monomials(powers, order))
+    weights = np.linalg.inv(_monomials(powers, order)).astype(values.dtype)
     return Polynomial(powers, jnp.tensordot(weights, values, axes=1))
 
 
