@@ -13,7 +13,7 @@ import numpy as np
 from run import recorded
 from studies.lift import BODIES
 from studies.trust import against_elements
-from study import TINY, Result, Row, Run, Study, Table, cases, columns
+from study import Result, Row, Run, Study, Table, cases, columns
 from tools import name_of
 
 from surrogate import FIDELITIES, Fidelity, NotConverged, Shape, Unbounded, family_shape
@@ -77,7 +77,7 @@ def measure(run: Run, kind: str, order: int) -> list[Row]:
       kind: Of the bodies.
       order: Of the far field's flux in the force.
     """
-    level = TINY if run.tiny else FIDELITIES["standard"]
+    level = FIDELITIES[run.pick("draft", "standard")]
     bodies = list(symmetric_bodies() if kind == KINDS[0] else lifting_bodies())
     found = []
     for low, high in RANGES[:1] if run.tiny else RANGES:
