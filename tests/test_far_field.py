@@ -5,10 +5,13 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import ROUGH_3D
 
-from surrogate import Fidelity, Unbounded
+from surrogate import Fidelity, Unbounded, family_shape
 from surrogate.flow.grid import far
+from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.domain_2d import Domain2D
+from surrogate.flow.grid.domain_3d import Domain3D
 
 SMALL = Fidelity("small", 4, 2, 4, 4, 3)
 FORCE = jnp.array([-0.9, 0.4])  # drag and lift on the fluid
@@ -71,3 +74,12 @@ def test_lift_of_the_other_sign_is_the_mirror_image():
     size = float(jnp.abs(up).max())
     np.testing.assert_array_equal(down[0, :, ::-1], up[0])
     assert float(jnp.abs(down - up).max()) > 0.1 * size
+
+
+def test_single_precision_is_enough_in_3d(monkeypatch):
+    whole = fitted_domain(Unbounded(), ROUGH_3D, family_shape({"aspect": 1.0}, dimension=3), 10.0)
+    found = far.far_response(whole, jnp.asarray(10.0))
+    monkeypatch.setattr(Domain3D, "FAR_PRECISION", jnp.float64)
+    expected = far.far_response(whole, jnp.asarray(10.0))
+    size = float(jnp.abs(expected).max())
+    assert 0 < float(jnp.abs(found - expected).max()) < 1e-5 * size

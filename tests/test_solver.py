@@ -20,6 +20,22 @@ def test_exact_gmres_stops_at_the_first_vector_that_reaches_the_tolerance():
     assert not bool(gmres(lambda x: matrix @ x, jnp.full(6, jnp.nan), 1e-12, 6).converged)
 
 
+def test_gmres_in_single_precision_reaches_its_tolerance():
+    """By projecting new vectors twice: once leaves them so far from orthogonal that it stalls."""
+    rng, size = np.random.default_rng(0), 20_000
+    scale = jnp.asarray(np.exp(rng.uniform(-1.5, 1.5, size)), jnp.float32)
+    right = jnp.asarray(rng.normal(size=size) + 3.0, jnp.float32)
+
+    def product(x):
+        return scale * x + 0.3 * jnp.roll(x, 1)
+
+    found = gmres(product, right, 1e-6, 60)
+    assert bool(found.converged)
+    assert found.x.dtype == jnp.float32
+    exact = product(found.x.astype(float)) - right
+    assert float(jnp.linalg.norm(exact) / jnp.linalg.norm(right)) < 3e-6
+
+
 def test_exact_a_batch_of_systems_is_solved_as_one_by_one():
     """Each stops at the vector that suffices for it; no Krylov vectors of a batch are copied."""
     rng = np.random.default_rng(0)

@@ -51,7 +51,7 @@ class Domain2D(Domain):
 
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
-    FAR_PRECISION = jnp.float64  # takes no longer than single precision
+    FAR_PRECISION = jnp.float64  # in single precision drags of equal flows differ by some 1e-8
     FORCE_UNIT = 1.0
 
     @classmethod

@@ -29,7 +29,7 @@ FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, a
 MAX_CELLS = 4_000_000  # of the part that is gridded, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
 ORDERS = 3  # highest order of the modes of bodies at incidence
-MODES_AT_ONCE = 100_000  # numbers in the velocities that are computed at once
+NUMBERS_AT_ONCE = 100_000  # in the velocities of modes that are computed at once
 FAR_COMBINATIONS = 6  # of those modes, see ``CompressedResponse``
 ROUNDING = 0.5  # D, to multiples of which the extent of a fitted body is rounded up
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
@@ -128,4 +128,5 @@ class Domain3D(Domain):
     ) -> Float[Array, "rows axes ..."]:
         """Apply a function to the rows of mode amplitudes, few at once, to save memory."""
         size = jax.eval_shape(function, amplitudes[0]).size  # all at once would take gigabytes
-        return jax.lax.map(function, amplitudes, batch_size=MODES_AT_ONCE // size or None)
+        at_once = NUMBERS_AT_ONCE // size
+        return jax.lax.map(function, amplitudes, batch_size=at_once if at_once > 1 else None)

@@ -1,10 +1,10 @@
-"""Green's function of the discrete Oseen operator: infinite in x, periodic or infinite in y.
+"""Green's function of the discrete Oseen operator: infinite in x, in y infinite or between walls.
 
 The lattice operator is ``L u = D0x u - nu Lap u + grad p = f, div u = 0`` on the staggered
 grid (free stream U = 1 along +x, central differences).  In wave numbers ``theta`` across the
 stream it reduces to geometric sequences along the stream, so a kernel column is a sum of powers
 and the kernel needs no outflow condition.  Unbounded streams integrate over ``theta`` by graded
-Gauss-Legendre panels; tunnels sum over the wave numbers of their period.
+Gauss-Legendre panels; tunnels sum over the wave numbers of the source and its images in the walls.
 """
 
 import functools
@@ -50,7 +50,8 @@ class Kernel(eqx.Module):
     ) -> Float[AnyArray, "2 nx ny"]:
         """Return the velocity due to a force that is its own mirror image, or minus it (``odd`` 1).
 
-        The lattice is not folded. This takes half of the time.
+        The lattice is not folded, and the force vanishes on the outermost faces, which have no
+        mirror image. This takes half of the time.
         """
         found = self._of_part(_stacked(half(tuple(force), 1, odd)), odd)
         return jnp.stack(joined_part(_components(found), 1, odd))
@@ -59,7 +60,9 @@ class Kernel(eqx.Module):
         """Convolve the upper half of a force that has one of the two symmetries."""
         nx, rows = force.shape[1:]
         transforms = _transforms(rows, self.folded)
-        forward, backward = (jnp.asarray(each, force.dtype)[odd] for each in transforms)
+        if not isinstance(odd, int):  # else programs contain only the matrices that they use
+            transforms = map(jnp.asarray, transforms)
+        forward, backward = (jnp.asarray(each[odd], force.dtype) for each in transforms)
         spectrum = self.spectra[odd if len(self.spectra) == 2 else 0]
         lateral = jnp.einsum("cjk,cxj->ckx", forward, force)
         lateral = _multiply(spectrum, jnp.fft.rfft(lateral, n=2 * nx))
@@ -72,7 +75,8 @@ def _transforms(rows, folded):
     """Return the matrices to cosines and sines across and back, of both parts and components.
 
     The second component has one row more than the first if the lattice is not folded: that on the
-    mirror plane. In its odd part it has the opposite sign, by which one spectrum serves both parts.
+    mirror plane. In the odd part the second component has the opposite sign, by which one spectrum
+    serves both parts.
     """
     kinds = []
     for parity in (1, -1):
@@ -113,7 +117,7 @@ def oseen_kernel(
     """Return the Green's function of the Oseen operator on a lattice.
 
     Args:
-      lattice: the grid; a folded one is the upper half of the stream.
+      lattice: the grid, with an even number of rows; a folded one is the upper half of the stream.
       reynolds: U D / nu.
       height: of a tunnel with slip walls in D, a whole, even number of cells; None for an unbounded
         stream.

@@ -17,8 +17,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from surrogate.arrays import by_lapack, full_single_precision, with_batching
 
 ROWS = 7  # vectors that are projected out at once
-# Residual below which new vectors are projected twice. Classical Gram-Schmidt loses orthogonality
-# as the square of the reduction of the residual (Giraud et al. 2005): to 1 % in single precision.
+# Relative residual below which new vectors are projected twice; in a batch, that of any system.
+# Classical Gram-Schmidt leaves errors of orthogonality of about eps / residual^2 (Giraud et al.
+# 2005), here at most 1 % in single precision.
 SMALL = 3e-3
 
 
@@ -42,7 +43,7 @@ def gmres(
 
     Args:
       matvec: returns A x, of the structure of b.
-      b: the right-hand side.
+      b: the right-hand side, whose arrays are of one precision.
       tolerance: of the residual, relative to |b|.
       max_vectors: largest number of Krylov vectors; there is no restart.
     """
@@ -84,9 +85,9 @@ def _solve(product, b, tolerance, m):
     """Solve systems of vectors in the last axis; the axes before it are those of a batch.
 
     A vector is a list of arrays, the leaves of a pytree. Orthogonalisation and the sum of the
-    vectors touch only those there are; the small least-squares problem is kept triangular by Givens
-    rotations, so its residual is known after every vector. Where a system has converged its part
-    of that problem stays as it is.
+    vectors touch only blocks of ``ROWS`` that have vectors; the small least-squares problem is kept
+    triangular by Givens rotations, so its residual is known after every vector. Where a system has
+    converged its part of that problem stays as it is.
     """
     batch, dtype, norm_b = b[0].shape[:-1], b[0].dtype, _norm(b)
     rows = -(-(m + 1) // ROWS) * ROWS
@@ -183,7 +184,8 @@ def _with_vector(basis, k, w, length):
 
 
 def _norm(w):
-    # Sums of squares, as XLA adds the products of dot products one after the other in batches.
+    # Not by dot products: batched programs add their terms one after the other, which costs a
+    # length of 1e6 numbers four of its digits in single precision.
     return jnp.sqrt(sum(jnp.sum(part**2, axis=-1) for part in w))
 
 
