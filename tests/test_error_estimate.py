@@ -19,13 +19,12 @@ from surrogate import (
     family_shape,
 )
 from surrogate.flow.check.error_estimate import (
-    ERROR_MODELS,
     TALL,
     ErrorEstimate,
-    Loads,
     accuracy_text,
     estimate_error,
 )
+from surrogate.flow.check.error_model import ERROR_MODELS, Loads
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.retraction import offset_correction, retraction
 from surrogate.scene.fidelity import NAMED, SPACE_FIDELITIES

@@ -19,7 +19,7 @@ from studies.accuracy_3d import HELD_OUT, SPHERE, held_out
 from study import TINY, Run
 
 from surrogate import FIDELITIES, Fidelity, Shape, Unbounded, family_shape
-from surrogate.flow.check.error_estimate import ERROR_MODELS
+from surrogate.flow.check.error_model import ERROR_MODELS
 from surrogate.flow.grid import wall_3d
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.domain import Domain

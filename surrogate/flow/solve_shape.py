@@ -3,7 +3,8 @@
 import time
 
 from surrogate.body.shape import Shape
-from surrogate.flow.check.error_estimate import ErrorEstimate, Loads, estimate_error
+from surrogate.flow.check.error_estimate import ErrorEstimate, estimate_error
+from surrogate.flow.check.error_model import Loads
 from surrogate.flow.continuation import solve_by_continuation
 from surrogate.flow.derivatives import named_gradients
 from surrogate.flow.discrete import DiscreteBodies

@@ -27,7 +27,7 @@ from varied_flows import (
 
 from surrogate import FIDELITIES
 from surrogate.body.nose import nose_of_ellipse
-from surrogate.flow.check.error_estimate import ERROR_MODELS, ErrorModel2D, ErrorModel3D, Loads
+from surrogate.flow.check.error_model import ERROR_MODELS, ErrorModel2D, ErrorModel3D, Loads
 from surrogate.flow.grid.discretise import DOMAINS
 from surrogate.flow.solver import steady
 from surrogate.flow.surface import forces_2d, pressure

@@ -26,7 +26,7 @@ from shapeopt.render.bodies_3d import (
 )
 from shapeopt.render.pictures import Panel
 from surrogate import Family, Fidelity, Flow, NotConverged, Scene, Solution, Tunnel, family_shape
-from surrogate.flow.check.error_estimate import ERROR_MODELS
+from surrogate.flow.check.error_model import ERROR_MODELS
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
 # Chen, Cakal, Hu, Thuerey (J. Fluid Mech. 919, 2021), Re 1 in a finite domain: pressure, friction

@@ -30,7 +30,7 @@ from surrogate import (
     family_shape,
     naca4,
 )
-from surrogate.flow.check.error_estimate import ERROR_MODELS, Loads
+from surrogate.flow.check.error_model import ERROR_MODELS, Loads
 from surrogate.scene.fidelity import SPACE_FIDELITIES
 
 SCENE = "symmetric, on a scene's grid"  # which is larger than one for the body alone
