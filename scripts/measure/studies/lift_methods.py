@@ -1,17 +1,25 @@
-"""The training methods with three loads, at their best and as published, by the same clock."""
+"""The training methods with three loads, at their best and as published, by the same clock.
+
+Study ``lift_trainings`` has DP and SIP at their best, trained to their end on growing numbers of
+sections; ``three_loads_lift`` has the other methods on the same sections.
+"""
 
 import dataclasses
 import functools
 
+import jax
 from solved_flows import CELLS, HELD_OUT, scene_of
 from studies.three_loads import mean_and_largest
 from study import Result, Row, Run, Study, Table, cases, columns
 
 from surrogate import NotConverged
+from surrogate.devices import choose_devices
 from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
 from surrogate.training.plan import METHODS, Plan, make_plan
 
 SAMPLES, SECONDS = 64, 90.0
+WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("dp", "sip"))
+EVALUATIONS = 64  # of every section in a training by SIP, at least about a third of it
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
 
@@ -50,6 +58,30 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
     return row | mean_and_largest(errors)
 
 
+def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
+    """Return the errors over Cd of a method at its best, with all its steps, and their work.
+
+    Batches of SIP grow with the number of sections, so that labels converge in as many steps.
+
+    Args:
+      run: How the study is run.
+      bodies: Number of training bodies, sections of ``pretrained:lift``.
+      method: Of the training.
+    """
+    samples, held_out = run.pick((8, 4), (bodies, HELD_OUT["lift"]))
+    plan = make_plan(scene_of("lift", run.tiny), method, "full", samples, held_out=held_out)
+    plan = dataclasses.replace(plan, iterations=2) if run.tiny else plan
+    rule = plan.make_method()
+    if method == "sip":
+        rule = dataclasses.replace(rule, batch=max(rule.batch, samples // EVALUATIONS))
+    setup = make_setup(plan, choose_devices(device_batch=run.options.get("device_batch")))
+    found = run_training(plan, setup, method=rule)
+    errors, last = load_errors(found.network, setup.held_out, setup.labels.loads), found.history[-1]
+    row = {"outcome": found.stopped or "trained", "steps": last.iteration, "batch": rule.batch}
+    row |= {"work": last.green_applications, "failed": last.failed, "seconds": last.seconds}
+    return row | {"on": jax.devices()[0].device_kind} | mean_and_largest(errors)
+
+
 def untrained(run: Run, result: Result) -> Result:
     """Return the mean errors of the initial network, from which all start."""
     setup = setup_of(run, result["rows"][0]["scene"])
@@ -68,6 +100,11 @@ COLUMNS = columns(
     " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
     " | steps {steps} | G {work:,} | seconds {seconds:.0f} | outcome {outcome}"
 )
+TO_THE_END = columns(
+    "method {method} | bodies {bodies} | error over Cd, mean and largest: Cd {cd:.3%}"
+    " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%} | batch {batch}"
+    " | steps {steps} | G {work:,} | seconds {seconds:.0f} | on {on} | outcome {outcome}"
+)
 STUDIES = {
     f"{scene}_methods": Study(
         [Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)],
@@ -76,3 +113,7 @@ STUDIES = {
     )
     for scene in CELLS
 }
+STUDIES["lift_trainings"] = Study(
+    [Table(WHOLE, trained_to_its_end, TO_THE_END)],
+    options={"--device-batch": {"type": int, "help": "flows that are solved simultaneously"}},
+)

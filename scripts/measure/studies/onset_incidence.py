@@ -224,9 +224,13 @@ SEARCHED: tuple[tuple[dict[str, float], str], ...] = (
     ({"aspect": 0.3, "flatness": 2.0}, "finer"),
     ({"aspect": 0.5, "flatness": 2.0}, "usual"),
     ({"aspect": 0.3, "incidence": 45.0}, "usual"),
-    ({"aspect": 0.5, "incidence": 45.0}, "usual"),
+    ({"aspect": 0.3, "incidence": 20.0}, "usual"),
+    ({"aspect": 0.3, "incidence": 70.0}, "usual"),
 )
-STABLE: tuple[tuple[dict[str, float], str], ...] = (({"aspect": 4.0, "incidence": 90.0}, "usual"),)
+STABLE: tuple[tuple[dict[str, float], str], ...] = (
+    ({"aspect": 4.0, "incidence": 90.0}, "usual"),
+    ({"aspect": 3.0, "incidence": 45.0}, "usual"),
+)
 
 
 def _cases(bodies):
