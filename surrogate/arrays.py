@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_batching import custom_vmap
-from jaxtyping import ArrayLike, Bool, Float, Int, PyTree
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
 
 AnyArray = jax.Array | np.ndarray
 Number = float | np.number | AnyArray  # one number; an array of shape () as well
@@ -29,6 +29,17 @@ def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _
     """
     size = 2 ** (max(len(bodies), 1) - 1).bit_length()
     return bodies[np.arange(size) % len(bodies)] if len(bodies) else np.ones((1, bodies.shape[1]))
+
+
+def weighted_sum(
+    weights: Float[AnyArray, " fields"], fields: Float[AnyArray, "fields ..."]
+) -> Float[Array, "..."]:
+    """Return the sum of fields, each times its weight.
+
+    It is a product with a matrix of flat fields, whose transpose takes a quarter of the time of
+    that of ``tensordot`` on a CPU.
+    """
+    return (weights @ fields.reshape(len(fields), -1)).reshape(fields.shape[1:])
 
 
 def compute_where(wanted: Bool[AnyArray, ""], compute: Callable, otherwise: PyTree) -> PyTree:

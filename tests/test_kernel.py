@@ -109,6 +109,21 @@ def test_exact_kernel_of_forces_that_are_their_mirror_image_or_minus_it(parity, 
     np.testing.assert_allclose(found[..., :-1], images[..., :-1], rtol=0, atol=0)
 
 
+@pytest.mark.parametrize("height", [None, 4.0, 8.0])
+@pytest.mark.parametrize("folded", [(), (1,)])
+def test_exact_transposed_kernel(folded, height, generator):
+    """Of every force and field, those at the edges included."""
+    periodic = height == LATTICE.shape[1] * H
+    shape = (40, 16) if folded else LATTICE.shape
+    lattice = dataclasses.replace(LATTICE, shape=shape, folded=folded, periodic=periodic)
+    kernel = oseen_kernel(lattice, jnp.asarray(20.0), height)
+    force, field = jnp.asarray(generator.normal(size=(2, 2, *shape)))
+    expected = jax.linear_transpose(kernel, force)(field)[0]
+    tolerance = 1e-13 * float(jnp.abs(expected).max())
+    np.testing.assert_allclose(kernel.transposed(field), expected, rtol=0, atol=tolerance)
+    np.testing.assert_array_equal(kernel.transposed.transposed(force), kernel(force))
+
+
 def test_order_unbounded_kernel_is_the_limit_of_tall_tunnels(generator):
     """Removing the walls changes the kernel by O(1/H): the difference halves with H doubled."""
     force = random_force(generator)

@@ -18,7 +18,7 @@ from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_
 from surrogate.training.plan import METHODS, Plan, make_plan
 
 SAMPLES, SECONDS = 64, 90.0
-WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("dp", "sip"))
+WHOLE = cases(bodies=(64, 256, 1024), method=("dp", "sip"))
 EVALUATIONS = 64  # of every section in a training by SIP, at least about a third of it
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 

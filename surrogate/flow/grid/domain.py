@@ -4,7 +4,7 @@ import abc
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 import numpy as np
@@ -22,9 +22,20 @@ from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
-GreenFunction = Callable[[Array], Array]  # velocity on faces caused by a force density on faces
 NEAR_MARGIN = 0.25  # D, from the box of forces to the edge of the box of known responses
 SPLINE_CELLS = 3  # of the box beyond the body: half a spline's support, and a margin
+
+
+@runtime_checkable
+class GreenFunction(Protocol):
+    """The Green's function G of the discrete Oseen operator on a lattice."""
+
+    def __call__(self, force: Float[AnyArray, "axes ..."]) -> Float[AnyArray, "axes ..."]:
+        """Return the velocity on faces due to a force density on faces: one convolution with G."""
+
+    @property
+    def transposed(self) -> "GreenFunction":
+        """The transpose of G, that of the reversed stream; JAX's own takes about twice as long."""
 
 
 @dataclasses.dataclass(frozen=True)

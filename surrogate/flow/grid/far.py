@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, weighted_sum
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.lattice import Lattice
@@ -162,7 +162,7 @@ def far_velocity(
       powers: from ``far_powers``.
     """
     terms = [math.prod(f**p for f, p in zip(force, power, strict=False)) for power in powers]
-    return jnp.tensordot(jnp.stack(terms), response, axes=1)
+    return weighted_sum(jnp.stack(terms), response)
 
 
 def _unit_force(coarse, own, unit):

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, weighted_sum
 from surrogate.body.skin import Skin
 from surrogate.flow.grid.lattice import Lattice
 
@@ -68,7 +68,7 @@ class Spreading(eqx.Module):
 
     def spread(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
         """Return the force density B a on the faces of the whole lattice."""
-        local = jnp.tensordot(amplitude, self.density, axes=1)
+        local = weighted_sum(amplitude, self.density)
         return jnp.zeros((len(self.shape), *self.shape), local.dtype).at[self._box].set(local)
 
     def slip(self, velocity: Float[AnyArray, "axes ..."]) -> Float[AnyArray, " modes"]:

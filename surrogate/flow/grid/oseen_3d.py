@@ -10,6 +10,7 @@ they need no integrals over wave numbers: the exponentials factor into the two d
 each is the heat kernel of a one-dimensional lattice, exp(-2t) I_n(2t) at distance n.
 """
 
+import dataclasses
 import functools
 
 import equinox as eqx
@@ -47,13 +48,20 @@ class SpaceKernel(eqx.Module):
 
     Across the stream waves are cosines and sines about the middle of the lattice. Forces that have
     a mirror plane there, across folded axes, need half of them; others are split into a part that
-    is its own mirror image and one that is minus its mirror image.
+    is its own mirror image and one that is minus its mirror image. ``transposes`` says whether this
+    is the transpose of G, the Green's function of the reversed stream.
     """
 
     viscous: Complex[Array, "kx ky kz"]
     potential: Complex[Array, "kx ky kz"]
     step: float = eqx.field(static=True)
     folded: tuple[int, ...] = eqx.field(static=True)
+    transposes: bool = eqx.field(static=True, default=False)
+
+    @property
+    def transposed(self) -> "SpaceKernel":
+        """The transpose of G, whose spectra are the conjugates of those of G."""
+        return dataclasses.replace(self, transposes=not self.transposes)
 
     def __call__(self, force: Float[AnyArray, "3 nx ny nz"]) -> Float[Array, "3 nx ny nz"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
@@ -102,9 +110,11 @@ class SpaceKernel(eqx.Module):
         shift = (np.exp(2j * np.pi * np.arange(period // 2 + 1) / period) - 1) / self.step
         ahead = jnp.asarray(shift[:, None, None], dtype)  # D+x; D-x is -conj
         g, q = self.viscous, self.potential
+        if self.transposes:
+            g, q = jnp.conj(g), jnp.conj(q)
 
         def forward(part, own):
-            spectrum = jnp.fft.rfft(_padded(part, period), axis=0)
+            spectrum = jnp.fft.rfft(part, n=period, axis=0)
             for axis in (1, 2):
                 spectrum = contract(spectrum, waves[axis - 1].of(own == axis)[0], axis)
             return spectrum
@@ -120,16 +130,6 @@ class SpaceKernel(eqx.Module):
         across = (by_y**2 + by_z**2).real  # minus the Laplacian across
         velocity = -(q * (across * fx + ahead * sources)), g * fy + by_y * phi, g * fz + by_z * phi
         return tuple(backward(part, own) for own, part in enumerate(velocity))
-
-
-def _padded(field, length):
-    """Append zeros along the stream up to a length.
-
-    The padding of ``jnp.fft`` would be negative padding in the adjoint, for which XLA's older
-    emitters for CPUs have no code.
-    """
-    zeros = jnp.zeros((length - field.shape[0], *field.shape[1:]), field.dtype)
-    return jnp.concatenate([field, zeros])
 
 
 def _period(cells):

@@ -27,7 +27,10 @@ from surrogate.flow.solver.steady import (
     Operators,
     StreamOperators,
     eliminate,
+    momentum_source,
     residual,
+    slip_residual,
+    without_far_field,
 )
 
 SINGLE_SUFFICES = 1e-4  # relative residual down to which single precision alone is reliable
@@ -94,7 +97,8 @@ def load_gradients(
 
     def with_body(markers, reynolds):
         body = domain.spread_body(markers, reynolds)
-        return residual(domain, eqx.tree_at(lambda o: o.body, operators, body), state)
+        moved = eqx.tree_at(lambda o: o.body, operators, body)
+        return FlowState(body.spread(state.amplitude), slip_residual(domain, moved, state))
 
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, effort)
@@ -103,11 +107,12 @@ def load_gradients(
     def one_load(by_amplitude):
         adjoint, work = solve(by_amplitude)
         adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
-        return *pull(adjoint), adjoint, work
+        by_source = -operators.green.transposed(adjoint.velocity)
+        return *pull(FlowState(by_source, adjoint.amplitude)), adjoint, work
 
     by_body, by_re, adjoints, work = jax.lax.map(one_load, by_amplitude)
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
-    products = jnp.sum(work.products) + len(loads) + 1
+    products = jnp.sum(work.products) + len(loads)
     return LoadGradients(by_markers, by_re, adjoints, Work(products, jnp.all(work.converged)))
 
 
@@ -154,9 +159,9 @@ def adjoint_solver(
     inverse = eliminate(domain, operators)
 
     def system(operators, state, inverse):
-        adjoint = jax.linear_transpose(coupled_jacobian(domain, operators, state), state)
+        adjoint = transposed_jacobian(domain, operators, state)
         precondition = jax.linear_transpose(inverse, state)
-        return lambda z: precondition(adjoint(z)[0])[0], lambda b: precondition(b)[0]
+        return lambda z: precondition(adjoint(z))[0], lambda b: precondition(b)[0]
 
     matvec, _ = system(*single((operators, state, inverse)))
     exact, precondition = system(operators, state, inverse)
@@ -215,6 +220,29 @@ def slip_weights(
     by_amplitude = jax.grad(value)(state.amplitude)
     adjoint, work = adjoint_solver(domain, operators, state, effort)(by_amplitude)
     return adjoint.amplitude.astype(float), work
+
+
+def transposed_jacobian(
+    domain: Domain, operators: Operators, state: FlowState
+) -> Callable[[FlowState], FlowState]:
+    """Return A^T, the transpose of ``coupled_jacobian``, with that of G by ``transposed``."""
+
+    def others(x):
+        return FlowState(
+            without_far_field(domain, operators, x), slip_residual(domain, operators, x)
+        )
+
+    def transposed(function):
+        return jax.linear_transpose(jax.linearize(function, state)[1], state)
+
+    of_source = transposed(lambda x: momentum_source(domain, operators, x))
+    of_others = transposed(others)
+
+    def product(z):
+        (respond,), (rest,) = of_source(operators.green.transposed(z.velocity)), of_others(z)
+        return jax.tree.map(jnp.subtract, rest, respond)
+
+    return product
 
 
 def coupled_jacobian(

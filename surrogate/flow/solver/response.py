@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray, by_lapack, full_single_precision, single
+from surrogate.arrays import AnyArray, by_lapack, full_single_precision, single, weighted_sum
 from surrogate.flow.grid.domain import Domain, GreenFunction
 from surrogate.flow.grid.immersed import Spreading
 
@@ -26,7 +26,7 @@ class FullResponse(eqx.Module):
     @full_single_precision
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
         """Return the Oseen velocity G B a of a traction, to the digits of the response."""
-        velocity = jnp.tensordot(amplitude.astype(self.velocities.dtype), self.velocities, axes=1)
+        velocity = weighted_sum(amplitude.astype(self.velocities.dtype), self.velocities)
         return velocity.astype(amplitude.dtype)
 
     def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:
@@ -53,10 +53,10 @@ class CompressedResponse(eqx.Module):
     def __call__(self, amplitude: Float[AnyArray, " modes"]) -> Float[AnyArray, "axes ..."]:
         """Return the Oseen velocity G B a of a traction, which is approximate outside the box."""
         traction = amplitude.astype(self.near.dtype)
-        velocity = jnp.tensordot(self.combinations @ traction, self.far, axes=1)
+        velocity = weighted_sum(self.combinations @ traction, self.far)
         sides = zip(self.corner, self.near.shape[2:], strict=True)
         box = (slice(None), *(slice(start, start + side) for start, side in sides))
-        velocity = velocity.at[box].set(jnp.tensordot(traction, self.near, axes=1))
+        velocity = velocity.at[box].set(weighted_sum(traction, self.near))
         return velocity.astype(amplitude.dtype)
 
     def slips(self, body: Spreading) -> Float[AnyArray, "modes modes"]:

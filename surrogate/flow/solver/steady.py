@@ -109,11 +109,26 @@ def flow_residual(
     domain: Domain, operators: Operators, state: FlowState
 ) -> Float[AnyArray, "axes ..."]:
     """Return u' - G (B a + convect(w u')) - Phi(a), the residual of equation (2)."""
-    velocity, amplitude = state
-    blending = domain.lattice.cutoff().astype(velocity.dtype)
-    source = operators.body.spread(amplitude) + domain.lattice.convect(blending * velocity)
-    far = far_velocity(operators.far, domain.forces(amplitude), far_powers(domain))
-    return velocity - operators.green(source) - far
+    response = operators.green(momentum_source(domain, operators, state))
+    return without_far_field(domain, operators, state) - response
+
+
+def momentum_source(
+    domain: Domain, operators: Operators, state: FlowState
+) -> Float[AnyArray, "axes ..."]:
+    """Return B a + convect(w u'), the force density to which G responds in equation (2)."""
+    blending = domain.lattice.cutoff().astype(state.velocity.dtype)
+    return operators.body.spread(state.amplitude) + domain.lattice.convect(
+        blending * state.velocity
+    )
+
+
+def without_far_field(
+    domain: Domain, operators: Operators, state: FlowState
+) -> Float[AnyArray, "axes ..."]:
+    """Return u' - Phi(a), the terms of equation (2) that are not a response to a force density."""
+    powers = far_powers(domain)
+    return state.velocity - far_velocity(operators.far, domain.forces(state.amplitude), powers)
 
 
 def slip_residual(

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import full_single_precision, single
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.solver.adjoint import Effort, Work, coupled_jacobian
+from surrogate.flow.solver.adjoint import Effort, Work, coupled_jacobian, transposed_jacobian
 from surrogate.flow.solver.krylov import gmres
 from surrogate.flow.solver.steady import (
     FlowState,
@@ -58,15 +58,14 @@ def slip_adjoint(
       effort: of the linear solve, in single precision.
     """
     operators, state, weights = single((operators, state, weights))
+    transposed, free = transposed_jacobian(domain, operators, state), jnp.zeros_like(weights)
 
-    def respond(amplitude):
-        return flow_residual(domain, operators, FlowState(state.velocity, amplitude))
+    def adjoint(z):
+        return transposed(FlowState(z, free))
 
-    adjoint = jax.linear_transpose(_flow_jacobian(domain, operators, state), state.velocity)
     pulled = jax.vjp(operators.body.slip, state.velocity)[1](weights)[0]
-    result = gmres(lambda z: adjoint(z)[0], pulled, *effort)
-    gradient = -jax.vjp(respond, state.amplitude)[1](result.x)[0]
-    gradient = gradient + wall_compliance(domain, operators).T @ weights
+    result = gmres(lambda z: adjoint(z).velocity, pulled, *effort)
+    gradient = wall_compliance(domain, operators).T @ weights - adjoint(result.x).amplitude
     return gradient.astype(float), Work(result.steps + 1, result.converged)
 
 
