@@ -3,15 +3,18 @@
 This is the public API. ``Flow`` and ``Surrogate`` are the two models of the loads, with the same
 ``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model
 -> exports.
-Importing the package switches JAX to 64-bit numbers and its compilation cache on (``cache.py``).
+Importing the package switches JAX to 64-bit numbers and its compilation cache on (``cache.py``),
+and lets idle threads of OpenBLAS sleep (``blas.py``).
 """
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
 
+from surrogate.blas import let_blas_threads_sleep  # noqa: E402
 from surrogate.cache import use_compilation_cache  # noqa: E402
 
+let_blas_threads_sleep()
 use_compilation_cache()
 
 from surrogate.body.contour import naca4  # noqa: E402
