@@ -73,8 +73,8 @@ class Spreading(eqx.Module):
 
     def slip(self, velocity: Float[AnyArray, "axes ..."]) -> Float[AnyArray, " modes"]:
         """Return S u, the mode-weighted mean of a velocity over the surface."""
-        axes = velocity.ndim
-        return self.volume * jnp.tensordot(self.density, velocity[self._box], axes=axes)
+        flat = self.density.reshape(len(self.density), -1)
+        return self.volume * (flat @ velocity[self._box].reshape(-1))
 
     def slip_of_stream(self) -> Float[AnyArray, " modes"]:
         """Return S of the undisturbed stream, U = 1 along x."""

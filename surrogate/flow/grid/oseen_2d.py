@@ -34,17 +34,17 @@ class Kernel(eqx.Module):
       spectra: for the two parts; one in an unbounded stream, where it serves both, and for forces
         with a mirror plane, which have no second part.
       folded: whether the lattice is the half above a mirror plane.
-      transposes: whether this is the transpose of G, the Green's function of the reversed stream.
+      is_transposed: whether this is the transpose of G, that of the reversed stream.
     """
 
     spectra: Complex[Array, "parts 2 2 ky kx"]
     folded: bool = eqx.field(static=True)
-    transposes: bool = eqx.field(static=True, default=False)
+    is_transposed: bool = eqx.field(static=True, default=False)
 
     @property
     def transposed(self) -> "Kernel":
         """The transpose of G; in wave numbers its spectrum is the adjoint of that of G."""
-        return dataclasses.replace(self, transposes=not self.transposes)
+        return dataclasses.replace(self, is_transposed=not self.is_transposed)
 
     def __call__(self, force: Float[AnyArray, "2 nx ny"]) -> Float[Array, "2 nx ny"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
@@ -72,7 +72,7 @@ class Kernel(eqx.Module):
             transforms = map(jnp.asarray, transforms)
         forward, backward = (jnp.asarray(each[odd], force.dtype) for each in transforms)
         spectrum = self.spectra[odd if len(self.spectra) == 2 else 0]
-        if self.transposes:
+        if self.is_transposed:
             spectrum = jnp.conj(jnp.swapaxes(spectrum, 0, 1))
         lateral = jnp.einsum("cjk,cxj->ckx", forward, force)
         lateral = _multiply(spectrum, jnp.fft.rfft(lateral, n=2 * nx))

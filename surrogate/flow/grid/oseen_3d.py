@@ -48,20 +48,20 @@ class SpaceKernel(eqx.Module):
 
     Across the stream waves are cosines and sines about the middle of the lattice. Forces that have
     a mirror plane there, across folded axes, need half of them; others are split into a part that
-    is its own mirror image and one that is minus its mirror image. ``transposes`` says whether this
-    is the transpose of G, the Green's function of the reversed stream.
+    is its own mirror image and one that is minus its mirror image. ``is_transposed`` says whether
+    this is the transpose of G, the Green's function of the reversed stream.
     """
 
     viscous: Complex[Array, "kx ky kz"]
     potential: Complex[Array, "kx ky kz"]
     step: float = eqx.field(static=True)
     folded: tuple[int, ...] = eqx.field(static=True)
-    transposes: bool = eqx.field(static=True, default=False)
+    is_transposed: bool = eqx.field(static=True, default=False)
 
     @property
     def transposed(self) -> "SpaceKernel":
         """The transpose of G, whose spectra are the conjugates of those of G."""
-        return dataclasses.replace(self, transposes=not self.transposes)
+        return dataclasses.replace(self, is_transposed=not self.is_transposed)
 
     def __call__(self, force: Float[AnyArray, "3 nx ny nz"]) -> Float[Array, "3 nx ny nz"]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
@@ -110,7 +110,7 @@ class SpaceKernel(eqx.Module):
         shift = (np.exp(2j * np.pi * np.arange(period // 2 + 1) / period) - 1) / self.step
         ahead = jnp.asarray(shift[:, None, None], dtype)  # D+x; D-x is -conj
         g, q = self.viscous, self.potential
-        if self.transposes:
+        if self.is_transposed:
             g, q = jnp.conj(g), jnp.conj(q)
 
         def forward(part, own):

@@ -98,7 +98,7 @@ def load_gradients(
     def with_body(markers, reynolds):
         body = domain.spread_body(markers, reynolds)
         moved = eqx.tree_at(lambda o: o.body, operators, body)
-        return FlowState(body.spread(state.amplitude), slip_residual(domain, moved, state))
+        return momentum_source(domain, moved, state), slip_residual(domain, moved, state)
 
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, effort)
@@ -108,7 +108,7 @@ def load_gradients(
         adjoint, work = solve(by_amplitude)
         adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
         by_source = -operators.green.transposed(adjoint.velocity)
-        return *pull(FlowState(by_source, adjoint.amplitude)), adjoint, work
+        return *pull((by_source, adjoint.amplitude)), adjoint, work
 
     by_body, by_re, adjoints, work = jax.lax.map(one_load, by_amplitude)
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
@@ -225,28 +225,25 @@ def slip_weights(
 def transposed_jacobian(
     domain: Domain, operators: Operators, state: FlowState
 ) -> Callable[[FlowState], FlowState]:
-    """Return A^T, the transpose of ``coupled_jacobian``, with that of G by ``transposed``."""
+    """Return A^T, the transpose of A = dF/dx of body flow at a state, as a linear function.
 
-    def others(x):
-        return FlowState(
-            without_far_field(domain, operators, x), slip_residual(domain, operators, x)
-        )
+    G is transposed by its ``transposed``, what is left of F by JAX.
+    """
 
-    def transposed(function):
+    def source(x):
+        return momentum_source(domain, operators, x)
+
+    def without_green(x):
+        others = without_far_field(domain, operators, x)
+        return FlowState(others, slip_residual(domain, operators, x))
+
+    def transpose(function):
         return jax.linear_transpose(jax.linearize(function, state)[1], state)
 
-    of_source = transposed(lambda x: momentum_source(domain, operators, x))
-    of_others = transposed(others)
+    of_source, of_others = transpose(source), transpose(without_green)
 
     def product(z):
-        (respond,), (rest,) = of_source(operators.green.transposed(z.velocity)), of_others(z)
-        return jax.tree.map(jnp.subtract, rest, respond)
+        by_source, by_others = of_source(operators.green.transposed(z.velocity)), of_others(z)
+        return jax.tree.map(jnp.subtract, *by_others, *by_source)
 
     return product
-
-
-def coupled_jacobian(
-    domain: Domain, operators: Operators, state: FlowState
-) -> Callable[[FlowState], FlowState]:
-    """Return A = dF/dx of body flow at a state, as a linear function."""
-    return jax.linearize(lambda x: residual(domain, operators, x), state)[1]

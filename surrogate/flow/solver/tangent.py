@@ -3,13 +3,15 @@
 Krylov vectors are of single precision, since a few digits are asked for.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from surrogate.arrays import full_single_precision, single
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.solver.adjoint import Effort, Work, coupled_jacobian, transposed_jacobian
+from surrogate.flow.solver.adjoint import Effort, Work, transposed_jacobian
 from surrogate.flow.solver.krylov import gmres
 from surrogate.flow.solver.steady import (
     FlowState,
@@ -58,10 +60,10 @@ def slip_adjoint(
       effort: of the linear solve, in single precision.
     """
     operators, state, weights = single((operators, state, weights))
-    transposed, free = transposed_jacobian(domain, operators, state), jnp.zeros_like(weights)
+    transposed, no_slip = transposed_jacobian(domain, operators, state), jnp.zeros_like(weights)
 
     def adjoint(z):
-        return transposed(FlowState(z, free))
+        return transposed(FlowState(z, no_slip))
 
     pulled = jax.vjp(operators.body.slip, state.velocity)[1](weights)[0]
     result = gmres(lambda z: adjoint(z).velocity, pulled, *effort)
@@ -107,3 +109,10 @@ def _flow_jacobian(domain, operators, state):
         return flow_residual(domain, operators, FlowState(velocity, state.amplitude))
 
     return jax.linearize(forced_residual, state.velocity)[1]
+
+
+def coupled_jacobian(
+    domain: Domain, operators: Operators, state: FlowState
+) -> Callable[[FlowState], FlowState]:
+    """Return A = dF/dx of body flow at a state, as a linear function."""
+    return jax.linearize(lambda x: residual(domain, operators, x), state)[1]
