@@ -96,7 +96,8 @@ COLUMNS = columns(
 )
 TO_THE_END = columns(
     "method {method} | bodies {bodies} | error over Cd, mean and largest: Cd {cd:.3%}"
-    " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%} | steps {steps} | G {work:,} | seconds {seconds:.0f} | on {on} | outcome {outcome}"
+    " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%} | steps {steps}"
+    " | G {work:,} | seconds {seconds:.0f} | on {on} | outcome {outcome}"
 )
 STUDIES = {
     f"{scene}_methods": Study(

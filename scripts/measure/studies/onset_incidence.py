@@ -237,8 +237,15 @@ def _cases(bodies):
     return [{"body": name_of(body), "parameters": body, "mesh": mesh} for body, mesh in bodies]
 
 
+def _shown(rows):
+    """The rows with what the rule says; where no mode was found there is no frequency."""
+    return [
+        row | {"pulsation": row["pulsation"] if row["plane"] else None} for row in with_rule(rows)
+    ]
+
+
 TABLES = [
-    Table(_cases(SEARCHED), measure, lambda rows: ONSETS(with_rule(rows))),
-    Table(_cases(STABLE), growth, lambda rows: GROWTH(with_rule(rows)), key="stable"),
+    Table(_cases(SEARCHED), measure, lambda rows: ONSETS(_shown(rows))),
+    Table(_cases(STABLE), growth, lambda rows: GROWTH(_shown(rows)), key="stable"),
 ]
 STUDIES = {"onset_incidence": Study(TABLES)}
