@@ -52,6 +52,7 @@ LONG = {
     "lift",
     "lift_designs",
     "lift_methods",
+    "lift_trainings",
     "literature",
     "march",
     "onset",

@@ -52,7 +52,7 @@ MODULES = {  # the studies of every module
     "lift": "lift random_sections",
     "lift_cost": "lift_cost",
     "lift_designs": "lift_designs",
-    "lift_methods": "lift_methods particle_methods",
+    "lift_methods": "lift_methods particle_methods lift_trainings",
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",
     "onset": "onset",
