@@ -194,7 +194,7 @@ class Inversion(Evaluator):
 class CoupledStep(Inversion):
     """One coupled Newton step from the predicted traction and the last velocity.
 
-    A label has converged when no load changes by more than ``tolerance`` times the drag between
+    A label has converged when the drag changes by at most ``tolerance``, relative, between
     evaluations.
     """
 
@@ -216,8 +216,7 @@ class CoupledStep(Inversion):
         state, work = coupled_step(sample.domain, operators, start, self.effort)
         cd = drag_coefficient(state.amplitude)
         found = work.converged & (cd > 0) & jnp.all(jnp.isfinite(state.amplitude))
-        loads, before = sample.loads(state.amplitude), sample.loads(stored.amplitude)
-        change = jnp.max(jnp.abs(loads - before)) / jnp.abs(before[0])
+        change = jnp.abs(cd / drag_coefficient(stored.amplitude) - 1)
         converged = found & valid & (change <= self.tolerance)
         slopes, good, products = self._slopes_where(converged, sample, operators, state)
         return InversionResult(state, slopes, found, converged & good, work.products + products)

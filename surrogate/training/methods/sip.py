@@ -99,8 +99,8 @@ class LabelRegression(Method):
 class ScaleInvariantPhysics(LabelRegression):
     """SIP with stored labels: one coupled Newton step per evaluation.
 
-    A label has converged when no load changes by more than ``tolerance`` times the drag between
-    evaluations; ``effort`` limits the Krylov solve of a step.
+    A label has converged when its drag changes by at most ``tolerance``, relative; ``effort``
+    limits the Krylov solve of a step.
     """
 
     tolerance: float = 1e-4
