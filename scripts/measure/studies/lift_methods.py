@@ -7,14 +7,18 @@ supervised regression on the same sections.
 import dataclasses
 import functools
 
-import jax
 from solved_flows import CELLS, HELD_OUT, scene_of
 from studies.three_loads import mean_and_largest
 from study import Result, Row, Run, Study, Table, cases, columns
 
 from surrogate import NotConverged
-from surrogate.devices import choose_devices
-from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
+from surrogate.training.loop import (
+    TrainingResult,
+    TrainingSetup,
+    load_errors,
+    make_setup,
+    run_training,
+)
 from surrogate.training.plan import METHODS, Plan, make_plan
 
 SAMPLES, SECONDS = 64, 90.0
@@ -51,10 +55,7 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
         found = run_training(plan_of(run, scene, method, published), setup)
     except NotConverged as problem:
         return row | {"outcome": str(problem)}
-    errors, last = load_errors(found.network, setup.held_out, setup.labels.loads), found.history[-1]
-    row |= {"outcome": found.stopped or "trained", "steps": last.iteration}
-    row |= {"work": last.green_applications, "seconds": last.seconds}
-    return row | mean_and_largest(errors)
+    return row | _learned(found, setup)
 
 
 def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
@@ -68,12 +69,16 @@ def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
     samples, held_out = run.pick((8, 4), (bodies, HELD_OUT["lift"]))
     plan = make_plan(scene_of("lift", run.tiny), method, "full", samples, held_out=held_out)
     plan = dataclasses.replace(plan, iterations=2) if run.tiny else plan
-    setup = make_setup(plan, choose_devices(device_batch=run.options.get("device_batch")))
-    found = run_training(plan, setup)
+    setup = make_setup(plan)
+    return _learned(run_training(plan, setup), setup)
+
+
+def _learned(found: TrainingResult, setup: TrainingSetup) -> Row:
+    """Outcome, steps, work and time of a training, and its errors over Cd on held-out bodies."""
     errors, last = load_errors(found.network, setup.held_out, setup.labels.loads), found.history[-1]
     row = {"outcome": found.stopped or "trained", "steps": last.iteration}
     row |= {"work": last.green_applications, "seconds": last.seconds}
-    return row | {"on": jax.devices()[0].device_kind} | mean_and_largest(errors)
+    return row | mean_and_largest(errors)
 
 
 def untrained(run: Run, result: Result) -> Result:
@@ -89,16 +94,13 @@ def text(result: Result) -> str:
     return f"Untrained, the network errs by {cd:.0f}, {cl:.0f} and {cm:.0f} % of Cd on average."
 
 
-COLUMNS = columns(
-    "method {method} | settings {kind} | error over Cd, mean and largest: Cd {cd:.3%}"
+LEARNED = (
+    " | error over Cd, mean and largest: Cd {cd:.3%}"
     " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
     " | steps {steps} | G {work:,} | seconds {seconds:.0f} | outcome {outcome}"
 )
-TO_THE_END = columns(
-    "method {method} | bodies {bodies} | error over Cd, mean and largest: Cd {cd:.3%}"
-    " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%} | steps {steps}"
-    " | G {work:,} | seconds {seconds:.0f} | on {on} | outcome {outcome}"
-)
+COLUMNS = columns("method {method} | settings {kind}" + LEARNED)
+TO_THE_END = columns("method {method} | bodies {bodies}" + LEARNED)
 STUDIES = {
     f"{scene}_methods": Study(
         [Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)],
@@ -107,7 +109,4 @@ STUDIES = {
     )
     for scene in CELLS
 }
-STUDIES["lift_trainings"] = Study(
-    [Table(WHOLE, trained_to_its_end, TO_THE_END)],
-    options={"--device-batch": {"type": int, "help": "flows that are solved simultaneously"}},
-)
+STUDIES["lift_trainings"] = Study([Table(WHOLE, trained_to_its_end, TO_THE_END)])
