@@ -1,7 +1,7 @@
 """The training methods with three loads, at their best and as published, by the same clock.
 
-Study ``lift_trainings`` has SIP at its best, trained to its end; ``three_loads_lift`` has HIG and
-supervised regression on the same sections.
+Study ``lift_trainings`` has SIP and DP at their best, trained to their end; ``three_loads_lift``
+has HIG and supervised regression on the same sections.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ from surrogate.training.loop import (
 from surrogate.training.plan import METHODS, Plan, make_plan
 
 SAMPLES, SECONDS = 64, 90.0
-WHOLE = cases(method=["sip"], bodies=(64, 256))
+WHOLE = cases(bodies=(64, 256, 1024), method=("sip", "dp"))
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
 

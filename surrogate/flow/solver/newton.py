@@ -39,13 +39,15 @@ class NewtonSettings(NamedTuple):
 class NewtonInfo(NamedTuple):
     """The outcome of a Newton solve; ``products`` counts convolutions with G.
 
-    ``residual`` is the preconditioned residual over the solution at the end.
+    ``residual`` is the preconditioned residual over the solution at the end; ``stalled`` is whether
+    the solve ended since no step lessened it.
     """
 
     converged: Bool[Array, ""]
     steps: Int[Array, ""]
     products: Int[Array, ""]
     residual: Float[Array, ""]
+    stalled: Bool[Array, ""]
 
 
 class System(NamedTuple):
@@ -129,8 +131,9 @@ def root(
     nothing = jax.tree.map(jnp.zeros_like, guess)
     size, reduction = jnp.array(jnp.inf), jnp.array(1.0)
     start = guess, nothing, size, reduction, jnp.array(-1), jnp.array(0)
-    x, _, size, _, steps, products = jax.lax.while_loop(unfinished, advance, start)
-    return x, NewtonInfo(size <= settings.tolerance, steps, products, size)
+    x, _, size, reduction, steps, products = jax.lax.while_loop(unfinished, advance, start)
+    converged = size <= settings.tolerance
+    return x, NewtonInfo(converged, steps, products, size, ~converged & ~(reduction < 1))
 
 
 def _jacobian(residual, data, x):

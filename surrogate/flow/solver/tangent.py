@@ -3,8 +3,6 @@
 Krylov vectors are of single precision, since a few digits are asked for.
 """
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -13,33 +11,7 @@ from surrogate.arrays import full_single_precision, single
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.solver.adjoint import Effort, Work, transposed_jacobian
 from surrogate.flow.solver.krylov import gmres
-from surrogate.flow.solver.steady import (
-    FlowState,
-    Operators,
-    eliminate,
-    flow_residual,
-    residual,
-    wall_compliance,
-)
-
-
-@full_single_precision
-def coupled_step(
-    domain: Domain, operators: Operators, state: FlowState, effort: Effort
-) -> tuple[FlowState, Work]:
-    """Return x - A^-1 F(x), one Newton step of body flow: the inverse simulator's step.
-
-    Args:
-      domain: the discrete problem.
-      operators: of the body.
-      state: x.
-      effort: of the linear solve, in single precision.
-    """
-    value = residual(domain, operators, state)
-    inverse = eliminate(domain, operators)
-    jacobian, rough = coupled_jacobian(domain, *single((operators, state))), single(inverse)
-    result = gmres(lambda v: rough(jacobian(v)), single(inverse(value)), *effort)
-    return jax.tree.map(jnp.subtract, state, result.x), Work(result.steps + 1, result.converged)
+from surrogate.flow.solver.steady import FlowState, Operators, flow_residual, wall_compliance
 
 
 @full_single_precision
@@ -109,10 +81,3 @@ def _flow_jacobian(domain, operators, state):
         return flow_residual(domain, operators, FlowState(velocity, state.amplitude))
 
     return jax.linearize(forced_residual, state.velocity)[1]
-
-
-def coupled_jacobian(
-    domain: Domain, operators: Operators, state: FlowState
-) -> Callable[[FlowState], FlowState]:
-    """Return A = dF/dx of body flow at a state, as a linear function."""
-    return jax.linearize(lambda x: residual(domain, operators, x), state)[1]

@@ -28,7 +28,7 @@ from surrogate.flow.solver.tangent import slip_adjoint
 from surrogate.model.network import LoadNetwork
 from surrogate.scene.samples import Samples
 from surrogate.training.methods.labels import (
-    CoupledStep,
+    NewtonSteps,
     TrainingLabels,
     load_residuals,
     no_labels,
@@ -61,10 +61,10 @@ class DPState(NamedTuple):
 class DifferentiablePhysics(Method):
     """DP at its best: the loss uses the flow linearised about its last evaluation.
 
-    An evaluation is one coupled Newton step to the traction a+, until the label converges; the
-    slip of any other traction is C (a - a+), with the compliance C of the Oseen flow. The drag
-    term is exact, and the drag's slopes are trained with weight ``slopes``. With lift these are
-    the terms of all loads.
+    An evaluation is two Newton steps towards the traction a+, until the label converges; the slip
+    of any other traction is C (a - a+), with the compliance C of the Oseen flow. The drag term is
+    exact, and the drag's slopes are trained with weight ``slopes``. With lift these are the terms
+    of all loads.
     """
 
     batch: int = 64
@@ -75,8 +75,8 @@ class DifferentiablePhysics(Method):
 
     @property
     def evaluator(self) -> Evaluator:
-        """One coupled Newton step from the network's prediction."""
-        return CoupledStep(slopes=self.slopes > 0)
+        """Newton steps from the flow of the last evaluation."""
+        return NewtonSteps(slopes=self.slopes > 0)
 
     def init(self, network: LoadNetwork, physics: Physics) -> tuple[DPState, TrainingLabels]:
         """Return Adam's state with the compliance of Oseen flows, and labels that are not valid."""

@@ -1,8 +1,8 @@
 """Training labels: traction modes, loads and their gradients, by inverting the flow solver.
 
-``FullSolve`` solves the body flow once. ``CoupledStep`` makes one coupled Newton step per
-evaluation, so that solver and network converge together. Labels are stored: a sample whose label
-has converged is not evaluated again.
+``FullSolve`` solves the body flow once. ``NewtonSteps`` makes two Newton steps at each evaluation,
+so that solver and network converge together. Labels are stored: a sample whose label has converged
+is not evaluated again.
 """
 
 import abc
@@ -19,10 +19,9 @@ from surrogate.devices import Sharded
 from surrogate.flow.derivatives import QUICK_ADJOINT
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import Effort, by_stream, load_gradients
+from surrogate.flow.solver.adjoint import by_stream, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState, stream_derivatives
-from surrogate.flow.solver.tangent import coupled_step
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
 from surrogate.scene.samples import Samples
@@ -36,6 +35,7 @@ from surrogate.training.methods.method import (
 from surrogate.training.physics import Physics, Sample
 
 LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
+LABEL_STEPS = LABEL_FLOW._replace(max_steps=2, forcing=0.1)  # of each evaluation of one
 
 
 class TrainingLabels(NamedTuple):
@@ -149,7 +149,8 @@ class Inversion(Evaluator):
             kept = InversionResult(stored, label.slopes, label.valid, jnp.array(True), jnp.array(0))
             result = compute_where(~label.converged, inverted, kept)
             new = jax.tree.map(lambda a, b: jnp.where(result.valid, a, b), result.state, stored)
-            flags = label.valid | result.valid, label.converged | result.converged
+            known = result.valid | (label.valid & ~result.converged)
+            flags = known, label.converged | result.converged
             outputs = sample.outputs(new.amplitude)
             valid = result.valid | label.converged  # a failure is counted in its own evaluation
             label = TrainingLabels(new.amplitude, outputs, result.slopes, *flags)
@@ -191,35 +192,39 @@ class Inversion(Evaluator):
 
 
 @dataclasses.dataclass(frozen=True)
-class CoupledStep(Inversion):
-    """One coupled Newton step from the predicted traction and the last velocity.
+class NewtonSteps(Inversion):
+    """Two steps of Newton's method at each evaluation, from the flow of the last one.
 
-    A label has converged when the drag changes by at most ``tolerance``, relative, between
-    evaluations.
+    The first evaluation starts from the Oseen flow. Where a step does not lessen the residual, or
+    the slopes are not found, the sample counts as converged without a valid label.
+
+    Attributes:
+      from_prediction: whether evaluations start from the network's traction instead, the first
+        from its Oseen flow; one that fails is then made again, from another prediction.
+      newton: tolerances of the label, and the limits of an evaluation.
     """
 
     slopes: bool = False
-    tolerance: float = 1e-4
-    effort: Effort = Effort(1e-2, 30)
+    from_prediction: bool = False
+    newton: NewtonSettings = LABEL_STEPS
     warm_starts = True
 
     def invert(
         self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
     ) -> InversionResult:
-        """Make one coupled Newton step of the flow and its traction.
+        """Make the next Newton steps of the flow and its traction.
 
         Arguments and results are those of ``Inversion.invert``.
         """
         operators = sample.operators()
-        velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, predicted))
-        start = FlowState(velocity, predicted)
-        state, work = coupled_step(sample.domain, operators, start, self.effort)
-        cd = drag_coefficient(state.amplitude)
-        found = work.converged & (cd > 0) & jnp.all(jnp.isfinite(state.amplitude))
-        change = jnp.abs(cd / drag_coefficient(stored.amplitude) - 1)
-        converged = found & valid & (change <= self.tolerance)
-        slopes, good, products = self._slopes_where(converged, sample, operators, state)
-        return InversionResult(state, slopes, found, converged & good, work.products + products)
+        traction = predicted if self.from_prediction else stored.amplitude
+        velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, traction))
+        start = FlowState(velocity, traction)
+        state, info = steady.body_flow(sample.domain, operators, start, self.newton)
+        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
+        found = ~info.stalled & good & (drag_coefficient(state.amplitude) > 0)
+        converged = info.converged if self.from_prediction else info.converged | ~found
+        return InversionResult(state, slopes, found, converged, info.products + products)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion). Where the gradient of a
 loss on the flow would carry the solver's scales into the update, SIP takes the step in traction
-space, here a+ = a - (dy/da)^-1 y by one coupled Newton step, and trains the network on a+ by Adam.
+space, here a+ = a - (dy/da)^-1 y by Newton steps of the body flow, and trains the network on a+ by
+Adam.
 """
 
 import dataclasses
@@ -13,10 +14,9 @@ import optax
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.flow.solver.adjoint import Effort
 from surrogate.model.network import LoadNetwork
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.labels import CoupledStep, TrainingLabels, load_residuals, no_labels
+from surrogate.training.methods.labels import NewtonSteps, TrainingLabels, load_residuals, no_labels
 from surrogate.training.methods.method import (
     Batch,
     Evaluator,
@@ -97,16 +97,13 @@ class LabelRegression(Method):
 
 @dataclasses.dataclass(frozen=True)
 class ScaleInvariantPhysics(LabelRegression):
-    """SIP with stored labels: one coupled Newton step per evaluation.
+    """SIP with stored labels: two Newton steps at each evaluation, until the label has converged.
 
-    A label has converged when its drag changes by at most ``tolerance``, relative; ``effort``
-    limits the Krylov solve of a step.
+    Steps start from the predicted traction where it is trained, as published; at their best, where
+    the loads alone are trained, from the flow of the last evaluation.
     """
-
-    tolerance: float = 1e-4
-    effort: Effort = Effort(1e-2, 30)
 
     @property
     def evaluator(self) -> Evaluator:
-        """One coupled Newton step from the network's prediction."""
-        return CoupledStep(self.slopes > 0, self.tolerance, self.effort)
+        """Newton steps, from the network's prediction if its traction is trained."""
+        return NewtonSteps(self.slopes > 0, self.trains_traction)
