@@ -23,7 +23,12 @@ UNREACHABLE = NewtonSettings(1e-30, 2, 40)
 class Regression(LabelRegression):
     """Regression on labels of any inversion."""
 
-    evaluator: Inversion = dataclasses.field(default_factory=FullSolve)
+    inversion: Inversion | None = None
+
+    @property
+    def evaluator(self) -> Inversion:
+        """The inversion."""
+        return self.inversion
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +39,7 @@ def setup():
 
 def evaluated(setup, inversion):
     """The labels once none is pending, and the number of evaluations of all samples."""
-    method, batch = Regression(evaluator=inversion), np.arange(COUNT)
+    method, batch = Regression(inversion=inversion), np.arange(COUNT)
     state = first_state(method, setup.network, setup.physics)
     step, rounds = compile_step(method, state, setup.physics, batch), 0
     while np.any(state.labels.pending(batch)):
