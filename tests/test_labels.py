@@ -9,7 +9,7 @@ from conftest import TINY
 from surrogate import Family, Scene
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.training.loop import make_setup
-from surrogate.training.methods.labels import FullSolve, Inversion, NewtonSteps
+from surrogate.training.methods.inversion import FullSolve, Inversion, NewtonSteps
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import make_plan
 from surrogate.training.step import compile_step, first_state

@@ -27,12 +27,8 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_adjoint
 from surrogate.model.network import LoadNetwork
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.labels import (
-    NewtonSteps,
-    TrainingLabels,
-    load_residuals,
-    no_labels,
-)
+from surrogate.training.methods.inversion import NewtonSteps
+from surrogate.training.methods.labels import TrainingLabels, load_residuals, no_labels
 from surrogate.training.methods.method import (
     Batch,
     EvaluationCost,

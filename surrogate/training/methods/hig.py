@@ -28,14 +28,8 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.solver.tangent import slip_jacobian
 from surrogate.model.network import LoadNetwork
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.inverse import samples_with_residuals, weight_step
-from surrogate.training.methods.labels import (
-    LABEL_FLOW,
-    FullSolve,
-    TrainingLabels,
-    load_residuals,
-    no_labels,
-)
+from surrogate.training.methods.inversion import LABEL_FLOW, FullSolve
+from surrogate.training.methods.labels import TrainingLabels, load_residuals, no_labels
 from surrogate.training.methods.method import (
     Batch,
     EvaluationCost,
@@ -45,6 +39,7 @@ from surrogate.training.methods.method import (
     moment_residual,
     predict,
 )
+from surrogate.training.methods.partial_inverse import samples_with_residuals, weight_step
 from surrogate.training.physics import Physics, Sample
 
 FLOW = NewtonSettings(1e-4, 10, 40)

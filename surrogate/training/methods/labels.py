@@ -1,12 +1,9 @@
-"""Training labels: traction modes, loads and their gradients, by inverting the flow solver.
+"""Training labels: traction modes, loads and their gradients, and a network's residuals to them.
 
-``FullSolve`` solves the body flow once. ``NewtonSteps`` makes two Newton steps at each evaluation,
-so that solver and network converge together. Labels are stored: a sample whose label has converged
-is not evaluated again.
+Labels are stored: a sample whose label has converged is not evaluated again. They are found by
+the inversions of ``inversion.py``.
 """
 
-import abc
-import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -14,28 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from surrogate.arrays import AnyArray, compute_where
-from surrogate.devices import Sharded
-from surrogate.flow.derivatives import QUICK_ADJOINT
-from surrogate.flow.loads import drag_coefficient
-from surrogate.flow.solver import steady
-from surrogate.flow.solver.adjoint import by_stream, load_gradients
-from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.solver.steady import FlowState, stream_derivatives
+from surrogate.arrays import AnyArray
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import output_gradients
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.method import (
-    Batch,
-    EvaluationCost,
-    Evaluator,
-    evaluation_cost,
-    predict,
-)
-from surrogate.training.physics import Physics, Sample
-
-LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
-LABEL_STEPS = LABEL_FLOW._replace(max_steps=2, forcing=0.1)  # of each evaluation of one
+from surrogate.training.methods.method import Batch
+from surrogate.training.physics import Physics
 
 
 class TrainingLabels(NamedTuple):
@@ -70,188 +50,6 @@ def no_labels(physics: Physics) -> TrainingLabels:
     none = jnp.zeros(physics.count, bool)
     slopes = jnp.zeros((*physics.outputs.shape, physics.samples.parameters.shape[1] + 1))
     return TrainingLabels(physics.tractions, physics.outputs, slopes, none, none)
-
-
-class InversionResult(NamedTuple):
-    """The result of one inversion: flow, slopes, whether valid and converged, convolutions."""
-
-    state: FlowState
-    slopes: Float[Array, "loads inputs"]
-    valid: Bool[Array, ""]
-    converged: Bool[Array, ""]
-    products: Int[Array, ""]
-
-
-class LabelResult(NamedTuple):
-    """The label of an evaluated sample, whether the evaluation succeeded, and its convolutions."""
-
-    label: TrainingLabels
-    valid: Bool[AnyArray, "*samples"]
-    products: Int[AnyArray, "*samples"]
-
-
-class Inversion(Evaluator):
-    """A way to invert the flow solver: from a body and its no-slip condition to the traction.
-
-    Attributes:
-      slopes: whether a converged label gets its slopes, by an adjoint solve a load.
-    """
-
-    slopes: bool
-
-    @abc.abstractmethod
-    def invert(
-        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
-    ) -> InversionResult:
-        """Invert the flow solver for one sample.
-
-        Args:
-          sample: body and Reynolds number.
-          predicted: the network's traction modes.
-          stored: traction of the last valid evaluation; its velocity too with ``warm_starts``.
-          valid: whether there was one.
-
-        Returns:
-          The flow, its velocity of the shape of the stored one; slopes; whether the label is valid
-          and whether it has converged; the convolutions, without those of ``Sample.renewal``.
-        """
-
-    def evaluate(
-        self,
-        network: LoadNetwork,
-        physics: Physics,
-        labels: TrainingLabels,
-        velocities: Sharded,
-        batch: Batch,
-    ) -> tuple[TrainingLabels, Sharded, EvaluationCost]:
-        """Invert the solver for each sample of a chunk whose label has not converged.
-
-        A label is replaced where the inversion is valid.
-
-        Args:
-          network: predicts the tractions from which inversions may start.
-          physics: the flow solver of the samples.
-          labels: all labels so far.
-          velocities: this device's rows of the chunk.
-          batch: indices of the chunk's samples.
-
-        Returns:
-          The new labels, the new velocities and the cost.
-        """
-
-        def evaluate_sample(sample, velocity, predicted, label):
-            stored = FlowState(velocity, label.tractions)
-
-            def inverted():
-                result = self.invert(sample, predicted, stored, label.valid)
-                return result._replace(products=result.products + sample.renewal)
-
-            kept = InversionResult(stored, label.slopes, label.valid, jnp.array(True), jnp.array(0))
-            result = compute_where(~label.converged, inverted, kept)
-            new = jax.tree.map(lambda a, b: jnp.where(result.valid, a, b), result.state, stored)
-            known = result.valid | (label.valid & ~result.converged)
-            flags = known, label.converged | result.converged
-            outputs = sample.outputs(new.amplitude)
-            valid = result.valid | label.converged  # a failure is counted in its own evaluation
-            label = TrainingLabels(new.amplitude, outputs, result.slopes, *flags)
-            return LabelResult(label, valid, result.products), new.velocity
-
-        predicted = predict(network, physics.samples, batch)
-        old = jax.tree.map(lambda leaf: leaf[batch], labels)
-        found = physics.evaluate(batch, velocities, evaluate_sample, predicted, old)
-        new = found.results.label
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
-        return labels, found.states, evaluation_cost(found, physics, batch)
-
-    def _slopes_where(self, converged, sample, operators, state):
-        """Return (d outputs / d(parameters, log Re), whether found, convolutions) by the adjoints.
-
-        Zeros where the flow has not converged, or where ``slopes`` is false.
-        """
-        loads = sample.flow.bodies.loads
-        zeros = jnp.zeros((len(loads), sample.parameters.size + 1))
-        none = zeros, jnp.array(True), jnp.array(0)
-        if not self.slopes:
-            return none
-
-        def adjoint():
-            reynolds = sample.reynolds
-            found = load_gradients(loads, sample.domain, operators, state, reynolds, QUICK_ADJOINT)
-            derivatives = stream_derivatives(sample.domain, reynolds)
-            by_re = found.by_reynolds + by_stream(
-                sample.domain, operators, state, derivatives, found.adjoints
-            )
-            pull = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1]
-            by_shape = jax.vmap(lambda one: pull(one)[0])(found.by_markers)
-            slopes = jnp.column_stack([by_shape, reynolds * by_re])
-            slopes = output_gradients(sample.loads(state.amplitude), slopes)
-            sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
-            return jnp.where(sound, slopes, 0.0), sound, found.work.products
-
-        return compute_where(converged, adjoint, none)
-
-
-@dataclasses.dataclass(frozen=True)
-class NewtonSteps(Inversion):
-    """Two steps of Newton's method at each evaluation, from the flow of the last one.
-
-    The first evaluation starts from the Oseen flow. Where a step does not lessen the residual, or
-    the slopes are not found, the sample counts as converged without a valid label.
-
-    Attributes:
-      from_prediction: whether evaluations start from the network's traction instead, the first
-        from its Oseen flow; one that fails is then made again, from another prediction.
-      newton: tolerances of the label, and the limits of an evaluation.
-    """
-
-    slopes: bool = False
-    from_prediction: bool = False
-    newton: NewtonSettings = LABEL_STEPS
-    warm_starts = True
-
-    def invert(
-        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
-    ) -> InversionResult:
-        """Make the next Newton steps of the flow and its traction.
-
-        Arguments and results are those of ``Inversion.invert``.
-        """
-        operators = sample.operators()
-        traction = predicted if self.from_prediction else stored.amplitude
-        velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, traction))
-        start = FlowState(velocity, traction)
-        state, info = steady.body_flow(sample.domain, operators, start, self.newton)
-        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
-        found = ~info.stalled & good & (drag_coefficient(state.amplitude) > 0)
-        converged = info.converged if self.from_prediction else info.converged | ~found
-        return InversionResult(state, slopes, found, converged, info.products + products)
-
-
-@dataclasses.dataclass(frozen=True)
-class FullSolve(Inversion):
-    """The solution of the body flow, at the first evaluation of a sample.
-
-    Where flow or slopes are not found the sample counts as converged without a valid label: a
-    second attempt would be the same computation.
-    """
-
-    slopes: bool = False
-    newton: NewtonSettings = LABEL_FLOW
-    warm_starts = False
-
-    def invert(
-        self, sample: Sample, predicted: Float[Array, " modes"], stored: FlowState, valid: Array
-    ) -> InversionResult:
-        """Solve the body flow, and its adjoint for the slopes; the velocity is not kept.
-
-        Arguments and results are those of ``Inversion.invert``.
-        """
-        operators = sample.operators()
-        state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
-        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
-        found = info.converged & good
-        state = FlowState(stored.velocity, state.amplitude)
-        return InversionResult(state, slopes, found, jnp.array(True), info.products + products)
 
 
 def load_residuals(

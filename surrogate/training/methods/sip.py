@@ -16,7 +16,8 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.model.network import LoadNetwork
 from surrogate.scene.samples import Samples
-from surrogate.training.methods.labels import NewtonSteps, TrainingLabels, load_residuals, no_labels
+from surrogate.training.methods.inversion import NewtonSteps
+from surrogate.training.methods.labels import TrainingLabels, load_residuals, no_labels
 from surrogate.training.methods.method import (
     Batch,
     Evaluator,

@@ -5,7 +5,7 @@ The baseline of the other methods: labels by the full solver, and the same loss 
 
 import dataclasses
 
-from surrogate.training.methods.labels import FullSolve
+from surrogate.training.methods.inversion import FullSolve
 from surrogate.training.methods.method import Evaluator
 from surrogate.training.methods.sip import LabelRegression
 

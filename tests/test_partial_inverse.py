@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from surrogate.training.methods.inverse import partial_inverse, partial_inverse_lanczos
+from surrogate.training.methods.partial_inverse import partial_inverse, partial_inverse_lanczos
 
 
 def test_exact_half_inverse_is_the_svd_formula(generator):
