@@ -46,7 +46,6 @@ MOST = {
     ("lift", TRUNCATED): 1024,
     ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
-    ("particle", "hig"): 64,
     ("particle", TRUNCATED): 0,
     ("particle", "GEKPLS"): 128,
 }
