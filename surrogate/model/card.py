@@ -59,9 +59,8 @@ def model_card(scene: Scene, record: JsonObject) -> str:
 
 
 def _trained_on(record):
-    """Return how many bodies have labels: without failures, where each flow is solved once."""
-    method, published = record.get("method"), record.get("published")
-    once = method == "supervised" or (method == "hig" and not published)
+    """Return how many bodies have labels: without failures, where no body can fail twice."""
+    once = record.get("method") == "supervised" or not record.get("published")
     return record.get("samples", 0) - once * record.get("failed_samples", 0)
 
 

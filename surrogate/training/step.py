@@ -35,8 +35,8 @@ PROGRAMS = 4  # evaluations that are kept compiled: more than methods at their b
 class LearnerState(NamedTuple):
     """The state that a step changes: network, optimiser's state, labels, velocities of all samples.
 
-    Velocities are zero until a flow is solved; where the method does not start from them, one zero
-    stands for each.
+    Velocities are zero until an evaluation succeeds; where the method does not start from them, one
+    zero stands for each.
     """
 
     network: LoadNetwork

@@ -44,14 +44,14 @@ def train(
     - ``"hig"``, half-inverse gradients (Schnell, Holl, Thuerey 2022): each flow and its adjoint are
       solved once; each step inverts the Jacobian of all residuals half way. The default: of
       drag alone the most accurate for its cost, in fewest steps.
-    - ``"sip"``, scale-invariant physics (Holl, Koltun, Thuerey 2022): each evaluation is one Newton
-      step of the solver from the network's prediction, whose result the network is fitted to by
-      Adam. About as accurate; choose it for large networks, where the Jacobian of HIG becomes
-      expensive.
+    - ``"sip"``, scale-invariant physics (Holl, Koltun, Thuerey 2022): each evaluation is a few
+      Newton steps of the solver, to whose result Adam fits the network. About as accurate; choose
+      it for large networks, where the Jacobian of HIG becomes expensive.
     - ``"supervised"``: each flow is solved once, Adam fits the network. The most
       accurate where drag, lift and moment are trained on few bodies.
     - ``"dp"``, differentiable physics (Um et al. 2020): Adam follows the gradient of a loss on the
-      flow through the solver. The least accurate here; for comparison.
+      slip at the wall, through the flow solver or its linearisation. The least accurate here; for
+      comparison.
 
     By default every method runs at its best: it also fits the loads' gradients in shape and Re,
     which one adjoint solve per load provides (Sobolev training, Czarnecki et al. 2017).

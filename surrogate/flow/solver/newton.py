@@ -40,7 +40,8 @@ class NewtonInfo(NamedTuple):
     """The outcome of a Newton solve; ``products`` counts convolutions with G.
 
     ``residual`` is the preconditioned residual over the solution at the end; ``stalled`` is whether
-    the solve ended since no step lessened it.
+    the last step did not lessen it, even halved to 1/16 (or it is not finite); x is then worse
+    than before that step.
     """
 
     converged: Bool[Array, ""]

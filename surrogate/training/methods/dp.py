@@ -55,12 +55,12 @@ class DPState(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class DifferentiablePhysics(Method):
-    """DP at its best: the loss uses the flow linearised about its last evaluation.
+    """DP at its best: the loss uses the slip linearised about the label.
 
-    An evaluation is two Newton steps towards the traction a+, until the label converges; the slip
-    of any other traction is C (a - a+), with the compliance C of the Oseen flow. The drag term is
-    exact, and the drag's slopes are trained with weight ``slopes``. With lift these are the terms
-    of all loads.
+    An evaluation is a few Newton steps towards the label's traction a+, until it converges. The
+    slip of any other traction is C (a - a+), with the compliance C of the Oseen flow; the drag term
+    is exact, and the drag's slopes are trained with weight ``slopes``. With lift these are the
+    terms of all loads.
     """
 
     batch: int = 64

@@ -1,7 +1,7 @@
-"""Inversions of the flow solver: from a body and its no-slip condition to the traction's label.
+"""Inversions of the flow solver: from a body and its no-slip condition to the label of a sample.
 
-``FullSolve`` solves the body flow once. ``NewtonSteps`` makes two Newton steps at each evaluation,
-so that solver and network converge together.
+``FullSolve`` solves the body flow once. ``NewtonSteps`` makes at most two Newton steps at each
+evaluation, so that the network learns from flows that have not converged yet.
 """
 
 import abc
@@ -32,8 +32,9 @@ from surrogate.training.methods.method import (
 )
 from surrogate.training.physics import Physics, Sample
 
-LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a label that is solved once
-LABEL_STEPS = LABEL_FLOW._replace(max_steps=2, forcing=0.1)  # of each evaluation of one
+LABEL_FLOW = NewtonSettings(1e-5, 15, 40)  # of a full solve
+# of an evaluation by steps: a smaller forcing term, as one more evaluation assembles the operators
+LABEL_STEPS = LABEL_FLOW._replace(max_steps=2, forcing=0.1)
 
 
 class InversionResult(NamedTuple):
@@ -72,7 +73,8 @@ class Inversion(Evaluator):
         Args:
           sample: body and Reynolds number.
           predicted: the network's traction modes.
-          stored: traction of the last valid evaluation; its velocity too with ``warm_starts``.
+          stored: traction of the last valid evaluation, of the Oseen flow before there is one;
+            its velocity too with ``warm_starts``, zero before.
           valid: whether there was one.
 
         Returns:
@@ -90,7 +92,7 @@ class Inversion(Evaluator):
     ) -> tuple[TrainingLabels, Sharded, EvaluationCost]:
         """Invert the solver for each sample of a chunk whose label has not converged.
 
-        A label is replaced where the inversion is valid.
+        A label is replaced where the inversion is valid, and withdrawn where it ends without one.
 
         Args:
           network: predicts the tractions from which inversions may start.
@@ -113,12 +115,12 @@ class Inversion(Evaluator):
             kept = InversionResult(stored, label.slopes, label.valid, jnp.array(True), jnp.array(0))
             result = compute_where(~label.converged, inverted, kept)
             new = jax.tree.map(lambda a, b: jnp.where(result.valid, a, b), result.state, stored)
-            known = result.valid | (label.valid & ~result.converged)
-            flags = known, label.converged | result.converged
+            kept_or_new = result.valid | (label.valid & ~result.converged)
+            flags = kept_or_new, label.converged | result.converged
             outputs = sample.outputs(new.amplitude)
-            valid = result.valid | label.converged  # a failure is counted in its own evaluation
+            succeeded = result.valid | label.converged  # earlier failures are not counted again
             label = TrainingLabels(new.amplitude, outputs, result.slopes, *flags)
-            return LabelResult(label, valid, result.products), new.velocity
+            return LabelResult(label, succeeded, result.products), new.velocity
 
         predicted = predict(network, physics.samples, batch)
         old = jax.tree.map(lambda leaf: leaf[batch], labels)
@@ -128,9 +130,9 @@ class Inversion(Evaluator):
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _slopes_where(self, converged, sample, operators, state):
-        """Return (d outputs / d(parameters, log Re), whether found, convolutions) by the adjoints.
+        """Return (d outputs / d(parameters, log Re), whether sound, convolutions) by the adjoints.
 
-        Zeros where the flow has not converged, or where ``slopes`` is false.
+        Zeros, which are sound, where the flow has not converged, or where ``slopes`` is false.
         """
         loads = sample.flow.bodies.loads
         zeros = jnp.zeros((len(loads), sample.parameters.size + 1))
@@ -157,14 +159,16 @@ class Inversion(Evaluator):
 
 @dataclasses.dataclass(frozen=True)
 class NewtonSteps(Inversion):
-    """Two steps of Newton's method at each evaluation, from the flow of the last one.
+    """At most two steps of Newton's method at each evaluation, from the flow of the last one.
 
-    The first evaluation starts from the Oseen flow. Where a step does not lessen the residual, or
-    the slopes are not found, the sample counts as converged without a valid label.
+    The first evaluation starts from the Oseen flow. A sample whose evaluation fails counts as
+    converged without a valid label: a second attempt would be the same computation. It fails where
+    a step does not lessen the residual, where Cd is not positive, or where slopes are not found.
 
     Attributes:
-      from_prediction: whether evaluations start from the network's traction instead, the first
-        from its Oseen flow; one that fails is then made again, from another prediction.
+      from_prediction: whether the traction starts from the network's instead, the velocity at first
+        from the one that this traction drives by the Oseen equations; an evaluation that fails is
+        then made again, from another prediction.
       newton: tolerances of the label, and the limits of an evaluation.
     """
 
@@ -187,7 +191,9 @@ class NewtonSteps(Inversion):
         state, info = steady.body_flow(sample.domain, operators, start, self.newton)
         slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
         found = ~info.stalled & good & (drag_coefficient(state.amplitude) > 0)
-        converged = info.converged if self.from_prediction else info.converged | ~found
+        converged = info.converged & found
+        if not self.from_prediction:
+            converged |= ~found
         return InversionResult(state, slopes, found, converged, info.products + products)
 
 
@@ -213,6 +219,6 @@ class FullSolve(Inversion):
         operators = sample.operators()
         state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
         slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
-        found = info.converged & good
+        found = info.converged & good & (drag_coefficient(state.amplitude) > 0)
         state = FlowState(stored.velocity, state.amplitude)
         return InversionResult(state, slopes, found, jnp.array(True), info.products + products)

@@ -27,7 +27,7 @@ class TrainingLabels(NamedTuple):
       tractions: traction modes; of the Oseen flow until the label is valid.
       outputs: of the same flow.
       slopes: d outputs / d(parameters, log Re) of valid and converged labels, if requested.
-      valid: whether there is a label.
+      valid: whether there is a label, if only of a flow that has not converged.
       converged: whether no further evaluation is needed (also if none would succeed).
     """
 

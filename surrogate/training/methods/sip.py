@@ -2,8 +2,8 @@
 
 Holl, Koltun, Thuerey 2022 (Scale-invariant Learning by Physics Inversion). Where the gradient of a
 loss on the flow would carry the solver's scales into the update, SIP takes the step in traction
-space, here a+ = a - (dy/da)^-1 y by Newton steps of the body flow, and trains the network on a+ by
-Adam.
+space, here to the traction a+ by Newton steps of the body flow, and trains the network on a+, at
+its best on the loads of a+ alone, by Adam.
 """
 
 import dataclasses
@@ -98,13 +98,13 @@ class LabelRegression(Method):
 
 @dataclasses.dataclass(frozen=True)
 class ScaleInvariantPhysics(LabelRegression):
-    """SIP with stored labels: two Newton steps at each evaluation, until the label has converged.
+    """SIP with stored labels: a few Newton steps at each evaluation, until the label has converged.
 
-    Steps start from the predicted traction where it is trained, as published; at their best, where
+    They start from the predicted traction where that is trained, as published; at its best, where
     the loads alone are trained, from the flow of the last evaluation.
     """
 
     @property
     def evaluator(self) -> Evaluator:
         """Newton steps, from the network's prediction if its traction is trained."""
-        return NewtonSteps(self.slopes > 0, self.trains_traction)
+        return NewtonSteps(slopes=self.slopes > 0, from_prediction=self.trains_traction)
