@@ -12,12 +12,14 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
 from surrogate.model.network import blank_network
 from surrogate.scene.cost import convolutions, seconds_per_convolution
+from surrogate.training.methods.inversion import NewtonSteps
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
 
 # Convolutions per evaluation of the methods that, as published, evaluate at every step:
 # RESULTS.md, "Cost and accuracy of training": their G over iterations times batch.
 EVALUATION = {"dp": 10.0, "hig": 140.0}
+EVALUATIONS = 3  # of a label by a few Newton steps each, until it has converged
 
 
 class Forecast(NamedTuple):
@@ -41,9 +43,10 @@ def forecast(plan: Plan) -> Forecast:
     lattice = Flow(plan.scene).domain.lattice
     symmetric = plan.scene.family.body_class.symmetric
     takes = convolutions(plan.scene.dimension, symmetric)
-    each = takes.flow + takes.renewal + (0.0 if plan.published else takes.adjoint)
-    work = plan.samples * each
     method = plan.make_method()
+    evaluations = EVALUATIONS if isinstance(method.evaluator, NewtonSteps) else 1
+    each = takes.flow + evaluations * takes.renewal + (0.0 if plan.published else takes.adjoint)
+    work = plan.samples * each
     batch = min(method.batch, plan.samples)
     if plan.published and plan.method in EVALUATION:
         work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
