@@ -50,8 +50,8 @@ def train(
     - ``"supervised"``: each flow is solved once, Adam fits the network. The most
       accurate where drag, lift and moment are trained on few bodies.
     - ``"dp"``, differentiable physics (Um et al. 2020): Adam follows the gradient of a loss on the
-      slip at the wall, through the flow solver or its linearisation. The least accurate here; for
-      comparison.
+      slip at the wall, through the flow solver or its linearisation. The least accurate of drag
+      alone, and of three loads on more than a few bodies; for comparison.
 
     By default every method runs at its best: it also fits the loads' gradients in shape and Re,
     which one adjoint solve per load provides (Sobolev training, Czarnecki et al. 2017).
