@@ -19,7 +19,7 @@ from surrogate.training.plan import Plan
 # Convolutions per evaluation of the methods that, as published, evaluate at every step:
 # RESULTS.md, "Cost and accuracy of training": their G over iterations times batch.
 EVALUATION = {"dp": 10.0, "hig": 140.0}
-EVALUATIONS = 3  # of a label by a few Newton steps each, until it has converged
+EVALUATIONS_OF_A_LABEL = 3  # of a label by a few Newton steps each, until it has converged
 
 
 class Forecast(NamedTuple):
@@ -44,7 +44,7 @@ def forecast(plan: Plan) -> Forecast:
     symmetric = plan.scene.family.body_class.symmetric
     takes = convolutions(plan.scene.dimension, symmetric)
     method = plan.make_method()
-    evaluations = EVALUATIONS if isinstance(method.evaluator, NewtonSteps) else 1
+    evaluations = EVALUATIONS_OF_A_LABEL if isinstance(method.evaluator, NewtonSteps) else 1
     each = takes.flow + evaluations * takes.renewal + (0.0 if plan.published else takes.adjoint)
     work = plan.samples * each
     batch = min(method.batch, plan.samples)

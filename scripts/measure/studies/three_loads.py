@@ -2,8 +2,8 @@
 
 Every flow is solved once, with the gradients of its loads. HIG and supervised regression, at their
 best, and the rivals are fitted to the first of them; SIP at its best has the labels and the loss of
-the latter, at about the same cost (studies ``lift_methods`` and ``particle_methods`` have all
-methods). Study ``three_loads_lift`` does the same for 2-D sections.
+the latter (studies ``lift_methods``, ``lift_trainings`` and ``particle_methods`` have all methods).
+Study ``three_loads_lift`` does the same for 2-D sections.
 """
 
 import dataclasses
@@ -46,6 +46,7 @@ MOST = {
     ("lift", TRUNCATED): 1024,
     ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
+    ("particle", "hig"): 64,
     ("particle", TRUNCATED): 0,
     ("particle", "GEKPLS"): 128,
 }

@@ -60,9 +60,11 @@ class Inversion(Evaluator):
 
     Attributes:
       slopes: whether a converged label gets its slopes, by an adjoint solve a load.
+      newton: tolerance of the label, and the limits of an evaluation.
     """
 
     slopes: bool
+    newton: NewtonSettings
 
     @abc.abstractmethod
     def invert(
@@ -129,6 +131,16 @@ class Inversion(Evaluator):
         labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
+    def _solved(self, sample, operators, start=None):
+        """Return (flow, how Newton's method ended, slopes, whether sound, convolutions).
+
+        A flow is sound whose drag is positive and whose slopes, if it has converged, are found.
+        """
+        state, info = steady.body_flow(sample.domain, operators, start, self.newton)
+        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
+        sound = good & (drag_coefficient(state.amplitude) > 0)
+        return state, info, slopes, sound, info.products + products
+
     def _slopes_where(self, converged, sample, operators, state):
         """Return (d outputs / d(parameters, log Re), whether sound, convolutions) by the adjoints.
 
@@ -169,7 +181,6 @@ class NewtonSteps(Inversion):
       from_prediction: whether the traction starts from the network's instead, the velocity at first
         from the one that this traction drives by the Oseen equations; an evaluation that fails is
         then made again, from another prediction.
-      newton: tolerances of the label, and the limits of an evaluation.
     """
 
     slopes: bool = False
@@ -188,21 +199,20 @@ class NewtonSteps(Inversion):
         traction = predicted if self.from_prediction else stored.amplitude
         velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, traction))
         start = FlowState(velocity, traction)
-        state, info = steady.body_flow(sample.domain, operators, start, self.newton)
-        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
-        found = ~info.stalled & good & (drag_coefficient(state.amplitude) > 0)
+        state, info, slopes, sound, products = self._solved(sample, operators, start)
+        found = sound & ~info.stalled
         converged = info.converged & found
         if not self.from_prediction:
             converged |= ~found
-        return InversionResult(state, slopes, found, converged, info.products + products)
+        return InversionResult(state, slopes, found, converged, products)
 
 
 @dataclasses.dataclass(frozen=True)
 class FullSolve(Inversion):
     """The solution of the body flow, at the first evaluation of a sample.
 
-    Where flow or slopes are not found the sample counts as converged without a valid label: a
-    second attempt would be the same computation.
+    Where flow or slopes are not found, or Cd is not positive, the sample counts as converged
+    without a valid label: a second attempt would be the same computation.
     """
 
     slopes: bool = False
@@ -216,9 +226,7 @@ class FullSolve(Inversion):
 
         Arguments and results are those of ``Inversion.invert``.
         """
-        operators = sample.operators()
-        state, info = steady.body_flow(sample.domain, operators, settings=self.newton)
-        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
-        found = info.converged & good & (drag_coefficient(state.amplitude) > 0)
+        state, info, slopes, sound, products = self._solved(sample, sample.operators())
         state = FlowState(stored.velocity, state.amplitude)
-        return InversionResult(state, slopes, found, jnp.array(True), info.products + products)
+        found = sound & info.converged
+        return InversionResult(state, slopes, found, jnp.array(True), products)
