@@ -39,9 +39,12 @@ RENEWAL_MARGIN = 0.7  # of the reduction still needed, so that rounding does not
 
 
 class Effort(NamedTuple):
-    """The effort of one linear solve: relative tolerance, and largest number of Krylov vectors."""
+    """The effort of linear solves: relative tolerance, and largest number of Krylov vectors.
 
-    tolerance: float = 1e-2
+    Tolerances of adjoints may be a tuple, one for each load.
+    """
+
+    tolerance: float | tuple[float, ...] = 1e-2
     max_vectors: int = 40
 
 
@@ -101,16 +104,17 @@ def load_gradients(
         return momentum_source(domain, moved, state), slip_residual(domain, moved, state)
 
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
-    solve = adjoint_solver(domain, operators, state, effort)
+    solve = adjoint_solver(domain, operators, state, effort.max_vectors)
     pull = jax.vjp(with_body, operators.markers, reynolds)[1]
 
-    def one_load(by_amplitude):
-        adjoint, work = solve(by_amplitude)
+    def one_load(problem):
+        adjoint, work = solve(*problem)
         adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
         by_source = -operators.green.transposed(adjoint.velocity)
         return *pull((by_source, adjoint.amplitude)), adjoint, work
 
-    by_body, by_re, adjoints, work = jax.lax.map(one_load, by_amplitude)
+    tolerances = jnp.broadcast_to(jnp.asarray(effort.tolerance), (len(loads),))
+    by_body, by_re, adjoints, work = jax.lax.map(one_load, (by_amplitude, tolerances))
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
     products = jnp.sum(work.products) + len(loads)
     return LoadGradients(by_markers, by_re, adjoints, Work(products, jnp.all(work.converged)))
@@ -144,9 +148,9 @@ def by_stream(
 
 @full_single_precision
 def adjoint_solver(
-    domain: Domain, operators: Operators, state: FlowState, effort: Effort
-) -> Callable[[Float[Array, " modes"]], tuple[FlowState, Work]]:
-    """Return a function that solves A^T lambda = -dJ/dx, given a load's dJ/da.
+    domain: Domain, operators: Operators, state: FlowState, max_vectors: int
+) -> Callable[[Float[Array, " modes"], Float[AnyArray, ""]], tuple[FlowState, Work]]:
+    """Return a function that solves A^T lambda = -dJ/dx, given a load's dJ/da and a tolerance.
 
     A Newton step from x, x - A^-1 F(x), then changes the load by lambda . F(x) to first order.
 
@@ -154,7 +158,7 @@ def adjoint_solver(
       domain: the discrete problem.
       operators: of the body.
       state: x, of the flow at which F is linearised.
-      effort: of the linear solve.
+      max_vectors: largest number of Krylov vectors.
     """
     inverse = eliminate(domain, operators)
 
@@ -166,7 +170,7 @@ def adjoint_solver(
     matvec, _ = system(*single((operators, state, inverse)))
     exact, precondition = system(operators, state, inverse)
 
-    def solve(by_amplitude):
+    def solve(by_amplitude, tolerance):
         goal = FlowState(jnp.zeros_like(state.velocity), -by_amplitude)
         target = precondition(goal)
         size = optax.tree.norm(target)
@@ -177,22 +181,22 @@ def adjoint_solver(
 
         def unfinished(carry):
             _, left, _, passes = carry
-            return (optax.tree.norm(left) > effort.tolerance * size) & (passes <= MAX_RENEWALS)
+            return (optax.tree.norm(left) > tolerance * size) & (passes <= MAX_RENEWALS)
 
         def improve(carry):
             x, left, steps, passes = carry
             margin = jnp.where(passes == 0, 1.0, RENEWAL_MARGIN)
-            needed = margin * effort.tolerance * size / optax.tree.norm(left)
+            needed = margin * tolerance * size / optax.tree.norm(left)
             needed = jnp.maximum(needed, SINGLE).astype(jnp.float32)
-            change = gmres(matvec, single(left), needed, effort.max_vectors)
+            change = gmres(matvec, single(left), needed, max_vectors)
             x = jax.tree.map(jnp.add, x, change.x)
-            enough = (passes == 0) & change.converged & (effort.tolerance >= SINGLE_SUFFICES)
+            enough = (passes == 0) & change.converged & (tolerance >= SINGLE_SUFFICES)
             left = compute_where(~enough, lambda: remainder(x), nothing)
             return x, left, steps + change.steps + jnp.where(enough, 0, 1), passes + 1
 
         start = nothing, target, jnp.array(0), jnp.array(0)
         x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
-        return x, Work(steps, optax.tree.norm(left) <= effort.tolerance * size)
+        return x, Work(steps, optax.tree.norm(left) <= tolerance * size)
 
     return solve
 
@@ -218,7 +222,8 @@ def slip_weights(
         return load(domain.modes, amplitude, operators.markers)
 
     by_amplitude = jax.grad(value)(state.amplitude)
-    adjoint, work = adjoint_solver(domain, operators, state, effort)(by_amplitude)
+    solve = adjoint_solver(domain, operators, state, effort.max_vectors)
+    adjoint, work = solve(by_amplitude, jnp.asarray(effort.tolerance))
     return adjoint.amplitude.astype(float), work
 
 
