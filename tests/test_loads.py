@@ -53,7 +53,7 @@ def evaluate(domain):
         operators = steady.assemble(domain, contour(parameters), reynolds)
         state, info = steady.body_flow(domain, operators, settings=TIGHT)
         value = load(domain.modes, state.amplitude, operators.markers)
-        found = load_gradients((load,), domain, operators, state, reynolds, EFFORT)
+        found = load_gradients((load,), domain, operators, state, reynolds, (EFFORT,))
         derivatives = steady.stream_derivatives(domain, reynolds)
         rest = by_stream(domain, operators, state, derivatives, found.adjoints)
         by_parameters = jax.vjp(contour, parameters)[1](found.by_markers[0])[0]

@@ -36,6 +36,20 @@ def test_gmres_in_single_precision_reaches_its_tolerance():
     assert float(jnp.linalg.norm(exact) / jnp.linalg.norm(right)) < 3e-6
 
 
+def test_gmres_in_single_precision_needs_no_more_vectors_than_in_double():
+    """With outlying eigenvalues Krylov vectors lose their orthogonality early."""
+    outliers = np.geomspace(0.1, 1e4, 60)
+    scale = jnp.asarray(np.concatenate([1.0 + outliers, np.ones(540)]))
+    right = jnp.asarray(np.random.default_rng(0).normal(size=600))
+
+    def steps(kind):
+        own = scale.astype(kind)
+        return int(gmres(lambda x: own * x, right.astype(kind), 1e-5, 60).steps)
+
+    assert 20 < steps(jnp.float64) < 60
+    assert steps(jnp.float32) <= steps(jnp.float64) + 1
+
+
 def test_exact_a_batch_of_systems_is_solved_as_one_by_one():
     """Each stops at the vector that suffices for it; no Krylov vectors of a batch are copied."""
     rng = np.random.default_rng(0)

@@ -19,19 +19,20 @@ from surrogate.compilation import compiled
 from surrogate.errors import NotConverged
 from surrogate.flow import programs
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.loads import Load, drag, lift, moment
+from surrogate.flow.loads import Load, drag
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
 from surrogate.flow.streams import kept_derivatives
 
-# Gradients of designs and trainings need no more than kriging's noise of slopes, 2e-4. That of drag
-# is the smallest over its adjoint, so it needs the smallest residual.
-QUICK_TOLERANCES = {drag: 2e-4, lift: 3e-4, moment: 3e-4}
+# Of the adjoints for designs and trainings: slopes of the outputs in scaled inputs are then good to
+# about kriging's noise of them. That of drag is the smallest over its adjoint, so that it needs a
+# smaller residual.
+QUICK, QUICK_DRAG = Effort(3e-4, 60), Effort(2e-4, 60)
 
 
 class LoadsAndGradients(NamedTuple):
-    """Loads and their derivatives in parameters and Re, to about 3e-4; NaN where not converged.
+    """Loads and their derivatives in parameters and Re, by ``quick_efforts``; NaN if not converged.
 
     The loads are Cd alone for classes of symmetric bodies, else Cd, Cl and Cm.
     ``green_applications`` counts the convolutions with G of flow and adjoints.
@@ -132,8 +133,8 @@ def exact_gradients(
     domain = bodies.domain
     if operators is None:
         operators = bodies.assembled(parameters, reynolds)
-    effort = Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors)
-    found = programs.load_gradients(loads, domain, effort, operators, state, reynolds)
+    efforts = (Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors),) * len(loads)
+    found = programs.load_gradients(loads, domain, efforts, operators, state, reynolds)
     at = domain, parameters, reynolds, operators, state
     by_re = _by_reynolds(*at, found) if by_reynolds else None
     return _in_parameters(bodies, parameters, found.by_markers, by_re, found.work.converged)
@@ -194,9 +195,9 @@ def named_gradients(
     }
 
 
-def quick_effort(loads: tuple[Load, ...]) -> Effort:
-    """Return the effort of the adjoints of loads where gradients are for designs and trainings."""
-    return Effort(tuple(QUICK_TOLERANCES[load] for load in loads), 60)
+def quick_efforts(loads: tuple[Load, ...]) -> tuple[Effort, ...]:
+    """Return the efforts of the adjoints of loads whose gradients are for designs and trainings."""
+    return tuple(QUICK_DRAG if load is drag else QUICK for load in loads)
 
 
 def loads_and_gradients(
@@ -206,12 +207,12 @@ def loads_and_gradients(
 ) -> LoadsAndGradients:
     """Return the loads of a body and their gradients by one adjoint for each load.
 
-    The adjoints are solved to the effort of ``quick_effort``; see ``LoadsAndGradients``.
+    The adjoints are solved by ``quick_efforts``; see ``LoadsAndGradients``.
     """
     domain = bodies.domain
     operators, state, info = bodies.solved(parameters, reynolds)
-    effort = quick_effort(bodies.loads)
-    found = programs.load_gradients(bodies.loads, domain, effort, operators, state, reynolds)
+    efforts = quick_efforts(bodies.loads)
+    found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, reynolds)
     by_re = _by_reynolds(domain, parameters, reynolds, operators, state, found)
     values = load_values(bodies, bodies.loads, operators, state)
     return _loads_and_gradients(

@@ -59,11 +59,11 @@ def solve(
     return steady.body_flow(domain, operators, guess, settings)
 
 
-@compiled("loads", "domain", "effort", options=_options)
+@compiled("loads", "domain", "efforts", options=_options)
 def load_gradients(
     loads: tuple[Load, ...],
     domain: Domain,
-    effort: Effort,
+    efforts: tuple[Effort, ...],
     operators: Operators,
     state: FlowState,
     reynolds: Float[Array, ""],
@@ -72,4 +72,4 @@ def load_gradients(
 
     The arguments are those of ``adjoint.load_gradients``.
     """
-    return adjoint.load_gradients(loads, domain, operators, state, reynolds, effort)
+    return adjoint.load_gradients(loads, domain, operators, state, reynolds, efforts)

@@ -165,8 +165,8 @@ def cost(run: Run, fidelity: str, aspect: float, reynolds: float) -> Row:
 def text(result: Result) -> str:
     """Return the mean and largest errors of the held-out flows as text.
 
-    Bounds of lift and moment that vanish by symmetry are not counted: they are 0, and what is left
-    is the error of the elements.
+    Bounds of lift and moment that vanish by symmetry are not counted: they are 0 but for rounding,
+    and what is left is the error of the elements.
     """
     rows = result["rows"]
     parts = []

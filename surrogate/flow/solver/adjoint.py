@@ -39,12 +39,9 @@ RENEWAL_MARGIN = 0.7  # of the reduction still needed, so that rounding does not
 
 
 class Effort(NamedTuple):
-    """The effort of linear solves: relative tolerance, and largest number of Krylov vectors.
+    """The effort of one linear solve: relative tolerance, and largest number of Krylov vectors."""
 
-    Tolerances of adjoints may be a tuple, one for each load.
-    """
-
-    tolerance: float | tuple[float, ...] = 1e-2
+    tolerance: float = 1e-2
     max_vectors: int = 40
 
 
@@ -77,7 +74,7 @@ def load_gradients(
     operators: Operators,
     state: FlowState,
     reynolds: Float[AnyArray, ""],
-    effort: Effort,
+    efforts: tuple[Effort, ...],
 ) -> LoadGradients:
     """Return the gradients of loads in the body's markers and in Re, by one adjoint for each load.
 
@@ -92,7 +89,7 @@ def load_gradients(
       operators: of the body, from ``assemble``, at this Re.
       state: the converged body flow.
       reynolds: U D / nu.
-      effort: of each adjoint's linear solve.
+      efforts: of the adjoints' linear solves, one for each load.
     """
 
     def values(amplitude, markers):
@@ -104,7 +101,7 @@ def load_gradients(
         return momentum_source(domain, moved, state), slip_residual(domain, moved, state)
 
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
-    solve = adjoint_solver(domain, operators, state, effort.max_vectors)
+    solve = adjoint_solver(domain, operators, state, max(one.max_vectors for one in efforts))
     pull = jax.vjp(with_body, operators.markers, reynolds)[1]
 
     def one_load(problem):
@@ -113,7 +110,7 @@ def load_gradients(
         by_source = -operators.green.transposed(adjoint.velocity)
         return *pull((by_source, adjoint.amplitude)), adjoint, work
 
-    tolerances = jnp.broadcast_to(jnp.asarray(effort.tolerance), (len(loads),))
+    tolerances = jnp.array([one.tolerance for one in efforts])
     by_body, by_re, adjoints, work = jax.lax.map(one_load, (by_amplitude, tolerances))
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
     products = jnp.sum(work.products) + len(loads)

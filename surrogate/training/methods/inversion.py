@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray, compute_where
 from surrogate.devices import Sharded
-from surrogate.flow.derivatives import quick_effort
+from surrogate.flow.derivatives import quick_efforts
 from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.adjoint import by_stream, load_gradients
@@ -153,8 +153,8 @@ class Inversion(Evaluator):
             return none
 
         def adjoint():
-            reynolds, effort = sample.reynolds, quick_effort(loads)
-            found = load_gradients(loads, sample.domain, operators, state, reynolds, effort)
+            reynolds, efforts = sample.reynolds, quick_efforts(loads)
+            found = load_gradients(loads, sample.domain, operators, state, reynolds, efforts)
             derivatives = stream_derivatives(sample.domain, reynolds)
             by_re = found.by_reynolds + by_stream(
                 sample.domain, operators, state, derivatives, found.adjoints
