@@ -28,7 +28,8 @@ from surrogate.flow.streams import kept_derivatives
 # Of the adjoints for designs and trainings: slopes of the outputs in scaled inputs are then good to
 # about kriging's noise of them. That of drag is the smallest over its adjoint, so that it needs a
 # smaller residual.
-QUICK, QUICK_DRAG = Effort(3e-4, 60), Effort(2e-4, 60)
+QUICK = Effort(3e-4, 60)
+QUICK_DRAG = QUICK._replace(tolerance=2e-4)
 
 
 class LoadsAndGradients(NamedTuple):

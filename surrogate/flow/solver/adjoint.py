@@ -89,7 +89,8 @@ def load_gradients(
       operators: of the body, from ``assemble``, at this Re.
       state: the converged body flow.
       reynolds: U D / nu.
-      efforts: of the adjoints' linear solves, one for each load.
+      efforts: of the adjoints' linear solves, one for each load; all may take the largest number
+        of Krylov vectors among them.
     """
 
     def values(amplitude, markers):
