@@ -1,7 +1,9 @@
 """3-D flows at incidence: symmetries, golden loads, gradients, the parts of domain and body."""
 
 import dataclasses
+import functools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -36,6 +38,12 @@ def solved(parameters, reynolds, flow=DRAFT):
     return flow.solve(family_shape(parameters, dimension=3), reynolds, estimate=False)
 
 
+@functools.partial(jax.jit, static_argnames="lattice")
+def driven(lattice, reynolds, force):
+    """Velocity that a force density drives: one convolution with G."""
+    return space_kernel(lattice, reynolds)(force)
+
+
 def test_exact_kernel_of_half_a_domain_is_that_of_the_whole():
     half, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=(1,)), np.random.default_rng(0)
     whole = half.unfolded
@@ -43,7 +51,7 @@ def test_exact_kernel_of_half_a_domain_is_that_of_the_whole():
     force[1, :, -1] = 0.0  # its image's place is outside of the whole domain
     re = jnp.asarray(7.0)
     by_half, by_whole = (
-        np.asarray(lattice.unfold(space_kernel(lattice, re)(jnp.asarray(f))))
+        np.asarray(lattice.unfold(driven(lattice, re, jnp.asarray(f))))
         for lattice, f in ((half, force), (whole, np.asarray(half.unfold(force))))
     )
     assert np.abs(by_half - by_whole).max() < 1e-11 * np.abs(by_whole).max()
@@ -55,8 +63,9 @@ def test_exact_kernel_of_forces_that_are_their_mirror_image_or_minus_it(parity):
     force = rng.normal(size=(3, *lattice.shape))
     force[2, ..., -1] = 0.0  # its image's place is outside of the domain
     force = lattice.symmetrised(jnp.asarray(force), parity)
-    kernel = space_kernel(lattice, jnp.asarray(7.0))
-    found, whole = kernel.of_parity(force, jnp.asarray((1 - parity) // 2)), kernel(force)
+    kernel = eqx.filter_jit(space_kernel)(lattice, jnp.asarray(7.0))
+    found = eqx.filter_jit(kernel.of_parity)(force, jnp.asarray((1 - parity) // 2))
+    whole = eqx.filter_jit(kernel)(force)
     np.testing.assert_allclose(found, whole, atol=1e-12 * float(jnp.abs(whole).max()))
     images = lattice.symmetrised(found, parity)
     np.testing.assert_allclose(found[..., :-1], images[..., :-1], rtol=0, atol=0)
@@ -66,19 +75,30 @@ def test_exact_kernel_of_forces_that_are_their_mirror_image_or_minus_it(parity):
 @pytest.mark.parametrize("folded", [(), (1,), (1, 2)])
 def test_exact_transposed_kernel(folded):
     lattice, rng = Lattice((24, 8, 16), (0.2,) * 3, 8, folded=folded), np.random.default_rng(0)
-    kernel = space_kernel(lattice, jnp.asarray(7.0))
+    kernel = eqx.filter_jit(space_kernel)(lattice, jnp.asarray(7.0))
     force, field = jnp.asarray(rng.normal(size=(2, 3, *lattice.shape)))
-    expected = jax.linear_transpose(kernel, force)(field)[0]
+
+    @eqx.filter_jit
+    def transposed(kernel, force, field):
+        """By JAX and by the kernel."""
+        return jax.linear_transpose(kernel, force)(field)[0], kernel.transposed(field)
+
+    expected, found = transposed(kernel, force, field)
     tolerance = 1e-12 * float(jnp.abs(expected).max())
-    np.testing.assert_allclose(kernel.transposed(field), expected, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
 
 
 def test_few_combinations_of_modes_give_the_velocity_far_away():
     """That of the Oseen flow; near the body all modes are known."""
     operators = FLOW.bodies.assembled(jnp.asarray(BODY), jnp.asarray(40.0))
-    amplitude = steady.oseen_flow(FLOW.domain, operators).amplitude
-    whole = operators.green(operators.body.spread(amplitude))
-    error = jnp.abs(operators.response(amplitude) - whole) / float(jnp.abs(whole).max())
+
+    @jax.jit
+    def responses(operators):
+        amplitude = steady.oseen_flow(FLOW.domain, operators).amplitude
+        return operators.response(amplitude), operators.green(operators.body.spread(amplitude))
+
+    few, whole = responses(operators)
+    error = jnp.abs(few - whole) / float(jnp.abs(whole).max())
     corner, near = FLOW.domain.near
     box = (slice(None), *(slice(k, k + side) for k, side in zip(corner, near.shape, strict=True)))
     assert float(error[box].max()) < 1e-5
@@ -95,6 +115,7 @@ def test_a_sphere_has_no_incidence():
     assert abs(turned.moment) < 1e-4 * turned.drag
 
 
+@pytest.mark.slow
 def test_a_body_across_the_stream_is_a_flattened_one():
     """Turned by 90 degrees aspect 2 is aspect 0.7071, flatness 2; two grids and sets of modes."""
     turned = solved({"aspect": 2.0, "incidence": 90.0}, 1.0)

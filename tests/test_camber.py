@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TINY
+from conftest import SECTIONS, TINY
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -34,8 +34,7 @@ from surrogate.body.validity import are_valid
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.network import blank_network
 
-FAMILY = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
-SCENE = Scene(family=FAMILY, fidelity=TINY)
+FAMILY, SCENE = SECTIONS, Scene(family=SECTIONS, fidelity=TINY)
 FLOW = Flow(SCENE, NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8))
 BODY = jnp.array([2.0, 0.1, 0.2, 6.0])
 MIRROR = jnp.array([1.0, 1.0, -1.0, -1.0])

@@ -59,8 +59,8 @@ def scene(tmp_path_factory):
 def trained(tmp_path_factory, scene):
     """A surrogate by the real command."""
     folder = tmp_path_factory.mktemp("trained") / "sip"
-    arguments = ["--method", "sip", "--scene", scene, "--samples", "24", "--out", folder]
-    assert call("train_surrogate", *arguments) == 0
+    arguments = ["--method", "sip", "--scene", scene, "--samples", "24", "--held-out", "12"]
+    assert call("train_surrogate", *arguments, "--width", "16", "--out", folder) == 0
     return folder
 
 
@@ -115,7 +115,7 @@ def test_solve_drag_of_contours(capsys, tmp_path):
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ellipse = np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=1)
     np.savetxt(tmp_path / "e.csv", ellipse, delimiter=",", header="x,y", comments="")
-    common = ["--reynolds", "20", "--fidelity", "draft", "--incidence", "20"]
+    common = ["--reynolds", "20", "--cells", "8", "--incidence", "20"]
     contour = answer(capsys, "solve_drag", "--contour", tmp_path / "e.csv", *common)["results"][0]
     family = answer(capsys, "solve_drag", "--aspect", "2", *common)["results"][0]
     assert contour["cd"] == pytest.approx(family["cd"], rel=2e-3)
@@ -195,6 +195,16 @@ def refused_in_one_line(capsys, monkeypatch, words, *arguments):
     (line,) = printed.err.splitlines()
     assert words in line
     assert "--overwrite" in line
+
+
+def test_the_width_of_the_layers_can_be_chosen(capsys, monkeypatch, scene, trained):
+    assert [len(layer.bias) for layer in load(trained).network.layers[:-1]] == [16, 16]
+    arguments = ["train_surrogate", "--method", "sip", "--scene", scene, "--samples", "24"]
+    arguments += ["--held-out", "12", "--out", trained]
+    words = "holds another training (width 16, not 20); overwrite"
+    refused_in_one_line(capsys, monkeypatch, words, *arguments)
+    assert call(*arguments, "--width", "16") == 0
+    assert "is done already" in capsys.readouterr().err
 
 
 @pytest.mark.slow

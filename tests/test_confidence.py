@@ -1,5 +1,7 @@
 """The bounds that a surrogate states for its errors."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,8 @@ from surrogate import Flow, load
 from surrogate.errors import InvalidInput
 from surrogate.model.confidence import error_scales
 from surrogate.scene.samples import held_out_samples
+
+shipped = functools.cache(load)  # what the bounds are computed from is prepared once
 
 
 def test_scales_are_the_conformal_quantile():
@@ -19,7 +23,7 @@ def test_scales_are_the_conformal_quantile():
 
 @pytest.mark.parametrize("name", ["pretrained", "pretrained:lift", "pretrained:particle"])
 def test_bounds_grow_towards_the_ends_of_the_ranges(name):
-    net = load(name)
+    net = shipped(name)
     samples = held_out_samples(net.scene, 77, 256)
     low, high = net.ranges.bounds.T
     values = np.column_stack([samples.parameters, np.log(samples.reynolds)])
@@ -34,7 +38,7 @@ def test_bounds_grow_towards_the_ends_of_the_ranges(name):
 
 
 def test_bounds_hold_for_bodies_drawn_anew():
-    net = load("pretrained")
+    net = shipped("pretrained")
     samples = held_out_samples(net.scene, 5, 32)
     drags = Flow(net.scene).solve_all(*samples, allow_unsteady=True).loads[:, 0]
     errors = np.abs(np.asarray(net.drag(*samples) / drags) - 1)
@@ -43,13 +47,13 @@ def test_bounds_hold_for_bodies_drawn_anew():
 
 
 def test_bounds_of_one_body_are_those_in_a_batch():
-    net = load("pretrained:lift")
+    net = shipped("pretrained:lift")
     samples = held_out_samples(net.scene, 3, 4)
     one = net.error_bounds(samples.parameters[2], samples.reynolds[2])
     np.testing.assert_allclose(one, net.error_bounds(*samples)[2], rtol=1e-6)
 
 
 def test_bounds_outside_the_ranges_are_refused():
-    net = load("pretrained")
+    net = shipped("pretrained")
     with pytest.raises(InvalidInput, match="outside the trained ranges: Reynolds number 44"):
         net.error_bounds([2.0, 0.0, 0.0, 0.0], 44.0)

@@ -78,8 +78,9 @@ def expected(surrogate, precision):
     x = inputs_of(surrogate, precision)
     parameters, reynolds = x[:, :-1].astype(float), x[:, -1].astype(float)
     network = surrogate.network
-    loads = jax.vmap(network.loads)(parameters, reynolds)
-    shape, by_re = jax.vmap(jax.jacrev(network.loads, argnums=(0, 1)))(parameters, reynolds)
+    loads = jax.jit(jax.vmap(network.loads))(parameters, reynolds)
+    derivatives = jax.jit(jax.vmap(jax.jacrev(network.loads, argnums=(0, 1))))
+    shape, by_re = derivatives(parameters, reynolds)
     jacobian = np.concatenate([shape, by_re[..., None]], axis=-1)
     (low, high), slack = surrogate.ranges.bounds.T, surrogate.ranges.slack
     values = np.column_stack([parameters, np.log(reynolds)])  # as given, not as the mirror image's

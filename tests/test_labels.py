@@ -4,17 +4,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import TINY
+from conftest import SECTIONS, TINY
 
-from surrogate import Family, Scene
+from surrogate import Scene
 from surrogate.training.loop import make_setup
 from surrogate.training.methods.inversion import LABEL_STEPS, FullSolve, Inversion, NewtonSteps
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import make_plan
 from surrogate.training.step import compile_step, first_state
 
-SECTIONS = Family(aspect=(1.5, 3), gamma2=(-0.2, 0.3), incidence=(-4, 12))
-COUNT = 12
+COUNT = 6
 UNREACHABLE = LABEL_STEPS._replace(tolerance=1e-30)
 
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TINY
+from conftest import SECTIONS, TINY
 from pictures import pixels
 
 from shapeopt import Designer, Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
@@ -28,9 +28,8 @@ from surrogate.model.kriging import Observation, kriging
 from surrogate.model.network import blank_network
 from surrogate.model.outputs import load_gradients, loads_of, output_gradients, outputs_of
 
-FAMILY = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
-SCENE = Scene(family=FAMILY, fidelity=TINY, reynolds=(5, 20))
-BODY = jnp.array([2.0, 0.1, 0.2, 6.0])
+SCENE = Scene(family=SECTIONS, fidelity=TINY, reynolds=(5, 20))
+BODY, CURVES = jnp.array([2.0, 0.1, 0.2, 6.0]), ("beta2", "gamma2")
 MIRROR = jnp.array([1.0, 1.0, -1.0, -1.0])
 OPPOSITE = jnp.array([1.0, -1.0, -1.0])  # loads of the mirror image over those of the body
 REVERSED, TURNED_BACK = [2.0, -0.2, 0.1, 210.0], [2.0, -0.2, 0.1, 150.0]
@@ -130,7 +129,7 @@ def test_flows_of_mirror_images_have_mirrored_modes():
 
 def test_responses_of_many_modes_are_exact_near_the_body_and_good_far_from_it():
     """Eight combinations of 38 modes, on a lattice of which the box near the body is a part."""
-    flow = Flow(Scene(family=FAMILY, fidelity=Fidelity("wide", 8, 4, 8, 8, 5, wake=0.0)))
+    flow = Flow(Scene(family=SECTIONS, fidelity=Fidelity("wide", 8, 4, 8, 8, 5, wake=0.0)))
     domain, markers = flow.domain, flow.bodies.markers(BODY)
     operators = jax.jit(steady.assemble, static_argnames="domain")(domain, markers, RE)
     modes = jnp.eye(domain.modes.count)
@@ -149,7 +148,7 @@ def test_responses_of_many_modes_are_exact_near_the_body_and_good_far_from_it():
 
 
 def test_kriging_of_loads_interpolates_and_has_the_mirror_symmetry(generator):
-    low, high = FAMILY.bounds.T
+    low, high = SECTIONS.bounds.T
     bodies = generator.uniform(low, high, (20, 4))
     flows = [observe(p, float(np.exp(generator.uniform(np.log(5), np.log(20))))) for p in bodies]
     model = kriging(flows[:16], scene_inputs(SCENE))
@@ -191,23 +190,22 @@ def test_optima_of_a_known_polar():
 
 
 def test_bodies_over_lift_are_optima_of_the_flow_and_share_its_flows():
-    family = Family(aspect=(1.5, 2.0), incidence=(-4, 12))
-    flow = Flow(dataclasses.replace(SCENE, family=family))
-    designer, states = Designer(flow), []
+    flow, states = Flow(SCENE), []
+    designer, within = Designer(flow), {"aspect": (1.5, 2.0)} | dict.fromkeys(CURVES, (0.0, 0.0))
     rows, best, _ = designs_over_lift(
-        designer, 10.0, [0.0, 0.1], lambda done, state: states.append((done, state))
+        designer, 10.0, [0.0, 0.1], lambda done, state: states.append((done, state)), within=within
     )
     assert [row["lift"] for row in rows] == [0.0, 0.1]
     for row in (*rows, best):
         assert row["kkt_residual"] <= KKT_TOLERANCE
         assert row["lift"] is None or row["cl"] >= row["lift"] - KKT_TOLERANCE * row["cd"]
-        loads = flow.loads(family.parameters(row["parameters"]), 10.0)
+        loads = flow.loads(SECTIONS.parameters(row["parameters"]), 10.0)
         np.testing.assert_allclose([row["cd"], row["cl"], row["cm"]], loads, rtol=1e-6)
     total = sum(row["flows"] for row in (*rows, best))
     assert total == designer.memory.flows > 0
     assert states[0] == (0.0, "design 1 of 3, 0 flows so far")
     assert states[-1] == (1.0, f"3 designs, {total} flows")
-    again, same, _ = designs_over_lift(designer, 10.0, [0.0, 0.1])
+    again, same, _ = designs_over_lift(designer, 10.0, [0.0, 0.1], within=within)
     assert [row["flows"] for row in (*again, same)] == [0, 0, 0]  # they are in the memory
     assert [row["cd"] for row in (*again, same)] == [row["cd"] for row in (*rows, best)]
 

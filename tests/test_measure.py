@@ -50,6 +50,7 @@ LONG = {
     "infill",
     "least",
     "lift",
+    "lift_cost",
     "lift_designs",
     "lift_methods",
     "lift_trainings",

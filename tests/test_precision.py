@@ -8,18 +8,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import ROUGH_3D, TINY
+from conftest import ROUGH_3D, SECTIONS, TINY
 from jax.extend.core import jaxprs_in_params
 
-from surrogate import Family, Flow, Scene
+from surrogate import Flow, Scene
 from surrogate.flow.solver import steady, tangent
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.scene.samples import held_out_samples
 
-INCIDENCE = (-5.0, 10.0)
 SCENES = {
     "symmetric": Scene(fidelity=TINY),
-    "lift": Scene(fidelity=TINY, family=Family(aspect=(1.5, 3.0), incidence=INCIDENCE)),
+    "lift": Scene(fidelity=TINY, family=SECTIONS),
     "space": Scene(dimension=3, fidelity=ROUGH_3D),
 }
 SINGLE = {np.dtype("float32"), np.dtype("complex64")}

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import TINY
 
 from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise, save_run, verify
 from shapeopt.fall import fall
@@ -86,7 +87,7 @@ def test_calls_for_one_and_many_check_bodies_and_reynolds_numbers(unchecked):
 
 
 def test_calls_for_one_and_many_refuse_the_unsteady_unless_asked():
-    flow, round_body = Flow(Scene(reynolds=(1, 60), fidelity="draft")), [1.0, 0.0, 0.0, 0.0]
+    flow, round_body = Flow(Scene(reynolds=(1, 60), fidelity=TINY)), [1.0, 0.0, 0.0, 0.0]
     with pytest.raises(InvalidInput, match=r"unstable beyond 4\d"):
         flow.loads_and_gradients(round_body, 55.0)
     with pytest.raises(InvalidInput, match=r"number 55: .* unstable beyond 4\d"):
