@@ -22,7 +22,7 @@ from surrogate.training.loop import (
 from surrogate.training.plan import METHODS, Plan, make_plan
 
 SAMPLES, SECONDS = 64, 90.0
-WHOLE = [*cases(bodies=(64, 256), method=("sip", "dp")), {"bodies": 1024, "method": "sip"}]
+WHOLE = cases(bodies=(64, 256, 1024), method=("sip", "dp"))
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
 
