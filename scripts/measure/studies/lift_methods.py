@@ -6,6 +6,7 @@ has HIG and supervised regression on the same sections.
 
 import dataclasses
 import functools
+from pathlib import Path
 
 from solved_flows import CELLS, HELD_OUT, scene_of
 from studies.three_loads import mean_and_largest
@@ -20,6 +21,7 @@ from surrogate.training.loop import (
     run_training,
 )
 from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.train import train_plan
 
 SAMPLES, SECONDS = 64, 90.0
 WHOLE = cases(bodies=(64, 256, 1024), method=("sip", "dp"))
@@ -61,6 +63,8 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
 def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
     """Return the errors over Cd of a method at its best, with all its steps, and their work.
 
+    Trainings are kept in ``--surrogates``: one that was interrupted goes on, in later runs too.
+
     Args:
       run: How the study is run.
       bodies: Number of training bodies, sections of ``pretrained:lift``.
@@ -68,9 +72,16 @@ def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
     """
     samples, held_out = run.pick((8, 4), (bodies, HELD_OUT["lift"]))
     plan = make_plan(scene_of("lift", run.tiny), method, "full", samples, held_out=held_out)
-    plan = dataclasses.replace(plan, iterations=2) if run.tiny else plan
-    setup = make_setup(plan)
-    return _learned(run_training(plan, setup), setup)
+    if run.tiny:
+        record = train_plan(dataclasses.replace(plan, iterations=2), None).record
+    else:
+        record = train_plan(plan, run.options["surrogates"] / f"{method}-{bodies}").record
+    steps, seconds, work, *_ = record["history"][-1]
+    row = {"outcome": record["stopped"] or "trained", "steps": steps, "work": work}
+    row["seconds"] = seconds
+    for key, load in (("cd", "drag"), ("cl", "lift"), ("cm", "moment")):
+        row |= {key: record[f"{load}_error_mean"], f"{key}_most": record[f"{load}_error_max"]}
+    return row
 
 
 def _learned(found: TrainingResult, setup: TrainingSetup) -> Row:
@@ -109,4 +120,7 @@ STUDIES = {
     )
     for scene in CELLS
 }
-STUDIES["lift_trainings"] = Study([Table(WHOLE, trained_to_its_end, TO_THE_END)])
+SURROGATES = {"type": Path, "default": Path("out/lift_trainings"), "help": "folder of trainings"}
+STUDIES["lift_trainings"] = Study(
+    [Table(WHOLE, trained_to_its_end, TO_THE_END)], options={"--surrogates": SURROGATES}
+)
