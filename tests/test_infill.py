@@ -59,26 +59,26 @@ def test_samples_are_those_before_and_the_infill(tiny_scene):
 
 
 def test_a_training_with_infill_is_kept_and_goes_on(tiny_scene, few, tmp_path):
-    plan = make_plan(tiny_scene, "sip", samples=24, held_out=8, infill_from=few)
+    plan = make_plan(tiny_scene, "sip", samples=16, held_out=8, infill_from=few)
     plan = dataclasses.replace(plan, iterations=4, report_every=2)
     refined = train_plan(plan, tmp_path / "refined", progress=False)
     assert refined.record["infill"] == list(plan.infill)
     before = few.record["green_applications"]
     assert refined.record["earlier_green_applications"] == before > 0
-    assert len(plan.infill) == 12
+    assert len(plan.infill) == 4
     stored = load(tmp_path / "refined")
     assert not plan_differences(plan, stored.record)
     assert "infill" in plan_differences(dataclasses.replace(plan, infill=()), stored.record)
     again = train_plan(plan, tmp_path / "refined", progress=False)
     np.testing.assert_array_equal(again.network.weights, refined.network.weights)
-    more = make_plan(tiny_scene, "sip", samples=28, infill_from=stored)
+    more = make_plan(tiny_scene, "sip", samples=20, infill_from=stored)
     before += stored.record["green_applications"]
     assert more.earlier_green_applications == before
-    assert more.infill[:12] == plan.infill
-    assert len(set(more.infill)) == 16
+    assert more.infill[:4] == plan.infill
+    assert len(set(more.infill)) == 8
     np.testing.assert_array_equal(
         stored.training_samples.parameters[12:],
-        training_samples(tiny_scene, 0, 12, plan.infill).parameters,
+        training_samples(tiny_scene, 0, 4, plan.infill).parameters,
     )
 
 
