@@ -4,12 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import ROUGH_3D, SECTIONS, TINY
+from conftest import ROUGH_3D, TINY
 
 from surrogate import Family, NotConverged, Scene
 from surrogate.training.loop import load_errors, make_setup, run_training
 from surrogate.training.plan import METHODS, make_plan
 
+SECTIONS = Family(aspect=(1.5, 3), gamma2=(-0.2, 0.3), incidence=(-4, 12))
 SPHEROIDS = Family(dimension=3, aspect=(0.6, 2.0), incidence=(0, 90))
 SCENES = {
     "sections": Scene(family=SECTIONS, fidelity=TINY, reynolds=(5, 20)),
