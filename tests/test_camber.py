@@ -34,7 +34,7 @@ from surrogate.body.validity import are_valid
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.network import blank_network
 
-FAMILY, SCENE = SECTIONS, Scene(family=SECTIONS, fidelity=TINY)
+SCENE = Scene(family=SECTIONS, fidelity=TINY)
 FLOW = Flow(SCENE, NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8))
 BODY = jnp.array([2.0, 0.1, 0.2, 6.0])
 MIRROR = jnp.array([1.0, 1.0, -1.0, -1.0])
@@ -92,8 +92,10 @@ def test_camber_is_the_distance_of_the_mean_line_from_the_chord(body):
 
 
 def test_exact_camber_of_one_mode_and_its_bound_needs_camber():
-    half_height = float(FAMILY.body_class.half_axes(BODY)[1])
-    assert float(FAMILY.body_class.camber(BODY)) == pytest.approx(2 * half_height * 0.2, rel=1e-12)
+    half_height = float(SECTIONS.body_class.half_axes(BODY)[1])
+    assert float(SECTIONS.body_class.camber(BODY)) == pytest.approx(
+        2 * half_height * 0.2, rel=1e-12
+    )
     with pytest.raises(InvalidInput, match="max camber: the bodies of this scene have no camber"):
         Problem(Scene(), 10.0, max_camber=0.1)
 
@@ -117,20 +119,20 @@ def test_exact_contour_of_its_definition():
 
 
 def test_exact_mirror_images():
-    up, down = (np.asarray(FAMILY.markers(body, 200)) for body in (BODY, BODY * MIRROR))
+    up, down = (np.asarray(SECTIONS.markers(body, 200)) for body in (BODY, BODY * MIRROR))
     assert np.allclose(up[1:][::-1] * [1, -1], down[1:], atol=1e-14)
 
 
 def test_radii_are_the_least_of_both_sides():
     """Against the circles through three neighbouring points of a dense contour."""
     body = jnp.array([2.0, 0.1, 0.3, 5.0])
-    r = np.asarray(FAMILY.outline(body, 7200))
+    r = np.asarray(SECTIONS.outline(body, 7200))
     a, b = np.roll(r, 1, axis=0) - r, np.roll(r, -1, axis=0) - r
     sine = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / np.prod(
         np.linalg.norm([a, b], axis=2), axis=0
     )
     circles = np.linalg.norm(a - b, axis=1) / (2 * sine)
-    nose, tail, side = (float(radius) for radius in FAMILY.body_class.radii(body))
+    nose, tail, side = (float(radius) for radius in SECTIONS.body_class.radii(body))
     assert [nose, tail] == pytest.approx([circles[0], circles[3600]], rel=1e-3)
     away = np.r_[20:3581, 3620:7181]  # one degree from the ends
     assert side == pytest.approx(circles[away].min(), rel=1e-3)
@@ -161,8 +163,8 @@ def _contour(family, body):
 def test_extent_is_not_much_more_than_its_largest_members():
     ends = np.array([[a, b, g, i] for a in (1.5, 4) for b in (-0.2, 0.2) for g in (-0.3, 0.3)
                      for i in np.linspace(-4, 12, 9)])  # fmt: skip
-    points = jax.vmap(lambda body: FAMILY.markers(body, 200))(jnp.array(ends))
-    assert np.all(np.array(FAMILY.extent) < 1.1 * 2 * np.abs(points).max(axis=(0, 1)))
+    points = jax.vmap(lambda body: SECTIONS.markers(body, 200))(jnp.array(ends))
+    assert np.all(np.array(SECTIONS.extent) < 1.1 * 2 * np.abs(points).max(axis=(0, 1)))
 
 
 def test_incidence_among_the_parameters_or_apart_is_the_same():
@@ -288,8 +290,8 @@ def test_every_gradient_of_the_drag_has_camber_and_incidence():
     quick = FLOW.loads_and_gradients(BODY, 10.0)
     assert np.allclose(quick.gradient, gradient, atol=2e-3 * float(jnp.abs(gradient).max()))
     solved = FLOW.solve(BODY, 10.0, gradient=True, estimate=False).gradient
-    assert list(solved) == [*FAMILY.names, "reynolds"]
-    assert np.allclose([solved[name] for name in FAMILY.names], gradient, rtol=1e-5, atol=1e-7)
+    assert list(solved) == [*SECTIONS.names, "reynolds"]
+    assert np.allclose([solved[name] for name in SECTIONS.names], gradient, rtol=1e-5, atol=1e-7)
 
 
 @pytest.mark.slow
@@ -353,7 +355,7 @@ def test_predict_drag_knows_the_familys_parameters_only():
 def test_a_page_of_lifting_bodies_has_their_sliders():
     net = Surrogate(blank_network(SCENE, (4,), jax.random.key(0)), SCENE, RECORD)
     text = page(net)
-    for name in FAMILY.names:
+    for name in SECTIONS.names:
         assert f'type="range" id="{name}"' in text
     assert json.dumps([1.0, 1.0, -1.0, -1.0, 1.0]) in text  # the mirror image, of parameters and Re
 

@@ -191,12 +191,12 @@ def test_a_surrogates_drag_by_the_chord_has_its_gradient(capsys):
 
 def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
     table, plot = tmp_path / "polar.csv", tmp_path / "polar.png"
-    arguments = ["solve_drag", *THICK, "--incidence", "-4:4:2", "--reynolds", "5:10:2"]
+    arguments = ["solve_drag", *THICK, "--incidence", "-4:0:2,4", "--reynolds", "5:10:2"]
     arguments += ["--reference", "chord", "--table", table, "--plot", plot]
     rows = answer(capsys, *arguments)["results"]
     cases = [(row["incidence"], row["reynolds"]) for row in rows]
-    assert cases == [(turn, re) for turn in (-4, 4) for re in (5, 10)]
-    assert rows[0]["cl"] < rows[2]["cl"]
+    assert cases == [(turn, re) for turn in (-4, 0, 4) for re in (5, 10)]
+    assert rows[0]["cl"] < rows[2]["cl"] < rows[4]["cl"]
 
     with table.open() as file:
         read = list(csv.DictReader(file))
@@ -214,7 +214,7 @@ def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
         assert rows[1][name] == pytest.approx(alone[name], rel=1e-6)
 
     lines = text_table(rows).splitlines()
-    assert len(lines) == 5
+    assert len(lines) == 7
     assert len({len(line) for line in lines}) == 1
     assert lines[0].split()[:3] == ["incidence", "Re", "chord"]
     assert lines[1].split()[:2] == ["-4", "5"]

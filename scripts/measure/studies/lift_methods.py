@@ -72,13 +72,12 @@ def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
     """
     samples, held_out = run.pick((8, 4), (bodies, HELD_OUT["lift"]))
     plan = make_plan(scene_of("lift", run.tiny), method, "full", samples, held_out=held_out)
-    if run.tiny:
-        record = train_plan(dataclasses.replace(plan, iterations=2), None).record
-    else:
-        record = train_plan(plan, run.options["surrogates"] / f"{method}-{bodies}").record
+    plan = dataclasses.replace(plan, iterations=2) if run.tiny else plan
+    folder = None if run.tiny else run.options["surrogates"] / f"{method}-{bodies}"
+    record = train_plan(plan, folder).record
     steps, seconds, work, *_ = record["history"][-1]
     row = {"outcome": record["stopped"] or "trained", "steps": steps, "work": work}
-    row["seconds"] = seconds
+    row |= {"seconds": seconds}
     for key, load in (("cd", "drag"), ("cl", "lift"), ("cm", "moment")):
         row |= {key: record[f"{load}_error_mean"], f"{key}_most": record[f"{load}_error_max"]}
     return row
