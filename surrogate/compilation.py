@@ -50,19 +50,22 @@ def quick_options(dimension: int = 2) -> CompilerOptions:
     return (QUICK_3D if dimension == 3 else QUICK) if quick else {}
 
 
-def same_options(dimension: int = 2) -> CompilerOptions:
+def same_options(dimension: int = 2, gradients: bool = False) -> CompilerOptions:
     """Return quick options by which no number of devices changes the results.
 
-    XLA runs its algebraic simplifier once more on partitioned programs, which changes the
-    rounding. With that pass disabled results agree to the last bit, at 5 % more time on a CPU.
-    XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so the
-    pass that calls it, ``dot-library-rewriter``, is disabled too.
+    XLA runs its algebraic simplifier once more on partitioned programs, and orders the operands of
+    products and sums otherwise, which changes the rounding. With that pass disabled, and without
+    the older emitters where there are adjoints, results agree to the last bit, at 5 % more time
+    on a CPU. XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so
+    the pass that calls it, ``dot-library-rewriter``, is disabled too.
 
     Args:
       dimension: of the flow, as for ``quick_options``.
+      gradients: whether the program solves adjoints; it then compiles for longer in 2-D.
     """
     same = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"}
-    return quick_options(dimension) | (same if jax.default_backend() == "cpu" else {})
+    quick = quick_options(3 if gradients else dimension)
+    return quick | (same if jax.default_backend() == "cpu" else {})
 
 
 MOST_MAPS = 0.6  # share of the memory maps that Linux allows a process; then programs are dropped

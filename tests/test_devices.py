@@ -147,7 +147,7 @@ def test_two_devices_train_without_stored_velocities(tmp_path):
     assert np.isfinite(_trained_on(tmp_path, 2, ["supervised"])["supervised"]).all()
 
 
-EVERY = pytest.param(["sip", "dp", "hig", "supervised"], 1e-10, marks=pytest.mark.slow)
+EVERY = pytest.param(["sip", "dp", "hig", "supervised"], 0.0, marks=pytest.mark.slow)
 
 
 @pytest.mark.slow

@@ -54,3 +54,16 @@ def test_a_budget_bounds_the_forecast(tiny_scene):
     assert 0 < foreseen.flow_s <= 20
     assert foreseen.network_s <= 20
     assert 4 < foreseen.green_applications < 20 / 1e-5  # no convolution takes ten microseconds
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_few_steps_evaluate_all_of_many_samples(method):
+    """As often as two Newton steps an epoch need; batches of the presets are as tuned."""
+    for samples in (1, 4, 16, 64):
+        plan = make_plan(None, method, "quick", samples=64 * samples)
+        assert plan.make_method().batch * plan.iterations >= 8 * plan.samples
+    usual = {"dp": 64, "sip": 8, "hig": 1024, "supervised": 8}[method]
+    for preset in ("quick", "full"):
+        assert make_plan(None, method, preset).make_method().batch == usual
+    published = make_plan(None, "hig", published=True, samples=4096).make_method()
+    assert published.batch == 32

@@ -62,4 +62,5 @@ def batch_solver(
         one = gradient if gradients else flow
         return partition.gather(partition.map(one, partition.scatter((parameters, reynolds))))
 
-    return jax.jit(every, compiler_options=same_options(bodies.domain.lattice.dimension))
+    options = same_options(bodies.domain.lattice.dimension, gradients)
+    return jax.jit(every, compiler_options=options)

@@ -61,7 +61,8 @@ def model_card(scene: Scene, record: JsonObject) -> str:
 def _trained_on(record):
     """Return how many bodies have labels: without failures, where no body can fail twice."""
     once = record.get("method") == "supervised" or not record.get("published")
-    return record.get("samples", 0) - once * record.get("failed_samples", 0)
+    failed = once * record.get("failed_samples", 0)
+    return record.get("samples", 0) - failed - record.get("unsolved_samples", 0)
 
 
 def _unseen(record):

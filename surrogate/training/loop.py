@@ -33,6 +33,7 @@ from surrogate.training.history import (
     points_of,
     with_point,
 )
+from surrogate.training.methods.labels import TrainingLabels
 from surrogate.training.methods.method import Batch, Method
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
@@ -48,7 +49,8 @@ class TrainingResult:
     """The result of a training; ``stopped`` says why it ended early, None if it did not.
 
     ``idle_work`` counts the convolutions that devices could have done while they waited,
-    ``compile_s`` the seconds of compiling the steps.
+    ``compile_s`` the seconds of compiling the steps, ``unsolved`` the samples whose label had not
+    converged at the end; 0 where the method stores no labels.
     """
 
     network: LoadNetwork
@@ -56,6 +58,7 @@ class TrainingResult:
     stopped: str | None
     idle_work: int
     compile_s: float
+    unsolved: int
 
 
 class TrainingState(NamedTuple):
@@ -214,7 +217,9 @@ def run_training(
             "Reynolds numbers or finer cells may help"
         )
     network = jax.tree.map(np.asarray, state.learner.network)
-    return TrainingResult(network, history, stopped, int(state.idle_work), compile_s)
+    labels = state.learner.labels
+    unsolved = int(np.sum(~labels.converged)) if isinstance(labels, TrainingLabels) else 0
+    return TrainingResult(network, history, stopped, int(state.idle_work), compile_s, unsolved)
 
 
 def _first_state(plan, setup, method):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable
 from typing import Literal, get_args
 
@@ -13,6 +14,7 @@ from surrogate.scene.scene import Scene
 from surrogate.training.infill import infill_positions
 from surrogate.training.methods.dp import DifferentiablePhysics, PublishedDifferentiablePhysics
 from surrogate.training.methods.hig import HalfInverseGradients, PublishedHalfInverseGradients
+from surrogate.training.methods.inversion import Inversion
 from surrogate.training.methods.method import Method
 from surrogate.training.methods.sip import ScaleInvariantPhysics
 from surrogate.training.methods.supervised import Supervised
@@ -34,6 +36,7 @@ METHODS: tuple[MethodName, ...] = get_args(MethodName)
 LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
 WIDEST = 128  # of hidden layers: error bounds take a matrix of the square of the weights
 REPORTS = 15  # points in a training's history, about
+EPOCHS = 8  # of a training, at least: labels by two Newton steps an epoch converge in 3 or 4
 FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
 
 
@@ -106,8 +109,12 @@ class Plan:
         object.__setattr__(self, "width", self.width or default_width(self.scene))
 
     def make_method(self) -> Method:
-        """Return the method with its default settings."""
-        return (PUBLISHED if self.published else MAKERS)[self.method]()
+        """Return the method; its batches are larger than usual where its steps are too few."""
+        method = (PUBLISHED if self.published else MAKERS)[self.method]()
+        if not isinstance(method.evaluator, Inversion):  # no label of it is ever final
+            return method
+        least = math.ceil(EPOCHS * self.samples / self.iterations)
+        return dataclasses.replace(method, batch=max(method.batch, least))
 
 
 def make_plan(

@@ -66,6 +66,7 @@ def surrogate_of(
         "budget_s": plan.budget_s,
         "iterations": last.iteration,
         "failed_samples": last.failed,
+        "unsolved_samples": trained.unsolved,
         "beyond_onset": _beyond_onset(setup.physics),
         "stopped": trained.stopped,
         "history": [list(point[:5]) for point in trained.history],

@@ -161,4 +161,5 @@ def _evaluation(evaluator: Evaluator, devices: Devices, dimension: int):
         mapped = devices.shard_map(evaluator.evaluate, arguments, (labels, velocities, NO_COST))
         return mapped(*arguments)
 
-    return jax.jit(run, donate_argnums=(3,), compiler_options=same_options(dimension))
+    options = same_options(dimension, gradients=True)
+    return jax.jit(run, donate_argnums=(3,), compiler_options=options)
