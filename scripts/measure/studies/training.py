@@ -86,7 +86,7 @@ def compile_seconds(plan: Plan) -> float:
     short = dataclasses.replace(plan, held_out=4, iterations=1, report_every=1, budget_s=None)
     with cold_cache():
         setup = make_setup(short)
-        return setup.compile_s + run_training(short, setup).compile_s
+        return setup.compile_s + run_training(short, setup, method=plan.make_method()).compile_s
 
 
 class Truth(NamedTuple):
