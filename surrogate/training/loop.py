@@ -34,7 +34,7 @@ from surrogate.training.history import (
     with_point,
 )
 from surrogate.training.methods.labels import TrainingLabels
-from surrogate.training.methods.method import Batch, Method
+from surrogate.training.methods.method import Batch, LabelStore, Method
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
 from surrogate.training.step import LearnerState, Step, compile_step, first_state
@@ -146,7 +146,7 @@ def run_training(
     report: Callable[[HistoryPoint, float], None] = lambda point, done: None,
     checkpoint_every_s: float = 20.0,
     method: Method | None = None,
-    evaluating: Callable[[float, int, int], None] = lambda done, count, of: None,
+    evaluating: Callable[[float, LabelStore], None] = lambda done, labels: None,
 ) -> TrainingResult:
     """Train the initial network of a setup by the plan's method.
 
@@ -160,8 +160,7 @@ def run_training(
       report: called with every point of the history and the fraction of the training done.
       checkpoint_every_s: least seconds between checkpoints.
       method: replaces the plan's own, for studies of its settings.
-      evaluating: called during a step with the fraction of the training done, the number of
-        samples whose labels are final and that of all samples.
+      evaluating: called during a step with the fraction of the training done, and the labels.
 
     Returns:
       The trained network and its history; those of the last report if the network blew up, or if
@@ -187,8 +186,7 @@ def run_training(
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
             state = part
-            pending = state.learner.labels.pending(np.arange(physics.count))
-            evaluating(done, int(np.sum(~pending)), physics.count)
+            evaluating(done, state.learner.labels)
             checkpoints.save_if_due(state)
         state, loss = _updated(state, step, batch, done)
         done, iteration = _done(plan, state), int(state.iteration)

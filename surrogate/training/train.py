@@ -13,7 +13,8 @@ from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
 from surrogate.training.history import HistoryPoint
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
-from surrogate.training.methods.method import Method
+from surrogate.training.methods.labels import TrainingLabels
+from surrogate.training.methods.method import LabelStore, Method
 from surrogate.training.plan import Plan, make_plan
 from surrogate.training.record import measured_anew, surrogate_of
 from surrogate.training.stored import checkpoint_path, stored_training
@@ -255,9 +256,9 @@ def train_with_bar(
                 f"max {100 * point.error_max:.2f} %, G {point.green_applications}",
             )
 
-        def evaluating(done: float, count: int, of: int) -> None:
-            if count:
-                update(done, f"flows {count} of {of}")
+        def evaluating(done: float, labels: LabelStore) -> None:
+            if isinstance(labels, TrainingLabels):
+                update(done, labels.progress)
 
         trained = run_training(
             plan, setup, checkpoint, report, method=method, evaluating=evaluating

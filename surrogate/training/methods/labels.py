@@ -41,6 +41,14 @@ class TrainingLabels(NamedTuple):
         """Return whether the label of each sample has not converged."""
         return ~np.asarray(self.converged)[batch]
 
+    @property
+    def progress(self) -> str:
+        """How many flows are solved, and where there are more how many are begun."""
+        valid, converged = np.asarray(self.valid), np.asarray(self.converged)
+        begun, solved = np.sum(valid | converged), np.sum(converged)
+        known = f"flows {solved} of {converged.size}"
+        return known if begun == solved else f"{known}, {begun} begun"
+
 
 def no_labels(physics: Physics) -> TrainingLabels:
     """Return the label store before any evaluation.
