@@ -2,12 +2,14 @@
 
 import functools
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from surrogate import Flow, load
 from surrogate.errors import InvalidInput
-from surrogate.model.confidence import error_scales
+from surrogate.model.confidence import Novelty, error_scales
 from surrogate.scene.samples import held_out_samples
 
 shipped = functools.cache(load)  # what the bounds are computed from is prepared once
@@ -19,6 +21,26 @@ def test_scales_are_the_conformal_quantile():
     # of 39 ratios the one of rank ceil(40 * 0.95) = 38
     np.testing.assert_allclose(error_scales(errors, novelty), [38.0, 19.0])
     np.testing.assert_allclose(error_scales(errors[:5], novelty[:5]), [5.0, 2.5])
+
+
+def test_exact_novelty_is_the_deviation_of_the_linearised_model():
+    net, ridge_over_mean_square = shipped("pretrained:sip").network, 1e-4
+    samples = held_out_samples(shipped("pretrained:sip").scene, 9, 7)
+
+    def gradient(parameters, reynolds):
+        def log_drag(weights):
+            return jnp.log(net.with_load_weights(weights).drag(parameters, reynolds))
+
+        return jax.grad(log_drag)(net.load_weights)
+
+    rows = np.asarray(jax.vmap(gradient)(*samples))
+    known, others = rows[:5], rows[5:]
+    ridge = ridge_over_mean_square * np.mean(np.sum(known**2, axis=1))
+    matrix = known.T @ known / ridge + np.eye(known.shape[1])
+    variances = np.einsum("kw,kw->k", others, np.linalg.solve(matrix, others.T).T)
+    novelty = Novelty.of(net, samples.head(5))
+    found = jax.vmap(novelty)(*samples.at(np.arange(5, 7)))
+    np.testing.assert_allclose(found[:, 0], np.sqrt(variances), rtol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["pretrained", "pretrained:lift", "pretrained:particle"])

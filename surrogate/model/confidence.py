@@ -25,15 +25,16 @@ class Novelty:
     The network is linearised in its weights w. With the gradients g = d(load)/dw / Cd at a body, K
     those of all loads at the training samples, one a row, and a ridge r, the novelty of a load is
 
-        sqrt(g (K^T K / r + 1)^-1 g^T),
+        sqrt(g (K^T K / r + 1)^-1 g^T) = sqrt(g g^T - v^T v),   v = L^-1 K g^T / sqrt(r),
 
-    in the linearised model the standard deviation of the load, up to a factor, once the samples are
-    known (linearised Laplace approximation, MacKay 1992).
+    with L L^T = K K^T / r + 1; in the linearised model it is the standard deviation of the load, up
+    to a factor, once the samples are known (linearised Laplace approximation, MacKay 1992).
     """
 
     network: LoadNetwork
-    factor: Float[Array, "weights weights"]  # lower Cholesky factor of K^T K / r + 1
-    ridge: Float[Array, ""]  # the variance by which each output of the samples is uncertain
+    known: Float[Array, "outputs weights"]  # K / sqrt(r)
+    factor: Float[Array, "outputs outputs"]  # L, lower
+    ridge: Float[Array, ""]  # r, the variance by which each output of the samples is uncertain
 
     @classmethod
     def of(cls, network: LoadNetwork, samples: Samples) -> "Novelty":
@@ -43,7 +44,13 @@ class Novelty:
           network: the trained network.
           samples: on which it was trained.
         """
-        return cls(network, *_factor_and_ridge(network, *samples))
+        known = np.asarray(_all_gradients(network, *samples))
+        ridge = RIDGE * np.mean(np.sum(known**2, axis=1))
+        known = known / np.sqrt(ridge)
+        matrix = known @ known.T  # by NumPy: BLAS takes half of the products
+        matrix[np.diag_indices(len(matrix))] += 1.0
+        factor = scipy.linalg.cholesky(matrix, lower=True, overwrite_a=True)
+        return cls(network, *map(jnp.asarray, (known, factor, ridge)))
 
     @classmethod
     def of_answers(cls, network: LoadNetwork, samples: Samples) -> "Novelty":
@@ -63,20 +70,26 @@ class Novelty:
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]
     ) -> Float[Array, " loads"]:
         """Return the novelty of each load of a body at a Reynolds number."""
-        unknown = self._unknown(_gradients(self.network, parameters, reynolds))
-        return jnp.linalg.norm(unknown, axis=0)
+        gradients = _gradients(self.network, parameters, reynolds).T
+        explained = self._explained(gradients)
+        left = jnp.sum(gradients**2, axis=0) - jnp.sum(explained**2, axis=0)
+        return jnp.sqrt(jnp.maximum(left, 0.0))
 
     @jax.jit
-    def unknown(self, samples: Samples) -> Float[Array, "weights outputs"]:
-        """Return vectors e, one a load, with which e^T e is the covariance of all loads.
+    def covariance_parts(
+        self, samples: Samples
+    ) -> tuple[Float[Array, "weights outputs"], Float[Array, "known outputs"]]:
+        """Return g^T and v of all loads of some samples, a column for each; see ``Novelty``.
 
-        It is that of the linearised model once the training samples are known, up to the factor of
-        the novelty, which is the length of e. All loads of a sample stand together.
+        g g^T - v^T v is the covariance of the loads in the linearised model once the training
+        samples are known, up to the factor of the novelty. All loads of a sample stand together.
         """
-        return self._unknown(_all_gradients(self.network, *samples))
+        gradients = _all_gradients(self.network, *samples).T
+        return gradients, self._explained(gradients)
 
-    def _unknown(self, gradients):
-        return jax.scipy.linalg.solve_triangular(self.factor, gradients.T, lower=True)
+    def _explained(self, gradients):
+        """The vectors v, a column for each of the gradients."""
+        return jax.scipy.linalg.solve_triangular(self.factor, self.known @ gradients, lower=True)
 
 
 def error_scales(
@@ -95,16 +108,6 @@ def error_scales(
     ratios = np.sort(np.asarray(errors) / np.asarray(novelty), axis=0)
     rank = min(len(ratios), int(np.ceil((len(ratios) + 1) * COVERED)))
     return ratios[rank - 1]
-
-
-def _factor_and_ridge(network, parameters, reynolds):
-    """By NumPy and SciPy, since BLAS takes half of the products of K^T K."""
-    known = np.asarray(_all_gradients(network, parameters, reynolds))
-    ridge = RIDGE * np.mean(np.sum(known**2, axis=1))
-    matrix = known.T @ known / ridge
-    matrix[np.diag_indices(len(matrix))] += 1.0
-    factor = scipy.linalg.cholesky(matrix, lower=True, overwrite_a=True)
-    return jnp.asarray(factor), jnp.asarray(ridge)
 
 
 @jax.jit

@@ -1,7 +1,6 @@
 """Infill: further training samples where a surrogate is least certain (active learning)."""
 
 import numpy as np
-from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
 from surrogate.model.confidence import Novelty
@@ -62,17 +61,17 @@ def _largest_bounds(surrogate: Surrogate, candidates: Samples, count: int) -> li
     """
     novelty = Novelty.of(surrogate.network, surrogate.training_samples)
     scales = surrogate.error_scales
-    unknown = np.asarray(novelty.unknown(candidates))
-    loads = len(scales)
-    factor: Float[np.ndarray, "rows outputs"] = np.empty((loads * count, unknown.shape[1]))
-    variances = np.sum(unknown**2, axis=0)
+    gradients, explained = map(np.asarray, novelty.covariance_parts(candidates))
+    loads, start = len(scales), len(explained)
+    factor = np.concatenate([explained, np.empty((loads * count, explained.shape[1]))])
+    variances = np.sum(gradients**2, axis=0) - np.sum(explained**2, axis=0)
     noise, chosen = float(novelty.ridge) * np.eye(loads), []
-    for done in range(0, loads * count, loads):
+    for done in range(start, len(factor), loads):
         bounds = np.max(scales**2 * variances.reshape(-1, loads), axis=1)
         bounds[chosen] = -np.inf
         chosen.append(int(np.argmax(bounds)))
         rows, known = loads * chosen[-1] + np.arange(loads), factor[:done]
-        covariance = unknown[:, rows].T @ unknown - known[:, rows].T @ known
+        covariance = gradients[:, rows].T @ gradients - known[:, rows].T @ known
         pivot = np.linalg.cholesky(covariance[:, rows] + noise)
         factor[done : done + loads] = np.linalg.solve(pivot, covariance)
         variances -= np.sum(factor[done : done + loads] ** 2, axis=0)

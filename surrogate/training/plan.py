@@ -34,7 +34,7 @@ PUBLISHED: dict[MethodName, Callable[..., Method]] = {
 }
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
-WIDEST = 128  # of hidden layers: error bounds take a matrix of the square of the weights
+WIDEST = 128  # of hidden layers: error bounds take the gradients of 1,024 samples in all weights
 REPORTS = 15  # points in a training's history, about
 EPOCHS = 8  # of a training, at least: labels by two Newton steps an epoch converge in 3 or 4
 FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
