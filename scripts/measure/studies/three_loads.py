@@ -46,7 +46,7 @@ MOST = {
     ("lift", TRUNCATED): 1024,
     ("lift", "GEKPLS"): 256,
     ("lift", "gradient-enhanced kriging"): 1024,
-    ("particle", "hig"): 64,
+    ("particle", "hig"): 256,
     ("particle", TRUNCATED): 0,
     ("particle", "GEKPLS"): 128,
 }
