@@ -12,8 +12,9 @@ from surrogate.checks import transformed
 from surrogate.lowering import from_file
 
 # On a CPU, XLA compiles without the costlier optimisations of LLVM, and in 2-D with its older
-# emitters, which compile a 2-D flow in half the time. They would save a sixth of the time that a
-# 3-D flow takes to compile, and the flow itself would take longer (study ``compilation``).
+# emitters (but see ``same_options``), which compile a flow in half the time. They would save a
+# sixth of the time that a 3-D flow takes to compile, and the flow itself would take longer (study
+# ``compilation``).
 QUICK_3D = {"xla_backend_optimization_level": 1}
 QUICK = QUICK_3D | {"xla_cpu_use_fusion_emitters": False}
 
@@ -61,10 +62,12 @@ def same_options(dimension: int = 2, gradients: bool = False) -> CompilerOptions
 
     Args:
       dimension: of the flow, as for ``quick_options``.
-      gradients: whether the program solves adjoints; it then compiles for longer in 2-D.
+      gradients: whether the program may solve adjoints; it then compiles for longer in 2-D.
     """
     same = {"xla_disable_hlo_passes": "algsimp,dot-library-rewriter"}
-    quick = quick_options(3 if gradients else dimension)
+    quick = quick_options(dimension)
+    if quick and gradients:
+        quick = QUICK_3D  # without the older emitters
     return quick | (same if jax.default_backend() == "cpu" else {})
 
 

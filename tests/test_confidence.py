@@ -23,9 +23,10 @@ def test_scales_are_the_conformal_quantile():
     np.testing.assert_allclose(error_scales(errors[:5], novelty[:5]), [5.0, 2.5])
 
 
-def test_exact_novelty_is_the_deviation_of_the_linearised_model():
+@pytest.mark.parametrize("count", [5, 600], ids=["fewer than weights", "more than weights"])
+def test_exact_novelty_is_the_deviation_of_the_linearised_model(count):
     net, ridge_over_mean_square = shipped("pretrained:sip").network, 1e-4
-    samples = held_out_samples(shipped("pretrained:sip").scene, 9, 7)
+    samples = held_out_samples(shipped("pretrained:sip").scene, 9, count + 2)
 
     def gradient(parameters, reynolds):
         def log_drag(weights):
@@ -34,12 +35,13 @@ def test_exact_novelty_is_the_deviation_of_the_linearised_model():
         return jax.grad(log_drag)(net.load_weights)
 
     rows = np.asarray(jax.vmap(gradient)(*samples))
-    known, others = rows[:5], rows[5:]
+    known, others = rows[:count], rows[count:]
     ridge = ridge_over_mean_square * np.mean(np.sum(known**2, axis=1))
     matrix = known.T @ known / ridge + np.eye(known.shape[1])
     variances = np.einsum("kw,kw->k", others, np.linalg.solve(matrix, others.T).T)
-    novelty = Novelty.of(net, samples.head(5))
-    found = jax.vmap(novelty)(*samples.at(np.arange(5, 7)))
+    novelty = Novelty.of(net, samples.head(count))
+    assert len(novelty.factor) == min(known.shape)
+    found = jax.vmap(novelty)(*samples.at(np.arange(count, count + 2)))
     np.testing.assert_allclose(found[:, 0], np.sqrt(variances), rtol=1e-8)
 
 

@@ -9,6 +9,7 @@ from conftest import SECTIONS, TINY
 from surrogate import Scene
 from surrogate.training.loop import make_setup
 from surrogate.training.methods.inversion import LABEL_STEPS, FullSolve, Inversion, NewtonSteps
+from surrogate.training.methods.labels import no_labels
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import make_plan
 from surrogate.training.step import compile_step, first_state
@@ -85,3 +86,11 @@ def test_published_sip_keeps_the_last_label_and_tries_again(setup):
         *_, (state, *_) = step.evaluations(state, batch, np.zeros(COUNT, bool))
     assert np.all(state.labels.valid)
     assert np.any(state.labels.pending(batch))
+
+
+def test_progress_counts_flows_that_are_solved_and_begun(setup):
+    labels = no_labels(setup.physics)
+    assert labels.progress == "flows 0 of 6"
+    begun = labels._replace(valid=np.arange(COUNT) < 4)
+    assert begun.progress == "flows 0 of 6, 4 begun"
+    assert begun._replace(converged=np.arange(COUNT) < 4).progress == "flows 4 of 6"

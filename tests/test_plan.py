@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from surrogate import InvalidInput, load, train
+from surrogate.scene.samples import shuffled_batches
 from surrogate.training.forecast import forecast
 from surrogate.training.plan import METHODS, make_plan
 
@@ -58,12 +59,18 @@ def test_a_budget_bounds_the_forecast(tiny_scene):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_few_steps_evaluate_all_of_many_samples(method):
-    """As often as two Newton steps an epoch need; batches of the presets are as tuned."""
-    for samples in (1, 4, 16, 64):
-        plan = make_plan(None, method, "quick", samples=64 * samples)
-        assert plan.make_method().batch * plan.iterations >= 8 * plan.samples
+    """As often as labels by two Newton steps at a time need; presets have the batches as tuned."""
+    for samples in (179, 449, 2001, 4096):
+        plan = make_plan(None, method, "quick", samples=samples)
+        batches = shuffled_batches(0, samples, plan.make_method().batch)
+        evaluated = np.zeros(samples, int)
+        for iteration in range(plan.iterations):
+            evaluated[batches(iteration)] += 1
+        assert evaluated.min() >= 4
     usual = {"dp": 64, "sip": 8, "hig": 1024, "supervised": 8}[method]
-    for preset in ("quick", "full"):
-        assert make_plan(None, method, preset).make_method().batch == usual
-    published = make_plan(None, "hig", published=True, samples=4096).make_method()
-    assert published.batch == 32
+    for changes in ({"preset": "quick"}, {"samples": 4096, "budget_seconds": 60}):
+        assert make_plan(None, method, **changes).make_method().batch == usual
+    published = {"dp": 4, "hig": 32}
+    if method in published:
+        plan = make_plan(None, method, published=True, samples=4096)
+        assert plan.make_method().batch == published[method]

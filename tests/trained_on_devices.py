@@ -21,7 +21,7 @@ from surrogate.training.loop import make_setup, run_training  # noqa: E402
 from surrogate.training.plan import Plan  # noqa: E402
 
 scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
-plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=4, report_every=2)
+plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=14, report_every=2)
 setup = make_setup(plan, choose_devices(count))
 
 

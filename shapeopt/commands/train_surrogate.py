@@ -39,7 +39,7 @@ from surrogate.training.train import is_measured, train_plan
 
 KEYS = (
     *("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s", "weights"),
-    *("compile_s", "foreseen_g", "foreseen_s"),
+    *("compile_s", "foreseen_g", "foreseen_s", "unsolved_samples"),
 )
 
 

@@ -59,7 +59,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
 
 
 def _trained_on(record):
-    """Return how many bodies have labels: without failures, where no body can fail twice."""
+    """Return how many bodies have solved flows: failures count where no body can fail twice."""
     once = record.get("method") == "supervised" or not record.get("published")
     failed = once * record.get("failed_samples", 0)
     return record.get("samples", 0) - failed - record.get("unsolved_samples", 0)

@@ -32,8 +32,8 @@ class Novelty:
     """
 
     network: LoadNetwork
-    known: Float[Array, "outputs weights"]  # K / sqrt(r)
-    factor: Float[Array, "outputs outputs"]  # L, lower
+    known: Float[Array, "rows weights"]  # K / sqrt(r), or its R by QR if that has fewer rows
+    factor: Float[Array, "rows rows"]  # L, lower
     ridge: Float[Array, ""]  # r, the variance by which each output of the samples is uncertain
 
     @classmethod
@@ -47,6 +47,8 @@ class Novelty:
         known = np.asarray(_all_gradients(network, *samples))
         ridge = RIDGE * np.mean(np.sum(known**2, axis=1))
         known = known / np.sqrt(ridge)
+        if len(known) > known.shape[1]:  # fewer rows with the same K^T K
+            known = scipy.linalg.qr(known, mode="economic")[1]
         matrix = known @ known.T  # by NumPy: BLAS takes half of the products
         matrix[np.diag_indices(len(matrix))] += 1.0
         factor = scipy.linalg.cholesky(matrix, lower=True, overwrite_a=True)
@@ -78,7 +80,7 @@ class Novelty:
     @jax.jit
     def covariance_parts(
         self, samples: Samples
-    ) -> tuple[Float[Array, "weights outputs"], Float[Array, "known outputs"]]:
+    ) -> tuple[Float[Array, "weights outputs"], Float[Array, "rows outputs"]]:
         """Return g^T and v of all loads of some samples, a column for each; see ``Novelty``.
 
         g g^T - v^T v is the covariance of the loads in the linearised model once the training

@@ -216,7 +216,8 @@ def run_training(
         )
     network = jax.tree.map(np.asarray, state.learner.network)
     labels = state.learner.labels
-    unsolved = int(np.sum(~labels.converged)) if isinstance(labels, TrainingLabels) else 0
+    stored = isinstance(labels, TrainingLabels)
+    unsolved = int(np.sum(~np.asarray(labels.converged))) if stored else 0
     return TrainingResult(network, history, stopped, int(state.idle_work), compile_s, unsolved)
 
 

@@ -34,9 +34,9 @@ PUBLISHED: dict[MethodName, Callable[..., Method]] = {
 }
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
-WIDEST = 128  # of hidden layers: error bounds take the gradients of 1,024 samples in all weights
+WIDEST = 128  # of hidden layers: error bounds take the gradients of all loads in all weights
 REPORTS = 15  # points in a training's history, about
-EPOCHS = 8  # of a training, at least: labels by two Newton steps an epoch converge in 3 or 4
+EPOCHS = 8  # of a training, about, at least: two Newton steps an epoch find a label in 3 or 4
 FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
 
 
@@ -109,7 +109,10 @@ class Plan:
         object.__setattr__(self, "width", self.width or default_width(self.scene))
 
     def make_method(self) -> Method:
-        """Return the method; its batches are larger than usual where its steps are too few."""
+        """Return the method; where its steps are few for the samples, its batches are larger.
+
+        So samples are evaluated ``EPOCHS`` times on average, unless a budget ends the training.
+        """
         method = (PUBLISHED if self.published else MAKERS)[self.method]()
         if not isinstance(method.evaluator, Inversion):  # no label of it is ever final
             return method

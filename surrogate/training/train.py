@@ -265,4 +265,6 @@ def train_with_bar(
         )
         if trained.stopped:
             update(1.0, f"{trained.stopped}; the last good weights are kept")
+        elif trained.unsolved:
+            update(1.0, f"flows of {trained.unsolved} of {plan.samples} samples are not solved yet")
     return trained
