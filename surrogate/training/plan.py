@@ -36,7 +36,8 @@ METHODS: tuple[MethodName, ...] = get_args(MethodName)
 LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
 WIDEST = 128  # of hidden layers: error bounds take the gradients of all loads in all weights
 REPORTS = 15  # points in a training's history, about
-EPOCHS = 8  # of a training, about, at least: two Newton steps an epoch find a label in 3 or 4
+# Evaluations of a sample in a training, on average, at least; a label by Newton steps takes 3 or 4.
+EPOCHS = 8
 FEW = ("sip", "hig")  # methods that are also compared on a quarter of the samples
 
 
