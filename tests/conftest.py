@@ -29,7 +29,7 @@ sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
 SECTIONS = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
-MOST_MAPS = 20_000  # memory maps of a process, of 65530
+MOST_MAPS = 35_000  # memory maps of a process, of 65530
 COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
