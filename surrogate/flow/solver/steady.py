@@ -102,8 +102,8 @@ def stream_operators(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOpe
 def stream_derivatives(domain: Domain, reynolds: Float[AnyArray, ""]) -> StreamOperators:
     """Return the derivatives in Re of the operators that do not depend on the body.
 
-    They are of single precision, which changes derivatives of loads in Re by some 1e-7 in 2-D and
-    1e-6 in 3-D (study ``precision``).
+    They are of single precision, which changes the derivatives of loads in Re by some 1e-7 in 2-D
+    and by at most 3e-6 in 3-D (study ``precision``).
     """
 
     def operators(reynolds):
