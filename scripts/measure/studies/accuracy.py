@@ -180,7 +180,7 @@ def derivative_precision(
         efforts = (adjoint.Effort(1e-5),) * len(loads)
         found = adjoint.load_gradients(loads, domain, operators, state, re, efforts)
         derivatives = steady.stream_derivatives(domain, re)
-        single = adjoint.by_stream(domain, operators, state, derivatives, found.adjoints)
+        rough = adjoint.by_stream(domain, operators, state, derivatives, found.adjoints)
 
         def with_stream(re):
             stream = tuple(steady.stream_operators(domain, re))
@@ -188,9 +188,9 @@ def derivative_precision(
             return steady.residual(domain, moved, state)
 
         change = jax.jvp(with_stream, (re,), (jnp.ones_like(re),))[1]
-        double = jax.vmap(optax.tree.vdot, (0, None))(found.adjoints, change)
-        whole = found.by_reynolds + double
-        return jnp.abs(single - double).max() / jnp.abs(whole[0]), info.converged
+        exact = jax.vmap(optax.tree.vdot, (0, None))(found.adjoints, change)
+        whole = found.by_reynolds + exact
+        return jnp.abs(rough - exact).max() / jnp.abs(whole[0]), info.converged
 
     markers = jax.tree.map(jnp.asarray, shape.markers(domain.nodes))
     change, converged = compare(markers, jnp.asarray(reynolds))

@@ -135,7 +135,6 @@ def by_stream(
       derivatives: of the stream's operators in Re, as ``stream_derivatives`` returns them.
       adjoints: of the loads, as in ``LoadGradients``.
     """
-
     operators, state = single((operators, state))
 
     def with_stream(stream):
