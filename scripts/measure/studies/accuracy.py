@@ -4,12 +4,12 @@ import contextlib
 import functools
 import sys
 import tempfile
+from unittest import mock
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 from study import TINY, Result, Row, Run, Study, Table, cases, columns, maps, panel, words
 from tools import medians, solved
 
@@ -18,8 +18,8 @@ from surrogate import FIDELITIES, Fidelity, Flow, Scene, Unbounded, family_shape
 from surrogate.arrays import single
 from surrogate.flow.grid import far
 from surrogate.flow.grid.discretise import fitted_domain
-from surrogate.flow.loads import LOADS
-from surrogate.flow.solver import adjoint, steady
+from surrogate.flow.grid.domain_3d import Domain3D
+from surrogate.flow.solver import steady
 from surrogate.scene.samples import Samples, held_out_samples
 from surrogate.training.plan import METHODS
 
@@ -153,48 +153,14 @@ def far_precision(run: Run, aspect: float, incidence: float, reynolds: float) ->
     domain = fitted_domain(Unbounded(), run.fidelity("draft", 3), shape, reynolds)
     re = jnp.asarray(reynolds)
     operators = jax.jit(lambda: steady.assemble(domain, shape.markers(domain.nodes), re))()
-    response = far.far_response(domain, re, jnp.float64)
+    with mock.patch.object(Domain3D, "FAR_PRECISION", jnp.float64):
+        response = far.far_response(domain, re)
     solve = jax.jit(lambda operators: steady.body_flow(domain, operators))
     both = operators, eqx.tree_at(lambda operators: operators.far, operators, response)
     found = [solve(each) for each in both]
     forces = np.array([domain.forces(state.amplitude) for state, _ in found])
     change = np.abs(forces[1] - forces[0]).max() / -forces[0, 0]
     return {"change": float(change) if all(info.converged for _, info in found) else None}
-
-
-def derivative_precision(
-    run: Run, dimension: int, aspect: float, incidence: float, reynolds: float
-) -> Row:
-    """Compare derivatives of loads in Re by stream operators of single and double precision.
-
-    The difference is that of dCd/dRe, dCl/dRe or dCm/dRe, whichever is largest, over dCd/dRe.
-    """
-    shape = family_shape({"aspect": aspect, "incidence": incidence}, dimension=dimension)
-    domain = fitted_domain(Unbounded(), run.fidelity("draft", dimension), shape, reynolds)
-    loads = tuple(LOADS.values())[: 1 if domain.modes.lift_index is None else None]
-
-    @jax.jit
-    def compare(markers, re):
-        operators = steady.assemble(domain, markers, re)
-        state, info = steady.body_flow(domain, operators)
-        efforts = (adjoint.Effort(1e-5),) * len(loads)
-        found = adjoint.load_gradients(loads, domain, operators, state, re, efforts)
-        derivatives = steady.stream_derivatives(domain, re)
-        rough = adjoint.by_stream(domain, operators, state, derivatives, found.adjoints)
-
-        def with_stream(re):
-            stream = tuple(steady.stream_operators(domain, re))
-            moved = eqx.tree_at(lambda o: (o.green, o.far), operators, stream)
-            return steady.residual(domain, moved, state)
-
-        change = jax.jvp(with_stream, (re,), (jnp.ones_like(re),))[1]
-        exact = jax.vmap(optax.tree.vdot, (0, None))(found.adjoints, change)
-        whole = found.by_reynolds + exact
-        return jnp.abs(rough - exact).max() / jnp.abs(whole[0]), info.converged
-
-    markers = jax.tree.map(jnp.asarray, shape.markers(domain.nodes))
-    change, converged = compare(markers, jnp.asarray(reynolds))
-    return {"change": float(change) if converged else None}
 
 
 def marched(run: Run, reynolds: float) -> Row:
@@ -233,13 +199,6 @@ FAR_PRECISION = columns(
     "aspect, in 3-D {aspect:g} | incidence {incidence:g} | Re {reynolds:g}"
     " | difference of Cd, Cl by the far field's precision {change:.0e}"
 )
-DERIVATIVE_PRECISION = columns(
-    "dimension {dimension} | aspect {aspect:g} | incidence {incidence:g} | Re {reynolds:g}"
-    " | difference of dCd/dRe, dCl/dRe by the stream's precision {change:.0e}"
-)
-STREAMS = cases(
-    dimension=[2, 3], aspect=[0.6, 2.0], incidence=[0.0, 10.0], reynolds=[0.01, 1.0, 20.0]
-)
 SPHEROIDS = cases(aspect=[0.6, 2.0], incidence=[0.0, 30.0], reynolds=[0.001, 1.0, 40.0])
 ELLIPSES = [
     *cases(aspect=[1.0], incidence=[0.0], reynolds=[1.0, 1e-3, 0.1, 10.0, 40.0, 100.0, 300.0]),
@@ -254,7 +213,6 @@ STUDIES = {
         [
             Table(ELLIPSES, single_precision, PRECISION),
             Table(SPHEROIDS, far_precision, FAR_PRECISION, key="far"),
-            Table(STREAMS, derivative_precision, DERIVATIVE_PRECISION, key="derivatives"),
         ]
     ),
     "march": Study([Table(cases(reynolds=[20.0, 100.0]), marched)], march_text),

@@ -25,7 +25,7 @@ def flows(run: Run, aspect: float, reynolds: float) -> Row:
     solve = functools.partial(flow.solve, reynolds=reynolds, estimate=False, allow_unsteady=True)
     calls = [functools.partial(alone, functools.partial(solve, shape)) for shape in shapes]
     work = [call().green_applications for call in calls]
-    before, after = medians(calls, run.pick(1, 21))
+    before, after = medians(calls, run.pick(1, 7))
     found = {"symmetric_work": work[0], "work": work[1], "symmetric_s": before, "seconds": after}
     return found | {"ratio": after / before}
 

@@ -19,7 +19,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 from scipy.interpolate import CubicSpline
 
@@ -44,25 +43,19 @@ class Polynomial(NamedTuple):
 
 
 def far_response(
-    domain: Domain, reynolds: Float[AnyArray, ""], precision: DTypeLike | None = None
+    domain: Domain, reynolds: Float[AnyArray, ""]
 ) -> Float[AnyArray, "terms axes ..."]:
     """Return the coefficients of Phi on the domain's faces, in the order of ``far_powers``.
 
     Each of the nested lattices, ever coarser and larger, adds what lies outside the one before.
     The terms of the highest order fall off fastest and are taken from the first lattice alone.
-
-    Args:
-      domain: the discrete problem.
-      reynolds: U D / nu.
-      precision: of the convolutions on the coarse lattices, by default ``domain.FAR_PRECISION``.
     """
     inside, band, total = domain.lattice, 1.0, {}
-    precision = precision or domain.FAR_PRECISION
     for level, coarse in enumerate(domain.far):
         inner = inside.profile(coarse.faces(), band)
         order = domain.far_order if level == 0 else 2
         with jax.default_matmul_precision("highest"):  # GPUs would round to 10 bits
-            ring = _ring(domain, coarse, inner, reynolds, order, precision)
+            ring = _ring(domain, coarse, inner, reynolds, order)
         for powers, field in zip(*ring, strict=True):
             total[powers] = total.get(powers, 0.0) + field
         inside, band = coarse, _band(coarse)
@@ -89,13 +82,14 @@ def _force_axes(domain):
     return (0,) if domain.modes.lift_index is None else (0, domain.lattice.dimension - 1)
 
 
-def _ring(domain, coarse, inner, reynolds, order, precision) -> Polynomial:
+def _ring(domain, coarse, inner, reynolds, order) -> Polynomial:
     """Return the response to the flux between the domain ``inner`` and the edge of ``coarse``.
 
     With u_1 and u_2 the velocities of first and second order and q(u) the flux of a velocity, that
     of second order is q(u_1), and that of third (q(u_1 + u_2) - q(u_1 - u_2)) / 2.
     """
     axes = _force_axes(domain)
+    precision = domain.FAR_PRECISION
     green = domain.green_function(coarse, reynolds, precision)
     outer = np.maximum(coarse.cutoff(_band(coarse)), inner)
     inner, outer = inner.astype(precision), outer.astype(precision)

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Complex, Float, Int
-from scipy.fft import next_fast_len
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.lattice import Lattice
@@ -76,8 +75,8 @@ class Kernel(eqx.Module):
         if self.is_transposed:
             spectrum = jnp.conj(jnp.swapaxes(spectrum, 0, 1))
         lateral = jnp.einsum("cjk,cxj->ckx", forward, force)
-        lateral = _multiply(spectrum, jnp.fft.rfft(lateral, n=_period(nx)))
-        lateral = jnp.fft.irfft(lateral, n=_period(nx))[..., :nx]
+        lateral = _multiply(spectrum, jnp.fft.rfft(lateral, n=2 * nx))
+        lateral = jnp.fft.irfft(lateral, n=2 * nx)[..., :nx]
         return jnp.einsum("ckx,ckj->cxj", lateral, backward)
 
 
@@ -186,15 +185,8 @@ def _spectrum(lattice, reynolds, cells, theta, weight, dtype):
     xx, xy, yx, yy = _columns(lattice, reynolds, theta, dtype)
     pairs = (even, xx), (odd, -xy), (odd, yx), (even, yy)
     kernel = jnp.stack([jnp.einsum("wp,nw->pn", waves, column) for waves, column in pairs])
-    behind, ahead = jnp.split(kernel, 2, axis=-1)
-    between = jnp.zeros((*ahead.shape[:-1], _period(lattice.shape[0]) - kernel.shape[-1]), dtype)
-    kernel = jnp.fft.rfft(jnp.concatenate([ahead, between, behind], axis=-1))
+    kernel = jnp.fft.rfft(jnp.fft.ifftshift(kernel, axes=-1))
     return kernel.reshape(2, 2, *kernel.shape[1:])
-
-
-def _period(cells):
-    """Return how many cells along the stream are transformed: enough, and quick to transform."""
-    return next_fast_len(2 * cells, real=True)
 
 
 def _columns(lattice, reynolds, theta, dtype):

@@ -118,7 +118,6 @@ def load_gradients(
     return LoadGradients(by_markers, by_re, adjoints, Work(products, jnp.all(work.converged)))
 
 
-@full_single_precision
 def by_stream(
     domain: Domain,
     operators: Operators,
@@ -132,10 +131,9 @@ def by_stream(
       domain: the discrete problem.
       operators: of the body.
       state: the converged body flow.
-      derivatives: of the stream's operators in Re, as ``stream_derivatives`` returns them.
+      derivatives: of the stream's operators in Re.
       adjoints: of the loads, as in ``LoadGradients``.
     """
-    operators, state = single((operators, state))
 
     def with_stream(stream):
         moved = eqx.tree_at(lambda o: (o.green, o.far), operators, tuple(stream))
@@ -143,7 +141,6 @@ def by_stream(
 
     stream = StreamOperators(operators.green, operators.far)
     change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
-    change = jax.tree.map(lambda leaf: leaf.astype(float), change)
     return jax.vmap(optax.tree.vdot, (0, None))(adjoints, change)
 
 
