@@ -9,6 +9,7 @@ import numpy as np
 from shapeopt.problem.scenarios import model_loads, model_objective
 from shapeopt.search.design import Design
 from shapeopt.search.verify import Verified
+from surrogate.body.body_class import drawn_contour
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
@@ -102,7 +103,9 @@ def save_run(
             named = scene.family.named(design.parameters)
             write_skin(family_shape(named, dimension=3), vtp, stl, solution)
         else:
-            turned = np.asarray(scene.family.body_class.contour(design.parameters, SURFACE_POINTS))
+            turned = np.asarray(
+                drawn_contour(scene.family.body_class, design.parameters, SURFACE_POINTS)
+            )
             write_contour_vtp(turned, vtp, solution and solution.surface())
             write_solid_stl(contour, stl)
         record["files_sha256"] = {path.name: file_digest(path) for path in sorted(part.iterdir())}

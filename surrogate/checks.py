@@ -178,4 +178,4 @@ def transformed(*values: object) -> bool:
 
     Public functions then answer invalid inputs by NaN, since they cannot raise an exception.
     """
-    return traced(*values) or traced(jax.lax.full((), 0.0))
+    return traced(*values) or traced(jax.device_put(0.0))

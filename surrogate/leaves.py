@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import equinox as eqx
+import jax
+import numpy as np
 from jaxtyping import PyTree
 
 from surrogate.errors import InvalidInput
@@ -45,6 +47,7 @@ def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
     Raises:
       InvalidInput: the file is damaged, or its arrays have other shapes or types.
     """
+    like = jax.tree.map(lambda leaf: np.empty(leaf.shape, leaf.dtype), like)
     try:
         with path.open("rb") as file:
             file.readline(LONGEST_HEADER)
@@ -53,4 +56,4 @@ def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
                 raise ValueError("more than the arrays")
     except (OSError, ValueError, RuntimeError, EOFError, MemoryError):
         raise InvalidInput(f"{what} {path}: damaged, or its arrays are of other shapes") from None
-    return tree
+    return jax.device_put(tree)  # asarray would compile a program for each shape

@@ -12,6 +12,7 @@ Bodies with camber or incidence have Cl and Cm too, where the surrogate was trai
 import argparse
 from collections.abc import Sequence
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,7 +43,7 @@ from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
 from surrogate.model.store import load
-from surrogate.model.surrogate import Surrogate
+from surrogate.model.surrogate import Surrogate, network_loads
 from surrogate.scene.limits import onset_of
 
 
@@ -97,31 +98,38 @@ def _predict(
     extrapolate: bool,
 ) -> JsonObject:
     family = surrogate.scene.family
-    length, lifts = family.body_class.length, not family.body_class.symmetric
-
-    def coefficients(body):
-        by = length(body) if reference == CHORD else 1.0
-        of_moment = by**2  # over the square of the reference length
-        return surrogate.loads(body, reynolds, extrapolate=extrapolate) / jnp.stack(
-            [by, by, of_moment]
-        )
-
-    loads = coefficients(parameters)
-    gradients = map(family.named, jax.jacrev(coefficients)(jnp.asarray(parameters)))
-    gradients = dict(zip(LOADS, gradients, strict=True))
+    surrogate.loads(parameters, reynolds, extrapolate=extrapolate)  # refuses what has none
+    at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
+    by_chord = reference == CHORD
+    loads, jacobian = _coefficients_and_jacobian(
+        surrogate.network, family.body_class, by_chord, *at
+    )
+    gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
+    chord = float(family.body_class.length(parameters))
     outside = surrogate.outside(parameters, reynolds)
     confidence = "inside"
     if outside:
         worst = max(outside, key=outside.__getitem__)
         confidence = f"outside: {worst} by {outside[worst]:.2g} of its trained range"
     return {
-        **reference_record(reynolds, float(length(parameters)), reference),
+        **reference_record(reynolds, chord, reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
-        "gradient": gradients if lifts else gradients["cd"],
+        "gradient": gradients["cd"] if family.body_class.symmetric else gradients,
         **_error_bounds(surrogate, parameters, reynolds, reference, bool(outside)),
         "in_trained_range": not outside,
         "confidence": confidence,
     }
+
+
+@eqx.filter_jit
+def _coefficients_and_jacobian(network, body_class, by_chord, parameters, reynolds):
+    """Return the loads of a body, by D or by its chord, and their derivatives by parameters."""
+
+    def coefficients(body):
+        by = body_class.length(body) if by_chord else 1.0
+        return network_loads(network, body, reynolds) / jnp.stack([by, by, by**2])
+
+    return coefficients(parameters), jax.jacrev(coefficients)(parameters)
 
 
 def _error_bounds(

@@ -14,6 +14,7 @@ from shapeopt.render.figures import (
     save_figure,
     width_over_height,
 )
+from surrogate.body.body_class import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
 
@@ -29,7 +30,8 @@ def plot_designs(family: Family, rows: list[JsonObject], path: str | Path) -> Pa
     columns = sorted({row["reynolds"] for row in rows})
     lengths = list(dict.fromkeys(row["max_length"] for row in rows))
     bodies = [
-        np.asarray(family.body_class.contour(family.parameters(r["parameters"]), 300)) for r in rows
+        np.asarray(drawn_contour(family.body_class, family.parameters(r["parameters"]), 300))
+        for r in rows
     ]
     wide = [width_over_height(row["parameters"]) for row in rows]
     sides = [np.ptp(body, axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]

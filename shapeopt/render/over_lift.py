@@ -8,6 +8,7 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import ScaledTranslation
 
 from shapeopt.render.figures import INK, OPTIMUM, QUIET, STYLE, plt, save_figure
+from surrogate.body.body_class import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
 
@@ -104,4 +105,4 @@ def _draw_at(
 
 def _contour(family: Family, row: JsonObject) -> Float[np.ndarray, "nodes 2"]:
     body = family.parameters(row["parameters"])
-    return np.asarray(family.body_class.contour(body, 300))
+    return np.asarray(drawn_contour(family.body_class, body, 300))

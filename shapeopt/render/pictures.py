@@ -10,6 +10,7 @@ from jaxtyping import Float
 from shapeopt.export.solid import polygon
 from shapeopt.render.mesh import flow_mesh
 from surrogate.arrays import AnyArray
+from surrogate.body.body_class import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import whole_file
 from surrogate.flow.grid.lattice import Lattice
@@ -85,7 +86,7 @@ def render_evolution(
       captions: one for each frame.
       path: of the GIF.
     """
-    bodies = [np.asarray(family.body_class.contour(body, 240)) for body in path_of_bodies]
+    bodies = [np.asarray(drawn_contour(family.body_class, body, 240)) for body in path_of_bodies]
     cylinder = np.asarray(family.outline(family.ellipse(1.0), 240))
     x, y = np.abs(np.concatenate([*bodies, cylinder])).max(axis=0) + 0.12
     view = (-x, x, -y, y + 0.18)

@@ -18,6 +18,7 @@ from shapeopt.render.figures import (
 )
 from shapeopt.render.sheets import is_about_lift, reference_name, standing
 from shapeopt.runs import run_body, run_scene
+from surrogate.body.body_class import drawn_contour
 from surrogate.files import JsonObject
 from surrogate.flow.surface.surface import Surface
 
@@ -59,7 +60,9 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     high are also drawn from above, as a line. Returns the path of the PNG.
     """
     records = sorted(records, key=lambda record: record["reynolds"])
-    bodies = [np.asarray(run_scene(r).family.body_class.contour(run_body(r), 400)) for r in records]
+    bodies = [
+        np.asarray(drawn_contour(run_scene(r).family.body_class, run_body(r), 400)) for r in records
+    ]
     wide = [width_over_height(record["parameters"]) for record in records]
     sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
     x, y = np.max(sides, axis=0) * 1.06

@@ -278,3 +278,11 @@ def drawn_outline(
 ) -> Float[Array, "nodes 2"]:
     """Return ``body_class.outline`` of a body, by one program for all bodies of the class."""
     return body_class.outline(parameters, nodes)
+
+
+@functools.partial(jax.jit, static_argnames=("body_class", "nodes"))
+def drawn_contour(
+    body_class: BodyClass, parameters: Float[AnyArray, " parameters"], nodes: int
+) -> Float[Array, "nodes 2"]:
+    """Return ``body_class.contour`` of a body, by one program for all bodies of the class."""
+    return body_class.contour(parameters, nodes)

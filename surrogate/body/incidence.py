@@ -1,5 +1,8 @@
 """The angle of incidence: nose up, in degrees, in a stream along +x."""
 
+import functools
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -10,6 +13,7 @@ from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
 
+@functools.partial(jax.jit, inline=True)
 def rotate(
     vectors: Float[AnyArray, "nodes axes"], degrees: Number
 ) -> Float[AnyArray, "nodes axes"]:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import BodyClass
+from surrogate.body.body_class import BodyClass, drawn_contour
 from surrogate.body.contour import contour_length, smooth_contour
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.nose import nose_of_contour
@@ -162,7 +162,7 @@ def family_shape(
     check_body(kind, values)
 
     def draw(nodes):
-        return np.asarray(_contour(kind, values, nodes))
+        return np.asarray(drawn_contour(kind, values, nodes))
 
     return FamilyShape(draw, kind.is_symmetric(values), parameters=named, body_class=kind)
 
@@ -188,11 +188,6 @@ def contour_shape(
         return np.asarray(rotate(smooth_contour(points, nodes, keep_size), turn))
 
     return Shape(draw, symmetric=False, length=contour_length(points, keep_size), turn=turn)
-
-
-@functools.partial(jax.jit, static_argnums=(0, 2))
-def _contour(kind, values, nodes):
-    return kind.contour(values, nodes)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))

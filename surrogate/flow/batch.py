@@ -12,8 +12,9 @@ from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
 from surrogate.compilation import same_options
 from surrogate.devices import Devices
-from surrogate.flow.derivatives import LoadsAndGradients, load_values, loads_and_gradients
+from surrogate.flow.derivatives import LoadsAndGradients, loads_and_gradients
 from surrogate.flow.discrete import DiscreteBodies
+from surrogate.flow.loads import load_values
 from surrogate.partition import Partition
 
 
@@ -52,7 +53,7 @@ def batch_solver(
     def flow(body):
         operators, state, info = bodies.solved(*body)
         spent = info.products + bodies.domain.assembly_cost
-        loads = load_values(bodies, bodies.loads, operators, state)
+        loads = load_values(bodies.domain.modes, bodies.loads, state.amplitude, operators.markers)
         return FlowBatch(state.amplitude, loads, spent, info.converged)
 
     def gradient(body):

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
@@ -29,7 +30,7 @@ class FlowResult(NamedTuple):
     @property
     def drag(self) -> float:
         """The drag coefficient Cd."""
-        return float(drag_coefficient(self.state.amplitude))
+        return drag_coefficient(np.asarray(self.state.amplitude)[None]).item()
 
 
 def solve_markers(

@@ -19,7 +19,7 @@ from surrogate.compilation import compiled
 from surrogate.errors import NotConverged
 from surrogate.flow import programs
 from surrogate.flow.discrete import DiscreteBodies
-from surrogate.flow.loads import Load, drag
+from surrogate.flow.loads import Load, drag, load_values
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
@@ -72,7 +72,7 @@ def loads_and_status(
       reynolds: U D / nu.
     """
     operators, state, info = bodies.solved(parameters, reynolds)
-    return load_values(bodies, loads, operators, state), info
+    return load_values(bodies.domain.modes, loads, state.amplitude, operators.markers), info
 
 
 @functools.partial(loads_and_status.defjvp, symbolic_zeros=True)
@@ -80,26 +80,10 @@ def _loads_tangent(bodies, loads, primals, tangents):
     body_fixed, reynolds_fixed = (isinstance(tangent, SymbolicZero) for tangent in tangents)
     operators, state, info = bodies.solved(*primals)
     gradients = exact_gradients(bodies, loads, not reynolds_fixed, *primals, state, operators)
-    values = load_values(bodies, loads, operators, state)
+    values = load_values(bodies.domain.modes, loads, state.amplitude, operators.markers)
     change = jnp.zeros_like(values) if body_fixed else gradients[0] @ tangents[0]
     change += 0.0 if reynolds_fixed else gradients[1] * tangents[1]
     return (values, info), (change, jax.tree.map(_no_tangent, info))
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1), inline=True)
-def load_values(
-    bodies: DiscreteBodies, loads: tuple[Load, ...], operators: Operators, state: FlowState
-) -> Float[Array, " loads"]:
-    """Return the values of loads of a solved flow.
-
-    Args:
-      bodies: the grid and the class of bodies.
-      loads: functions as in ``surrogate.flow.loads``.
-      operators: of the body.
-      state: of the flow.
-    """
-    at = bodies.domain.modes, state.amplitude, operators.markers
-    return jnp.stack([load(*at) for load in loads])
 
 
 def _no_tangent(leaf):
@@ -215,7 +199,7 @@ def loads_and_gradients(
     efforts = quick_efforts(bodies.loads)
     found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, reynolds)
     by_re = _by_reynolds(domain, parameters, reynolds, operators, state, found)
-    values = load_values(bodies, bodies.loads, operators, state)
+    values = load_values(bodies.domain.modes, bodies.loads, state.amplitude, operators.markers)
     return _loads_and_gradients(
         bodies, parameters, values, info, found.by_markers, by_re, found.work
     )

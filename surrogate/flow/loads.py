@@ -6,9 +6,11 @@ the markers all come from this one function, so a new load is one more function 
 are over U = D = rho = 1: 2 F and 2 M per unit span in 2-D, 8 F / pi and 8 M / pi in 3-D.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -82,6 +84,24 @@ def moment(
 
 
 LOADS: dict[str, Load] = {"cd": drag, "cl": lift, "cm": moment}
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1), inline=True)
+def load_values(
+    modes: AnyModes,
+    loads: tuple[Load, ...],
+    amplitude: Float[AnyArray, " modes"],
+    markers: Markers,
+) -> Float[Array, " loads"]:
+    """Return the values of loads of a solved flow, by one program.
+
+    Args:
+      modes: of the traction.
+      loads: functions such as ``drag``.
+      amplitude: of the modes.
+      markers: of the body.
+    """
+    return jnp.stack([load(modes, amplitude, markers) for load in loads])
 
 
 def traction(

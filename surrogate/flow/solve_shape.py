@@ -10,7 +10,7 @@ from surrogate.flow.derivatives import named_gradients
 from surrogate.flow.discrete import DiscreteBodies
 from surrogate.flow.grid.discretise import fewest_cells, fitted_domain
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.loads import LOADS, drag
+from surrogate.flow.loads import LOADS, drag, load_values
 from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
@@ -76,8 +76,8 @@ def _estimated_error(scene, settings, shape, reynolds, fidelity, loads):
     def solve(fidelity: Fidelity) -> Loads:
         domain = fitted_domain(scene.stream, fidelity, shape, reynolds)
         found, _ = solve_by_continuation(domain, settings, shape, reynolds)
-        at = domain.modes, found.state.amplitude, shape.markers(domain.nodes)
-        return Loads(*(float(load(*at)) for load in LOADS.values()))
+        at = found.state.amplitude, shape.markers(domain.nodes)
+        return Loads(*load_values(domain.modes, tuple(LOADS.values()), *at).tolist())
 
     at = reynolds, shape.height, shape.dimension, shape.nose, fewest_cells(shape)
     return estimate_error(loads, solve, fidelity, *at)

@@ -52,7 +52,7 @@ class Novelty:
         matrix = known @ known.T  # by NumPy: BLAS takes half of the products
         matrix[np.diag_indices(len(matrix))] += 1.0
         factor = scipy.linalg.cholesky(matrix, lower=True, overwrite_a=True)
-        return cls(network, *map(jnp.asarray, (known, factor, ridge)))
+        return cls(network, *jax.device_put((known, factor, ridge)))
 
     @classmethod
     def of_answers(cls, network: LoadNetwork, samples: Samples) -> "Novelty":

@@ -77,7 +77,7 @@ def scene_inputs(scene: Scene) -> Inputs:
     ends = zip(
         (np.where(kept, low, -largest), np.where(kept, high, largest)), scene.reynolds, strict=True
     )
-    scaled = (jnp.asarray(np.append(body_class.smooth(p), np.log(re))) for p, re in ends)
+    scaled = (jnp.asarray(np.append(body_class.smooth(p), np.log(re)), float) for p, re in ends)
     return Inputs(*scaled, body_class)
 
 

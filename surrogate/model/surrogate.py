@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -139,12 +140,10 @@ class Surrogate:
         """
         parameters = self.scene.family.array(parameters)
         parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
-        scales = jnp.asarray(self.error_scales)
-
-        def bounds(*body):
-            return scales * self.novelty(*body)
-
-        return np.asarray(_of_each_load(bounds, parameters, reynolds))
+        novelty = _novelty_of_loads(self.novelty, parameters, reynolds)
+        scales = np.zeros(len(LOAD_NAMES))  # a load that is 0 has no error
+        scales[: len(self.error_scales)] = self.error_scales
+        return scales * np.asarray(novelty)
 
     def outside(self, parameters: Body, reynolds: Number) -> dict[str, float]:
         """Return how far each parameter and log Re lies outside its trained range, in range widths.
@@ -268,6 +267,12 @@ def network_loads(
 ) -> Float[Array, "*batch 3"]:
     """Return Cd, Cl and Cm of bodies by a network, by one program for each shape of the batch."""
     return _of_each_load(network.loads, parameters, reynolds)
+
+
+@jax.jit
+def _novelty_of_loads(novelty, parameters, reynolds):
+    """Return the novelty of the loads of many bodies, by one program for each batch's shape."""
+    return _of_each_load(novelty, parameters, reynolds)
 
 
 @eqx.filter_jit

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -75,6 +76,7 @@ RULE_3D = OnsetRule3D(126.5, 170.0, 0.4)  # fitted, studies ``onset`` and ``onse
 RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
 
 
+@jax.jit
 def onset_of_instability(
     extent: Float[AnyArray, " axes"], contour: Float[AnyArray, "nodes 2"]
 ) -> Float[Array, ""]:

@@ -2,7 +2,6 @@
 
 import math
 
-import jax.numpy as jnp
 import numpy as np
 
 from surrogate.body.body_class import drawn_outline
@@ -75,7 +74,7 @@ def fewest_cells(shape: Shape) -> int:
 
 
 def _thickness(shape):
-    outline, flatness = shape.draw(OUTLINE_NODES), jnp.ones(())
+    outline, flatness = shape.draw(OUTLINE_NODES), np.ones(())
     if isinstance(shape, FamilyShape):
         outline = drawn_outline(shape.body_class, shape.values, OUTLINE_NODES)
         flatness = shape.body_class.flatness(shape.values)

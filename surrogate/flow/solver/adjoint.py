@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Int
 from surrogate.arrays import AnyArray, compute_where, full_single_precision, single
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
-from surrogate.flow.loads import Load
+from surrogate.flow.loads import Load, load_values
 from surrogate.flow.solver.krylov import gmres
 from surrogate.flow.solver.newton import SINGLE
 from surrogate.flow.solver.steady import (
@@ -94,7 +94,7 @@ def load_gradients(
     """
 
     def values(amplitude, markers):
-        return jnp.stack([load(domain.modes, amplitude, markers) for load in loads])
+        return load_values(domain.modes, loads, amplitude, markers)
 
     def with_body(markers, reynolds):
         body = domain.spread_body(markers, reynolds)
