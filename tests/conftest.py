@@ -10,6 +10,7 @@ from jaxtyping import config, install_import_hook
 
 if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA aborts at unknown flags
     quick = "--xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=0"
+    quick += " --xla_cpu_parallel_codegen_split_count=1"  # as other tests have the other core
     os.environ.setdefault("XLA_FLAGS", quick)  # compiles 8 times as fast, runs at half speed
 
 gc.set_threshold(20_000)  # else garbage collection takes a tenth of the time, by what JAX traces

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from shapeopt.commands.predict_drag import main as predict_drag
 from surrogate import Fidelity, Flow, Scene, compilation, contour_shape
 from surrogate.cache import use_compilation_cache
 from surrogate.compilation import compiled as compiled_by_us
@@ -55,6 +56,16 @@ def test_a_surface_is_drawn_by_few_programs(compiled):
     before = len(compiled)
     assert np.isfinite(solution.surface().cp).all()
     assert len(compiled) - before <= 12
+
+
+def test_a_prediction_takes_few_programs_and_another_one_none(compiled, capsys):
+    """Most are compiled anew in every process, as each takes less time than its file is worth."""
+    arguments = ["--aspect", "2", "--beta2", "0.1", "--reynolds"]
+    for reynolds, most in (("20", 32), ("5,30", 0)):
+        compiled.clear()
+        predict_drag([*arguments, reynolds])
+        assert len(compiled) <= most
+    assert "Re 30" in capsys.readouterr().out
 
 
 @compiled_by_us("power")

@@ -72,15 +72,19 @@ def inputs_of(surrogate, precision):
 RATIOS = ("aspect", "flatness")
 
 
+@pytest.fixture(scope="module")
+def by_jax(surrogate):
+    """The loads of many bodies and their derivatives, compiled once for all tests."""
+    loads = surrogate.network.loads
+    return jax.jit(jax.vmap(loads)), jax.jit(jax.vmap(jax.jacrev(loads, argnums=(0, 1))))
+
+
 @pytest.fixture
-def expected(surrogate, precision):
+def expected(surrogate, by_jax, precision):
     """Inputs, loads, Jacobian and status by JAX in double precision."""
     x = inputs_of(surrogate, precision)
     parameters, reynolds = x[:, :-1].astype(float), x[:, -1].astype(float)
-    network = surrogate.network
-    loads = jax.jit(jax.vmap(network.loads))(parameters, reynolds)
-    derivatives = jax.jit(jax.vmap(jax.jacrev(network.loads, argnums=(0, 1))))
-    shape, by_re = derivatives(parameters, reynolds)
+    loads, (shape, by_re) = (function(parameters, reynolds) for function in by_jax)
     jacobian = np.concatenate([shape, by_re[..., None]], axis=-1)
     (low, high), slack = surrogate.ranges.bounds.T, surrogate.ranges.slack
     values = np.column_stack([parameters, np.log(reynolds)])  # as given, not as the mirror image's

@@ -12,7 +12,6 @@ Bodies with camber or incidence have Cl and Cm too, where the surrogate was trai
 import argparse
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +37,7 @@ from shapeopt.commands.sections import (
 )
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import family_shape
+from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
@@ -121,7 +121,7 @@ def _predict(
     }
 
 
-@eqx.filter_jit
+@compiled("body_class", "by_chord")
 def _coefficients_and_jacobian(network, body_class, by_chord, parameters, reynolds):
     """Return the loads of a body, by D or by its chord, and their derivatives by parameters."""
 

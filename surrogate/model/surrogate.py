@@ -6,7 +6,6 @@ import math
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -14,6 +13,7 @@ from jaxtyping import Array, Bool, Float
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.validity import is_valid
 from surrogate.checks import check_batch, finite_number, real_numbers, transformed
+from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
 from surrogate.model.card import SYMBOLS, model_card
 from surrogate.model.confidence import Novelty
@@ -269,7 +269,7 @@ def network_loads(
     return _of_each_load(network.loads, parameters, reynolds)
 
 
-@jax.jit
+@compiled()
 def _novelty_of_loads(novelty, parameters, reynolds):
     """Return the novelty of the loads of many bodies, by one program for each batch's shape."""
     return _of_each_load(novelty, parameters, reynolds)
