@@ -211,7 +211,7 @@ def show_optima(rows: list[Row]) -> str:
             body = mine[-1]["parameters"]
             tip = front_angles(np.asarray(family_shape(body, dimension=3).draw(400)))[1]
             line = {"theory": theory, "grids": grids, "limit": _extrapolated(mine), "tip": tip}
-            lines.append(line | {"reynolds": re, "body": name_of(body, ".2f")})
+            lines.append(line | {"reynolds": re, "body": name_of(body, "z.2f")})
     return columns(
         "Re {reynolds:g} | drag over the sphere's (cells per D) {grids} | extrapolated {limit:.4f}"
         " | theory or elements {theory:.5f} | tip angle of the front {tip:.0f} degrees"
