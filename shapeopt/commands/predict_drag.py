@@ -98,7 +98,7 @@ def _predict(
     extrapolate: bool,
 ) -> JsonObject:
     family = surrogate.scene.family
-    surrogate.loads(parameters, reynolds, extrapolate=extrapolate)  # refuses bodies without an answer
+    surrogate.loads(parameters, reynolds, extrapolate=extrapolate)  # refuses a wrong body
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     by_chord = reference == CHORD
     loads, jacobian = _coefficients_and_jacobian(
