@@ -98,14 +98,13 @@ def _predict(
     extrapolate: bool,
 ) -> JsonObject:
     family = surrogate.scene.family
-    surrogate.loads(parameters, reynolds, extrapolate=extrapolate)  # refuses a wrong body
-    at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-    by_chord = reference == CHORD
-    loads, jacobian = _coefficients_and_jacobian(
-        surrogate.network, family.body_class, by_chord, *at
-    )
-    gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
     chord = float(family.body_class.length(parameters))
+    by = chord if reference == CHORD else 1.0
+    loads = np.asarray(surrogate.loads(parameters, reynolds, extrapolate=extrapolate))
+    loads = loads / [by, by, by**2]  # of the moment by the square of the reference length
+    at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
+    jacobian = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
+    gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
     outside = surrogate.outside(parameters, reynolds)
     confidence = "inside"
     if outside:
@@ -115,37 +114,39 @@ def _predict(
         **reference_record(reynolds, chord, reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
         "gradient": gradients["cd"] if family.body_class.symmetric else gradients,
-        **_error_bounds(surrogate, parameters, reynolds, reference, bool(outside)),
+        **_error_bounds(surrogate, parameters, reynolds, by, bool(outside)),
         "in_trained_range": not outside,
         "confidence": confidence,
     }
 
 
 @compiled("body_class", "by_chord")
-def _coefficients_and_jacobian(network, body_class, by_chord, parameters, reynolds):
-    """Return the loads of a body, by D or by its chord, and their derivatives by parameters."""
+def _jacobian(network, body_class, by_chord, parameters, reynolds):
+    """Return the derivatives by parameters of a body's loads, by D or by its chord."""
 
     def coefficients(body):
         by = body_class.length(body) if by_chord else 1.0
         return network_loads(network, body, reynolds) / jnp.stack([by, by, by**2])
 
-    return coefficients(parameters), jax.jacrev(coefficients)(parameters)
+    return jax.jacrev(coefficients)(parameters)
 
 
 def _error_bounds(
     surrogate: Surrogate,
     parameters: np.ndarray,
     reynolds: float,
-    reference: str,
+    by: float,
     outside: bool,
 ) -> JsonObject:
-    """Bounds of 95 % of the errors, over Cd; null outside the ranges, where none are known."""
+    """Bounds of 95 % of the errors, over Cd, for coefficients by a length ``by`` in D.
+
+    They are null outside the ranges, where none are known.
+    """
     keys = [f"{load}_error_bound" for load in LOADS]
     if outside or "drag_error_scale" not in surrogate.record:
         return dict.fromkeys(keys)
     bounds = np.array(surrogate.error_bounds(parameters, reynolds))
-    if reference == CHORD:  # Cm / Cd is by another length then
-        bounds[2] /= surrogate.scene.family.body_class.length(parameters)
+    bounds[2] /= by  # as Cm over Cd is
     return dict(zip(keys, bounds.tolist(), strict=True))
 
 

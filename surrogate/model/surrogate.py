@@ -140,10 +140,9 @@ class Surrogate:
         """
         parameters = self.scene.family.array(parameters)
         parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
+        scales = self.error_scales
         novelty = _novelty_of_loads(self.novelty, parameters, reynolds)
-        scales = np.zeros(len(LOAD_NAMES))  # a load that is 0 has no error
-        scales[: len(self.error_scales)] = self.error_scales
-        return scales * np.asarray(novelty)
+        return np.pad(scales, (0, len(LOAD_NAMES) - len(scales))) * np.asarray(novelty)
 
     def outside(self, parameters: Body, reynolds: Number) -> dict[str, float]:
         """Return how far each parameter and log Re lies outside its trained range, in range widths.

@@ -7,6 +7,7 @@ preconditioned by the transposed elimination; where that is not enough its resid
 double precision.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -93,8 +94,7 @@ def load_gradients(
         of Krylov vectors among them.
     """
 
-    def values(amplitude, markers):
-        return load_values(domain.modes, loads, amplitude, markers)
+    values = functools.partial(load_values, domain.modes, loads)
 
     def with_body(markers, reynolds):
         body = domain.spread_body(markers, reynolds)
