@@ -42,7 +42,7 @@ from surrogate.model.surrogate import Surrogate
 
 TOLERANCE = 1e-8  # relative, of the integration in time
 SAMPLES = 400  # in time, that a fall is reported at
-SLOWEST = 1e-12  # Re, of bodies at rest
+SLOWEST = 1e-30  # Re, for which a body at rest is taken
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,7 +121,7 @@ def fall(
     start = np.array([0, 0, math.radians(tilt), 0, 0, 0.0])
     found = solve_ivp(
         *(rates, (0, times[-1]), start, "LSODA", times),
-        **{"events": too_fast, "rtol": TOLERANCE, "atol": TOLERANCE},
+        **{"events": too_fast, "rtol": TOLERANCE, "atol": TOLERANCE * scales_of(constants)},
     )
     if found.t_events[0].size:
         raise InvalidInput(
@@ -159,8 +159,6 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
         raise InvalidInput(
             "surrogate: of 3-D bodies at incidences from 0 to 90 degrees, as pretrained:particle"
         )
-    if isinstance(parameters, dict):
-        parameters = {"incidence": 0.0} | parameters
     body = np.array(family.numbers(parameters))
     body[family.names.index("incidence")] = 0.0
     surrogate.loads(body, surrogate.scene.reynolds[0])  # refuses bodies outside the ranges
@@ -206,6 +204,20 @@ def constants_of(
     inertia = s * ellipsoid.inertia + ellipsoid.added_inertia
     resistance, slowest = ellipsoid.resistance_to_rotation, surrogate.scene.reynolds[0]
     return np.array([along, across, inertia, resistance, weight, slowest])
+
+
+def scales_of(constants: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
+    """Return the scales of position, tilt, momentum and angular velocity, for absolute tolerances.
+
+    They are D, one radian and, for the last two, the Re at which a sphere of this weight settles in
+    Stokes flow; 1 for all where that is greater.
+
+    Args:
+      constants: as ``constants_of`` returns them.
+    """
+    along, across, _, _, weight, _ = constants
+    speed = min(abs(weight) / (3 * math.pi), 1.0)
+    return np.minimum([1, 1, 1, along * speed, across * speed, speed], 1.0)
 
 
 def axes_of(tilt: Number) -> tuple[Float[Array, "2 ..."], Float[Array, "2 ..."]]:
