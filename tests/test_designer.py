@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -189,6 +190,28 @@ def test_flows_that_are_not_found_do_not_end_a_design(tiny_scene, monkeypatch, f
     assert design.flows == len(bodies) - len(failed)
     assert design.kkt_residual <= 1e-2
     assert design.objective == pytest.approx(optimum.objective, rel=2e-4)
+
+
+@pytest.mark.parametrize(("devices", "kept"), [(1, 0), (2, 2)])
+def test_flows_solved_together_are_kept_where_one_fails(tiny_scene, monkeypatch, devices, kept):
+    """On one device the flows after the one that fails are not solved."""
+    memory = Designer(Flow(tiny_scene)).memory
+    bodies = [np.array([aspect, 0.0, 0.0, 0.0]) for aspect in (1.5, 1.6, 1.7)]
+    solved = []
+
+    def solve_all(queries):
+        for body, reynolds in queries:
+            found = memory.flow.loads_and_gradients(body, reynolds)
+            solved.append(int(found.green_applications))
+            yield found._replace(converged=np.asarray(body is not bodies[0]))
+
+    monkeypatch.setattr(memory, "_solve", solve_all)
+    monkeypatch.setattr(memory, "devices", SimpleNamespace(count=devices))
+    with pytest.raises(NotConverged, match="at Re 10"):
+        memory.evaluate_all([(body, 10.0) for body in bodies])
+    assert memory.flows == len(memory.observations) == kept
+    assert len(solved) == kept + 1
+    assert memory.green_applications == sum(solved)
 
 
 def test_a_proposal_that_is_not_found_does_not_end_a_design(tiny_scene, monkeypatch):

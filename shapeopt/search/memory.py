@@ -66,25 +66,36 @@ class Memory:
     def evaluate_all(self, queries: Sequence[tuple[AnyArray, float]]) -> list[Observation]:
         """Return loads and slopes for every (body, Reynolds number), solved on all devices.
 
+        Flows that were solved are kept, also where another one does not converge.
+
         Raises:
           NotConverged: a flow or its adjoint did not converge.
         """
         wanted = {_key(*query): query for query in queries}
         known = {_key(seen.parameters, seen.reynolds): seen for seen in self.observations}
         unknown = [query for key, query in wanted.items() if key not in known]
+        failed: list[float] = []
         for (parameters, reynolds), found in zip(unknown, self._solve(unknown), strict=True):
             self.green_applications += int(found.green_applications)
-            if not bool(found.converged):
-                raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {reynolds:g}")
-            self.flows += 1
-            found = jax.tree.map(np.asarray, found)
-            gradients = np.column_stack([found.gradients, reynolds * found.by_reynolds])
-            loads, slopes = found.loads, output_gradients(found.loads, gradients)
-            body = np.asarray(parameters, float)
-            seen = Observation(body, float(reynolds), loads, np.asarray(slopes))
-            self.observations.append(seen)
-            known[_key(parameters, reynolds)] = seen
+            if bool(found.converged):
+                known[_key(parameters, reynolds)] = self._keep(parameters, reynolds, found)
+            else:
+                failed.append(reynolds)
+                if self.devices.count == 1:
+                    break  # the next are not solved yet
+        if failed:
+            raise NotConverged(f"optimise on the flow: no flow or adjoint at Re {failed[0]:g}")
         return [known[_key(*query)] for query in queries]
+
+    def _keep(self, parameters, reynolds, found):
+        """Store a converged flow as an observation, and return this."""
+        found = jax.tree.map(np.asarray, found)
+        gradients = np.column_stack([found.gradients, reynolds * found.by_reynolds])
+        slopes = np.asarray(output_gradients(found.loads, gradients))
+        body = np.asarray(parameters, float)
+        self.observations.append(Observation(body, float(reynolds), found.loads, slopes))
+        self.flows += 1
+        return self.observations[-1]
 
     def _solve(self, queries: Sequence[tuple[AnyArray, float]]) -> Iterator[LoadsAndGradients]:
         """Solve one by one on a single device, where another number would be compiled anew."""
