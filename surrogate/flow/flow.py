@@ -28,7 +28,7 @@ from surrogate.flow.grid.discretise import fitted_domain, scene_domain
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.loads import LOADS, Load, drag
 from surrogate.flow.solution import Solution
-from surrogate.flow.solve_shape import solve_shape
+from surrogate.flow.solve_shape import solve_shape, with_estimate
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.partition import partition_bodies
 from surrogate.scene.limits import check_reynolds, onset_of
@@ -194,7 +194,12 @@ class Flow:
             on_grid = self._on_its_own_grid(body, reynolds, allow_unsteady)
         else:
             on_grid = self._on_scenes_grid(body, reynolds, allow_unsteady)
-        return solve_shape(self.scene, self.settings, *on_grid, gradient, estimate)
+        found = solve_shape(self.scene, self.settings, *on_grid, gradient)
+        return self.estimated(found) if estimate else found
+
+    def estimated(self, solution: Solution) -> Solution:
+        """Return a solution of this flow with an estimate of its error, as ``solve`` adds it."""
+        return with_estimate(self.scene, self.settings, solution)
 
     def solve_all(
         self,

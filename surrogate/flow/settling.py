@@ -66,8 +66,8 @@ class Settled(NamedTuple):
     """A particle that moves steadily: its speed along its path in m/s and its Re.
 
     The vertical velocity is the speed times the cosine of ``drift``. ``flows`` is the number of
-    flows that were solved, ``solution`` the last; below Re 0.001 that at 0.001, where Cd Re is the
-    same.
+    flows that were solved for the balance of forces, ``solution`` the last; below Re 0.001 that at
+    0.001, where Cd Re is the same.
     """
 
     velocity: float
@@ -117,25 +117,25 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     )
     if re > HOPELESS * fastest:
         raise too_fast
-    before = None
-    for flows in range(1, MAX_FLOWS + 1):
+    before = found = None
+    flows = 0
+    for _ in range(MAX_FLOWS):
         re = min(re, fastest)
         at = max(re, slowest)
-        found = flow.solve(shape, at, estimate=False)
+        if found is None or found.reynolds != at:
+            found, flows = flow.solve(shape, at, estimate=False), flows + 1
         excess = math.log(math.hypot(found.drag, found.lift) * at * re) - goal
         if re == fastest and excess < 0:
             raise too_fast
         if abs(excess) <= BALANCED:
             if estimate:
-                found = flow.solve(shape, at)
+                found = flow.estimated(found)
             return Settled(particle.velocity(re), re, found, flows)
         if before is not None:
             slope = (excess - before[1]) / math.log(re / before[0])
         before = re, excess
         re *= math.exp(-excess / slope)
-    raise NotConverged(
-        f"settling: drag and weight differ by {abs(excess):.1e} after {MAX_FLOWS} flows"
-    )
+    raise NotConverged(f"settling: drag and weight differ by {abs(excess):.1e} after {flows} flows")
 
 
 def sphere_reynolds(archimedes: float) -> float:

@@ -20,6 +20,7 @@ from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_3d import SkinLoads, skin_loads
 from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
+from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import onset_of
 from surrogate.summary import aligned, listed
 
@@ -47,6 +48,7 @@ class Solution:
       extrapolated_drag: Cd extrapolated from two grids, where both are fine enough.
       cause: of a degraded flow: which load is expected to err by too much, or that it is too tall.
       tolerance: relative error of Cd that the scene's fidelity is made for.
+      fidelity: cells, domain and wake of the grid.
       green_applications: convolutions with G of this flow, without gradient and estimate.
       newton_steps: Newton steps of the last solve.
       seconds: wall time of this flow, without gradient and estimate.
@@ -72,6 +74,7 @@ class Solution:
     extrapolated_drag: float | None
     cause: str
     tolerance: float
+    fidelity: Fidelity
     green_applications: int
     newton_steps: int
     seconds: float

@@ -1,5 +1,6 @@
 """One flow solved with everything that is known of it: loads, fields, gradients, its error."""
 
+import dataclasses
 import time
 
 from surrogate.body.shape import Shape
@@ -26,9 +27,8 @@ def solve_shape(
     domain: Domain,
     fidelity: Fidelity,
     gradient: bool = False,
-    estimate: bool = True,
 ) -> Solution:
-    """Solve the flow past one body: force coefficients, fields, work and estimated error.
+    """Solve the flow past one body: force coefficients, fields and work.
 
     Args:
       scene: that names the stream and the tolerance.
@@ -38,7 +38,6 @@ def solve_shape(
       domain: on which the flow is solved.
       fidelity: of that domain.
       gradient: compute the loads' derivatives by parameters and Re as well.
-      estimate: estimate the error, by flows on one coarser grid and another domain.
 
     Raises:
       NotConverged: the flow, or the adjoint that the gradient needs, did not converge.
@@ -53,15 +52,12 @@ def solve_shape(
         bodies = DiscreteBodies(domain, shape.body_class, settings)
         differentiated = {"cd": drag} if shape.symmetric else LOADS
         gradients = named_gradients(bodies, differentiated, shape.values, reynolds, found.state)
-    error = ErrorEstimate()
-    if estimate:
-        loads = Loads(force["drag"], force["lift"], force["moment"])
-        error = _estimated_error(scene, settings, shape, reynolds, fidelity, loads)
     return Solution(
         reynolds=reynolds,
         **force,
-        **error._asdict(),
+        **ErrorEstimate()._asdict(),
         tolerance=scene.fidelity.tolerance,
+        fidelity=fidelity,
         green_applications=work,
         newton_steps=int(found.info.steps),
         seconds=seconds,
@@ -72,12 +68,23 @@ def solve_shape(
     )
 
 
-def _estimated_error(scene, settings, shape, reynolds, fidelity, loads):
+def with_estimate(scene: Scene, settings: NewtonSettings, solution: Solution) -> Solution:
+    """Return a solution with an estimate of its error, by a coarser grid and another domain.
+
+    Args:
+      scene: in which the flow was solved.
+      settings: tolerances of the Newton solver.
+      solution: of one body.
+    """
+    shape, reynolds = solution.shape, solution.reynolds
+
     def solve(fidelity: Fidelity) -> Loads:
         domain = fitted_domain(scene.stream, fidelity, shape, reynolds)
         found, _ = solve_by_continuation(domain, settings, shape, reynolds)
         at = found.state.amplitude, shape.markers(domain.nodes)
         return Loads(*load_values(domain.modes, tuple(LOADS.values()), *at).tolist())
 
+    loads = Loads(solution.drag, solution.lift, solution.moment)
     at = reynolds, shape.height, shape.dimension, shape.nose, fewest_cells(shape)
-    return estimate_error(loads, solve, fidelity, *at)
+    error = estimate_error(loads, solve, solution.fidelity, *at)
+    return dataclasses.replace(solution, **error._asdict())
