@@ -1,6 +1,7 @@
 """Fields, files, pictures and forces of a solved flow, in Python and by the commands."""
 
 import json
+import shutil
 
 import imageio.v3 as imageio
 import numpy as np
@@ -25,6 +26,12 @@ FILES = {"flow.json", "contour.csv", "contour.vtp", "fields.npz", "fields.vti", 
 def cylinder():
     scene = Scene(fidelity="draft")
     return Flow(scene).solve(family_shape({"aspect": 1.0}), 20.0, estimate=False)
+
+
+@pytest.fixture(scope="module")
+def written(cylinder, tmp_path_factory):
+    """The folder of a flow."""
+    return cylinder.write(tmp_path_factory.mktemp("written") / "flow")
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +114,43 @@ def test_a_flow_is_written_whole_and_read_back(cylinder, tmp_path):
     np.testing.assert_array_equal(stored.fields.p, cylinder.p)
     np.testing.assert_allclose(stored.contour[:, 2], cylinder.surface().cp, atol=1e-8)
     pixels(tmp_path / "flow" / "flow.png")
+    assert cylinder.mesh() == mesh
+    np.testing.assert_allclose(cylinder.surface_mesh()["Cf"], stored.contour[:, 3], atol=1e-8)
     cylinder.write(tmp_path / "flow")  # its own folder may be written again
     fields = tmp_path / "flow" / "fields.npz"
     fields.write_bytes(fields.read_bytes()[: fields.stat().st_size // 2])
     with pytest.raises(InvalidInput, match="flow: cannot be read"):
         read_flow(tmp_path / "flow")
+
+
+def change_record(folder, **values):
+    record = json.loads((folder / "flow.json").read_text())
+    (folder / "flow.json").write_text(json.dumps(record | values))
+
+
+def change_fields(folder, **arrays):
+    with np.load(folder / "fields.npz") as file:
+        np.savez(folder / "fields.npz", **(dict(file) | arrays))
+
+
+DAMAGES = {
+    "no contour": lambda folder: (folder / "contour.csv").write_text("x,y,Cp,Cf\n"),
+    "one point": lambda folder: (folder / "contour.csv").write_text("x,y,Cp,Cf\n1,2,3,4\n"),
+    "no Cd": lambda folder: change_record(folder, cd=None),
+    "Cl that is none": lambda folder: change_record(folder, cl="a"),
+    "incidence that is none": lambda folder: change_record(folder, incidence="x"),
+    "another grid": lambda folder: change_fields(folder, p=np.zeros((3, 3))),
+    "no cells": lambda folder: change_fields(folder, x=np.zeros(0)),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=list(DAMAGES))
+def test_a_damaged_folder_is_refused(written, tmp_path, damage):
+    folder = tmp_path / "flow"
+    shutil.copytree(written, folder)
+    damage(folder)
+    with pytest.raises(InvalidInput, match="flow: cannot be read"):
+        read_flow(folder)
 
 
 def test_a_foreign_folder_is_refused_and_kept(cylinder, tmp_path):

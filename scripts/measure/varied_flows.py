@@ -118,11 +118,12 @@ def surface_errors(what: str, run: Run, value: tuple[float, ...]) -> Iterator[fl
     shape = family_shape({"aspect": 1.0})
     for level in run.pick([TINY], [FIDELITIES["draft"], FIDELITIES["standard"]]):
         domain = fitted_domain(Unbounded(), level, shape, 1.0)
-        body = domain, shape.markers(domain.nodes), solve(domain, shape, 1.0)
+        markers, state = shape.markers(domain.nodes), solve(domain, shape, 1.0)
+        flow = state.velocity, pressure.pressure(domain, markers, state, 1.0)
         vorticity = mock.patch.object(forces_2d, "VORTICITY_PROBES", value)
         with vorticity, mock.patch.object(pressure, "PRESSURE_PROBES", value):
             forces_2d.friction_coefficient.clear_cache()  # compiled with the last value
-            found = surface_of(*body, shape.draw(400), 1.0)
+            found = surface_of(domain, *flow, shape.draw(400), 1.0)
         along, waves = outward(jnp.asarray(found.markers))[:, 1], abs(np.fft.rfft(found.cf))
         yield {
             "error of pressure drag": found.pressure_drag / PRESSURE - 1,

@@ -57,10 +57,8 @@ def write_skin(
       solution: of the flow past it; if given, Cp and the friction vector Cf are point data of the
         .vtp.
     """
-    mesh, areas = skin_mesh(shape)
+    mesh = skin_mesh(shape)[0] if solution is None else solution.surface_mesh()
     with whole_file(stl) as part:
         mesh.save(part)
-    if solution is not None:
-        mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
     with whole_file(vtp) as part:
         mesh.save(part)

@@ -8,8 +8,8 @@ import numpy as np
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
 from surrogate.files import whole_file
 from surrogate.flow.fields import Fields
-from surrogate.flow.output.folder import fields_mesh, read_flow, read_surface
-from surrogate.flow.output.meshes import pv, skin_mesh
+from surrogate.flow.output.folder import read_flow, read_surface
+from surrogate.flow.output.meshes import fields_mesh, pv
 
 VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # x, y and z range shown, in D
 SIZE = 820, 560  # pixels of a panel
@@ -53,9 +53,7 @@ class BodyPanel(NamedTuple):
 def solved_panel(panel: Panel) -> BodyPanel:
     """Return the picture of a solved 3-D flow."""
     solution = panel.solution
-    skin, areas = skin_mesh(solution.shape)
-    skin["Cp"], skin["Cf"] = solution.skin_loads(skin.points.astype(float), areas)
-    return _panel(skin, solution.fields, panel.title, panel.note)
+    return _panel(solution.surface_mesh(), solution.fields, panel.title, panel.note)
 
 
 def stored_panel(folder: str | Path) -> BodyPanel:

@@ -12,10 +12,8 @@ from surrogate.body.incidence import rotate
 from surrogate.body.shape import Shape
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.lattice import Lattice
-from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_2d import vorticity
 from surrogate.flow.surface.forces_3d import curl
-from surrogate.flow.surface.pressure import pressure
 
 NODES = 400  # of the contour within which cells are inside the body
 
@@ -55,18 +53,16 @@ class Fields:
 def fields_of(
     domain: Domain,
     shape: Shape,
-    state: FlowState,
     velocity: Float[AnyArray, "axes ..."],
-    reynolds: float,
+    p: Float[np.ndarray, "..."],
 ) -> Fields:
     """Return the fields of a flow at the centres of its cells.
 
     Args:
       domain: of the flow.
       shape: the body.
-      state: of the flow, on the domain's lattice.
       velocity: on the faces of the whole lattice, mirror images and the stream included.
-      reynolds: U D / nu.
+      p: pressure over rho U^2 in the cells of the whole lattice.
     """
     lattice = domain.lattice.unfolded
     inner = (slice(1, -1),) * lattice.dimension
@@ -78,9 +74,8 @@ def fields_of(
     )
     velocity = np.asarray(velocity)
     middle = np.stack([_averaged(part, (own,))[inner] for own, part in enumerate(velocity)])
-    field = pressure(domain, shape.markers(domain.nodes), state, reynolds)
     return Fields(
-        axes, middle, field[inner], _central_vorticity(lattice, velocity), inside(shape, axes)
+        axes, middle, p[inner], _central_vorticity(lattice, velocity), inside(shape, axes)
     )
 
 

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -19,10 +19,14 @@ from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_3d import SkinLoads, skin_loads
+from surrogate.flow.surface.pressure import pressure
 from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import onset_of
 from surrogate.summary import aligned, listed
+
+if TYPE_CHECKING:
+    import pyvista as pv
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -136,7 +140,12 @@ class Solution:
     @functools.cached_property
     def fields(self) -> Fields:
         """The velocity, pressure and vorticity at the cell centres of the whole grid."""
-        return fields_of(self.domain, self.shape, self.state, self.velocity, self.reynolds)
+        return fields_of(self.domain, self.shape, self.velocity, self._pressure)
+
+    @functools.cached_property
+    def _pressure(self) -> Float[np.ndarray, "..."]:
+        """The pressure over rho U^2 in the cells of the whole lattice."""
+        return pressure(self.domain, self.markers, self.state, self.reynolds)
 
     @property
     def x(self) -> Float[np.ndarray, " nx"]:
@@ -211,6 +220,22 @@ class Solution:
 
         return write_flow(self, folder)
 
+    def mesh(self) -> "pv.ImageData":
+        """Return the fields as a pyvista mesh whose points are the cells' centres."""
+        from surrogate.flow.output.meshes import fields_mesh
+
+        return fields_mesh(self.fields)
+
+    def surface_mesh(self) -> "pv.PolyData":
+        """Return the contour, or the skin of a 3-D body, as a pyvista mesh with Cp and Cf.
+
+        Raises:
+          InvalidInput: the 3-D body is not one of a family.
+        """
+        from surrogate.flow.output.meshes import surface_mesh
+
+        return surface_mesh(self)
+
     def _in_3d(self, name, parts):
         if self.shape.dimension == 2:
             raise AttributeError(f"{name}: a 2-D flow has none")
@@ -220,7 +245,8 @@ class Solution:
         self, points: Float[AnyArray, "points 3"], areas: Float[AnyArray, "points 3"]
     ) -> SkinLoads:
         """Return Cp and friction at points of a 3-D body's skin, given with their area vectors."""
-        return skin_loads(self.domain, self.markers, self.state, self.reynolds, points, areas)
+        flow = self.state.velocity, self._pressure, self.reynolds
+        return skin_loads(self.domain, *flow, points, areas)
 
     @property
     def chord(self) -> float:
@@ -246,4 +272,5 @@ class Solution:
             raise InvalidInput("surface: is for 2-D bodies; skin_loads is for 3-D ones")
         points = whole_number("surface points", points, 16, 8192)
         contour: AnyArray = self.shape.draw(points)
-        return surface_of(self.domain, self.markers, self.state, contour, self.reynolds)
+        flow = self.state.velocity, self._pressure
+        return surface_of(self.domain, *flow, contour, self.reynolds)

@@ -10,11 +10,10 @@ from zipfile import BadZipFile
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.body.shape import FamilyShape, Shape
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_target, path_of, strict_json, whole_files
 from surrogate.flow.fields import Fields
-from surrogate.flow.output.meshes import outline, pv, skin_mesh
+from surrogate.flow.output.meshes import compact, fields_mesh, pv, surface_mesh
 from surrogate.flow.output.picture import Picture, draw_flows
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
@@ -62,8 +61,8 @@ def write_flow(solution: Solution, folder: str | Path) -> Path:
     stored = flow_as_stored(solution)
     with whole_files(folder, RECORD) as part:
         np.savetxt(part / "contour.csv", stored.contour, "%.9g", ",", header=HEADER, comments="")
-        _surface_mesh(solution, stored.contour).save(part / "contour.vtp")
-        named = {name: _compact(values) for name, values in stored.fields.named.items()}
+        surface_mesh(solution).save(part / "contour.vtp")
+        named = {name: compact(values) for name, values in stored.fields.named.items()}
         np.savez_compressed(part / "fields.npz", **named)
         fields_mesh(stored.fields).save(part / "fields.vti")
         draw_flows([stored.picture], part / "flow.png")
@@ -97,10 +96,25 @@ def read_flow(folder: str | Path) -> StoredFlow:
             axes = tuple(file[name] for name in names)
             velocity = np.stack([file[name] for name in "uvw"[: record["dimension"]]])
             fields = Fields(axes, velocity, file["p"], file["vorticity"], file["inside"])
-        contour = np.loadtxt(folder / "contour.csv", delimiter=",", skiprows=1)
-        return StoredFlow(record, fields, contour)
+        contour = np.loadtxt(folder / "contour.csv", delimiter=",", skiprows=1, ndmin=2)
+        stored = StoredFlow(record, fields, contour)
+        _check(stored)
+        return stored
     except UNREADABLE as problem:
         raise _unreadable(folder, problem) from None
+
+
+def _check(stored: StoredFlow) -> None:
+    """Raise ValueError or TypeError where numbers, or the shapes of arrays, are not of a flow."""
+    fields, cells = stored.fields, tuple(map(len, stored.fields.axes))
+    numbers = [stored.record[key] for key in KEYS[1:]] + [stored.record.get("incidence") or 0.0]
+    if not np.isfinite(np.array(numbers, float)).all():
+        raise ValueError(f"{RECORD} has coefficients that are no numbers")
+    shapes = {part.shape for part in (*fields.velocity, fields.p, fields.inside)}
+    if shapes != {cells} or fields.vorticity.shape[-len(cells) :] != cells or min(cells) < 2:
+        raise ValueError("fields.npz has arrays of different grids")
+    if stored.contour.shape[1:] != (4,) or len(stored.contour) < 3:
+        raise ValueError("contour.csv has no contour with Cp and Cf")
 
 
 def read_surface(folder: str | Path) -> pv.PolyData:
@@ -122,37 +136,6 @@ def _unreadable(folder: str | Path, problem: Exception) -> InvalidInput:
     return InvalidInput(f"flow {folder}: cannot be read ({' '.join(str(problem).split())})")
 
 
-def fields_mesh(fields: Fields) -> pv.ImageData:
-    """Return the fields as a uniform grid whose points are the cells' centres."""
-    axes = [*fields.axes, np.zeros(1)][:3]
-    mesh = pv.ImageData(
-        dimensions=tuple(map(len, axes)),
-        spacing=[x[1] - x[0] if len(x) > 1 else 1.0 for x in axes],
-        origin=[x[0] for x in axes],
-    )
-    velocity = [_flat(part) for part in fields.velocity]
-    mesh["velocity"] = np.stack([*velocity, np.zeros_like(velocity[0])][:3], axis=1)
-    for name, part in zip("uvw", velocity, strict=False):
-        mesh[name] = part
-    mesh["p"], mesh["inside"] = _flat(fields.p), fields.inside.ravel(order="F").astype(np.uint8)
-    spin = fields.vorticity
-    if len(fields.axes) == 3:
-        mesh["vorticity"] = np.stack([_flat(part) for part in spin], axis=1)
-    else:
-        mesh["vorticity"] = _flat(spin)
-    return mesh
-
-
-def _flat(field):
-    return _compact(field).ravel(order="F")
-
-
-def _compact(values):
-    """Return 3-D fields in single precision, in which they are a third as large as their grid."""
-    single = values.ndim > 2 and values.dtype == float
-    return values.astype(np.float32) if single else values
-
-
 def _contour(solution: Solution) -> Float[np.ndarray, "nodes 4"]:
     """Return x, y, Cp, Cf along the contour; of a 3-D body in its plane y = 0, z for y."""
     shape = solution.shape
@@ -161,30 +144,11 @@ def _contour(solution: Solution) -> Float[np.ndarray, "nodes 4"]:
         return np.column_stack([surface.markers, surface.cp, surface.cf])
     t = 2 * np.pi * np.arange(SURFACE_POINTS) / SURFACE_POINTS
     side = np.where(t <= np.pi, np.pi / 2, -np.pi / 2)
-    points, areas = map(
-        np.asarray, _family(shape).body_class.skin_at(shape.values, np.cos(t), side)
-    )
+    points, areas = map(np.asarray, shape.body_class.skin_at(shape.values, np.cos(t), side))
     loads = solution.skin_loads(points, areas)
     normal = areas / np.linalg.norm(areas, axis=1, keepdims=True)
     along = loads.friction[:, 0] * normal[:, 2] - loads.friction[:, 2] * normal[:, 0]
     return np.column_stack([points[:, 0], points[:, 2], loads.cp, along])
-
-
-def _surface_mesh(solution: Solution, contour: np.ndarray) -> pv.PolyData:
-    """Return the contour as a line, or the closed skin of a 3-D body, with Cp and Cf."""
-    if solution.shape.dimension == 3:
-        mesh, areas = skin_mesh(_family(solution.shape))
-        mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
-        return mesh
-    mesh = outline(contour[:, :2])
-    mesh["Cp"], mesh["Cf"] = contour[:, 2:].T
-    return mesh
-
-
-def _family(shape: Shape) -> FamilyShape:
-    if not isinstance(shape, FamilyShape):
-        raise InvalidInput("write: a 3-D body must be one of a family")
-    return shape
 
 
 def _record(s: Solution) -> JsonObject:

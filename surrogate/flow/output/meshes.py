@@ -1,4 +1,4 @@
-"""A body's surface as a pyvista mesh: the contour in 2-D, the closed skin in 3-D."""
+"""A flow as pyvista meshes: its fields, and the body's contour in 2-D or closed skin in 3-D."""
 
 import os
 
@@ -7,6 +7,9 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import FamilyShape
+from surrogate.errors import InvalidInput
+from surrogate.flow.fields import Fields
+from surrogate.flow.solution import Solution
 
 os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no display needed
 
@@ -47,3 +50,53 @@ def skin_mesh(
         np.stack([tail, here[-1], there[-1]], axis=1),
     ]
     return pv.PolyData.from_regular_faces(points, np.concatenate(triangles)), areas
+
+
+def surface_mesh(solution: Solution) -> pv.PolyData:
+    """Return the contour of a solved body as a line, or its skin in 3-D, with Cp and Cf.
+
+    Raises:
+      InvalidInput: the 3-D body is not one of a family.
+    """
+    shape = solution.shape
+    if shape.dimension == 2:
+        surface = solution.surface()
+        mesh = outline(surface.markers)
+        mesh["Cp"], mesh["Cf"] = surface.cp, surface.cf
+        return mesh
+    if not isinstance(shape, FamilyShape):
+        raise InvalidInput("surface mesh: a 3-D body must be one of a family")
+    mesh, areas = skin_mesh(shape)
+    mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
+    return mesh
+
+
+def fields_mesh(fields: Fields) -> pv.ImageData:
+    """Return the fields as a uniform grid whose points are the cells' centres."""
+    axes = [*fields.axes, np.zeros(1)][:3]
+    mesh = pv.ImageData(
+        dimensions=tuple(map(len, axes)),
+        spacing=[x[1] - x[0] if len(x) > 1 else 1.0 for x in axes],
+        origin=[x[0] for x in axes],
+    )
+    velocity = [_flat(part) for part in fields.velocity]
+    mesh["velocity"] = np.stack([*velocity, np.zeros_like(velocity[0])][:3], axis=1)
+    for name, part in zip("uvw", velocity, strict=False):
+        mesh[name] = part
+    mesh["p"], mesh["inside"] = _flat(fields.p), fields.inside.ravel(order="F").astype(np.uint8)
+    spin = fields.vorticity
+    if len(fields.axes) == 3:
+        mesh["vorticity"] = np.stack([_flat(part) for part in spin], axis=1)
+    else:
+        mesh["vorticity"] = _flat(spin)
+    return mesh
+
+
+def compact(values: np.ndarray) -> np.ndarray:
+    """Return 3-D fields in single precision, in which they are a third as large as their grid."""
+    single = values.ndim > 2 and values.dtype == float
+    return values.astype(np.float32) if single else values
+
+
+def _flat(field):
+    return compact(field).ravel(order="F")

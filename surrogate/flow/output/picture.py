@@ -65,7 +65,7 @@ def draw_flows(pictures: list[Picture], path: str | Path) -> Path:
         figure.colorbar(image, ax=right, pad=0.01, shrink=0.7).set_label("pressure, Cp")
         left.set_title(picture.title, loc="left", fontsize=12, fontweight="bold", color=INK)
         left.set_ylabel("y / D" if len(picture.fields.axes) == 2 else "z / D")
-    with whole_file(path) as part, mpl.rc_context({"font.size": 10}):
+    with whole_file(path) as part:
         figure.savefig(part, dpi=DPI)
     return Path(path)
 

@@ -39,8 +39,8 @@ class SkinLoads(NamedTuple):
 
 def skin_loads(
     domain: Domain3D,
-    skin: Skin,
-    state: FlowState,
+    velocity: Float[AnyArray, "3 nx ny nz"],
+    p: Float[np.ndarray, "..."],
     reynolds: float,
     points: Float[AnyArray, "points 3"],
     areas: Float[AnyArray, "points 3"],
@@ -49,15 +49,14 @@ def skin_loads(
 
     Args:
       domain: the discrete problem.
-      skin: markers of the body, with which it was solved.
-      state: of the flow.
+      velocity: of the flow's state, on the domain's faces.
+      p: pressure over rho U^2 in the cells of the whole lattice.
       reynolds: U D / nu.
       points: where the loads are wanted, in D.
       areas: outward area vectors there, of any length.
     """
-    field = pressure(domain, skin, state, reynolds)
-    stress = friction(domain, points, areas, state.velocity, reynolds)
-    return SkinLoads(surface_pressure(domain, points, areas, field), np.asarray(stress))
+    stress = friction(domain, points, areas, velocity, reynolds)
+    return SkinLoads(surface_pressure(domain, points, areas, p), np.asarray(stress))
 
 
 def friction(

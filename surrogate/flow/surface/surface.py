@@ -9,9 +9,8 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.grid.wall_2d import outward
-from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_2d import friction_coefficient
-from surrogate.flow.surface.pressure import pressure, surface_pressure
+from surrogate.flow.surface.pressure import surface_pressure
 
 SURFACE_POINTS = 400
 
@@ -41,8 +40,8 @@ class Surface(NamedTuple):
 
 def surface_of(
     domain: Domain2D,
-    markers: Float[AnyArray, "nodes 2"],
-    state: FlowState,
+    velocity: Float[AnyArray, "2 nx ny"],
+    p: Float[np.ndarray, "..."],
     contour: Float[AnyArray, "points 2"],
     reynolds: float,
 ) -> Surface:
@@ -50,14 +49,13 @@ def surface_of(
 
     Args:
       domain: the discrete problem.
-      markers: of the body, with which it was solved.
-      state: of the flow.
+      velocity: of the flow's state, on the domain's faces.
+      p: pressure over rho U^2 in the cells of the whole lattice.
       contour: points at equidistant t, where the loads are wanted.
       reynolds: U D / nu.
     """
-    field = pressure(domain, jnp.asarray(markers), state, reynolds)
     normal = outward(jnp.asarray(contour))
-    friction = friction_coefficient(domain, contour, state.velocity, jnp.asarray(reynolds, float))
+    friction = friction_coefficient(domain, contour, velocity, jnp.asarray(reynolds, float))
     return Surface(
-        np.asarray(contour), surface_pressure(domain, contour, normal, field), np.asarray(friction)
+        np.asarray(contour), surface_pressure(domain, contour, normal, p), np.asarray(friction)
     )
