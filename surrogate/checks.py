@@ -13,6 +13,7 @@ from jaxtyping import Float
 from surrogate.arrays import Number
 from surrogate.errors import InvalidInput
 
+SMALLEST, LARGEST = 1e-12, 1e12  # of speeds, sizes, densities and viscosities in SI units
 LONGEST = 120  # characters of a refused value in a message
 NOT_REAL = "bcSUmM"  # NumPy's kinds of types: bool, complex, bytes, text, time spans, dates
 
@@ -65,6 +66,22 @@ def finite_number(name: str, value: object, of_several: str = "") -> float:
     number = float(found)
     if not math.isfinite(number):
         raise InvalidInput(f"{name} {number:g}: must be a finite number")
+    return number
+
+
+def physical_number(name: str, value: object) -> float:
+    """Return a speed, size, density or viscosity in SI units as a float.
+
+    Args:
+      name: what the value is; begins the message.
+      value: what is checked.
+
+    Raises:
+      InvalidInput: it is not one number from 1e-12 to 1e12.
+    """
+    number = finite_number(name, value)
+    if not SMALLEST <= number <= LARGEST:
+        raise InvalidInput(f"{name} {number:g}: from {SMALLEST:g} to {LARGEST:g}")
     return number
 
 

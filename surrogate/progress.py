@@ -1,5 +1,6 @@
 """Progress of long computations on stderr."""
 
+import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,6 +34,13 @@ def progress_bar(title: str, shown: bool = True) -> Iterator[Callable[..., None]
         def update(done: float, state: str = "") -> None:
             progress.update(task, completed=min(done, 1.0), state=state)
             if shown and state and not on_screen:
-                print(f"{title}: {100 * min(done, 1.0):.0f}% {state}", file=sys.stderr, flush=True)
+                print_message(f"{title}: {100 * min(done, 1.0):.0f}% {state}")
 
         yield update
+
+
+def print_message(text: str) -> None:
+    """Print a line to stderr; it is lost where stderr is closed or its disk is full."""
+    if sys.stderr is not None:
+        with contextlib.suppress(OSError):
+            print(text, file=sys.stderr, flush=True)

@@ -13,6 +13,7 @@ from surrogate.body.contour_file import read_contour
 from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject
 from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS
 
@@ -97,6 +98,15 @@ def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
     if len(shapes) > 1:
         raise InvalidInput("--incidence: one angle; run once for each")
     return shapes[0]
+
+
+def body_record(arguments: argparse.Namespace) -> JsonObject:
+    """Return what the options say of a body, its incidence apart, for the results."""
+    if arguments.naca is not None:
+        return {"naca": arguments.naca, "keep_size": arguments.keep_size}
+    if arguments.contour is not None:
+        return {"contour": arguments.contour, "keep_size": arguments.keep_size}
+    return {"parameters": family_named(arguments, SECTION)}
 
 
 @contextmanager

@@ -18,6 +18,7 @@ import surrogate
 from surrogate.checks import did_you_mean
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject
+from surrogate.progress import print_message
 
 DONE, BAD_INPUT, NOT_CONVERGED, NOT_WRITTEN, LOST, INTERRUPTED = 0, 2, 3, 4, 5, 130
 STATUSES = (
@@ -54,6 +55,17 @@ class Parser(argparse.ArgumentParser):
         # argparse takes -0.1 for a value, but -1e-2 and -0.1,0.2 for options
         self._negative_number_matcher = re.compile(r"-[\d.]")
         self.add_argument("--json", action="store_true", help="one JSON object on stdout")
+
+    def parse_args(
+        self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
+    ) -> argparse.Namespace:
+        """Parse the arguments, refusing empty values, as of shell variables that are not set."""
+        words = sys.argv[1:] if args is None else list(args)
+        for before, word in zip(["", *words], words, strict=False):
+            if not word or re.fullmatch(r"--[\w-]+=", word):
+                name = word.removesuffix("=") or before
+                raise InvalidInput(f"{name} '': an empty value; give one, or leave the option out")
+        return super().parse_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Raise InvalidInput with argparse's message and the option or choice that may be meant."""
@@ -123,10 +135,16 @@ def _print_warning(message: Warning | str, *_: object) -> None:
 
 
 def _print_line(message: str) -> None:
-    print(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}", file=sys.stderr)
+    print_message(f"{Path(sys.argv[0]).name}: {' '.join(message.split())}")
 
 
 def emit(result: JsonObject, as_json: bool, text: str) -> JsonObject:
-    """Print the result as one line of JSON or as text, and return it."""
+    """Print the result as one line of JSON or as text, and return it.
+
+    Raises:
+      OSError: stdout is closed or cannot be written.
+    """
+    if sys.stdout is None:
+        raise OSError("stdout is closed")
     print(json.dumps(result, allow_nan=False) if as_json else text, flush=True)
     return result

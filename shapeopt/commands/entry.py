@@ -5,6 +5,7 @@ import sys
 
 from shapeopt.commands.cli import BAD_INPUT, DONE, run
 from surrogate.checks import did_you_mean
+from surrogate.progress import print_message
 
 COMMANDS = {  # word: module, what the command does
     "solve": ("solve_drag", "drag of one body by the flow solver"),
@@ -33,7 +34,7 @@ def main() -> int:
         print("\n".join(["usage: drag-surrogates COMMAND ...", "", *lines]))
         return DONE
     known = f"one of {', '.join(COMMANDS)}{did_you_mean(name, COMMANDS)}"
-    print(f"drag-surrogates: no command {name!r}; {known}", file=sys.stderr)
+    print_message(f"drag-surrogates: no command {name!r}; {known}")
     return BAD_INPUT
 
 

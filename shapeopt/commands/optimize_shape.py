@@ -23,7 +23,6 @@ velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it
 """
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from shapeopt.commands.cli import Parser, emit
@@ -47,7 +46,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, path_of
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
-from surrogate.progress import progress_bar
+from surrogate.progress import print_message, progress_bar
 
 HIDDEN = ("scene", "path", "command", "surrogate", "settings", "files_sha256")
 
@@ -72,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     record = stored_run(arguments.out, settings, arguments.overwrite)
     if record is not None:
         said = "this design is done already; --overwrite repeats it"
-        print(f"{arguments.out}: {said}", file=sys.stderr)
+        print_message(f"{arguments.out}: {said}")
     else:
         design = _design(arguments, problem, surrogate, on_flow, devices)
         record = save_run(arguments.out, design, surrogate, arguments.surrogate, settings=settings)
@@ -93,7 +92,7 @@ def _design(
     model = surrogate or Flow(problem.scene)
     if on_flow:
         designer = Designer(model, arguments.memory, devices)
-        print(problem.scene.explain(), file=sys.stderr)
+        print_message(problem.scene.explain())
     with progress_bar("shape optimisation") as progress:
         progress(0.05, "searching")
         if on_flow:

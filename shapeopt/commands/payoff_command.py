@@ -11,7 +11,6 @@ hig, half-inverse gradients; supervised, regression on solved flows.
 import argparse
 import functools
 import json
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -43,7 +42,7 @@ from surrogate.files import JsonObject, check_target, strict_json, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.flow.streams import forget_operators
 from surrogate.model.surrogate import Surrogate
-from surrogate.progress import progress_bar
+from surrogate.progress import print_message, progress_bar
 from surrogate.repeats import differences, refusal
 from surrogate.scene.scene import Scene
 from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
@@ -73,9 +72,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     queries += query_stream(scene, arguments.seed, count - len(queries))
     settings = _settings(arguments, scene, seeds, count)
     if (stored := _stored(out, settings, arguments.overwrite)) is not None:
-        print(f"{out}: this payoff is done already; --overwrite repeats it", file=sys.stderr)
+        print_message(f"{out}: this payoff is done already; --overwrite repeats it")
         return _emit(stored, arguments.json)
-    print(scene.explain(arguments.samples or PRESETS[preset].samples), file=sys.stderr)
+    print_message(scene.explain(arguments.samples or PRESETS[preset].samples))
     start = time.perf_counter()
     groups = [
         train_all(

@@ -5,11 +5,14 @@ python scripts/predict_drag.py --surrogate out/sip --aspect 2 --beta2 0.1 --reyn
 python scripts/predict_drag.py --aspect 4 --chord-reynolds 2:60:log20 --reference chord --json
 python scripts/predict_drag.py --surrogate pretrained:lift --aspect 3 --incidence 0,4 --reynolds 40
 python scripts/predict_drag.py --aspect 6 --reynolds 45 --extrapolate --verify
+python scripts/predict_drag.py --surrogate pretrained:particle --aspect 2.5 --incidence 30 \\
+    --reynolds 10 --fluid 0.01,1e-3,1000
 
 Bodies with camber or incidence have Cl and Cm too, where the surrogate was trained for them.
 """
 
 import argparse
+import dataclasses
 from collections.abc import Sequence
 
 import jax
@@ -25,6 +28,12 @@ from shapeopt.commands.arguments import (
     incidences_of,
 )
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.newtons import (
+    add_fluid_argument,
+    conditions_of,
+    force_entries,
+    forces_line,
+)
 from shapeopt.commands.sections import (
     CHORD,
     add_reference_argument,
@@ -41,6 +50,7 @@ from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
+from surrogate.flow.forces import Conditions
 from surrogate.flow.loads import LOADS
 from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate, network_loads
@@ -64,6 +74,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
         "parameters": family.named(family.parameters(_named(arguments, turns[0]))),
     }
+    if len(turns) > 1:
+        result["parameters"].pop(INCIDENCE.name)  # in each row
     return emit(
         result, arguments.json, "\n".join([reference_line(results[0]), *map(_line, results)])
     )
@@ -82,10 +94,13 @@ def _at_incidence(
     family, named = surrogate.scene.family, _named(arguments, incidence)
     shape = family_shape(named, dimension=family.dimension)  # refuses what is no body
     parameters, onset, rows = family.parameters(named), onset_of(shape), []
+    conditions = conditions_of(arguments.fluid)
     for reynolds in reynolds_of(arguments, shape.chord, family.dimension):
         at = parameters, reynolds, arguments.reference
         row = {"incidence": incidence, **_predict(surrogate, *at, arguments.extrapolate)}
         row["onset"] = onset
+        if conditions is not None:
+            row |= _forces(surrogate, parameters, reynolds, conditions)
         rows.append(row | (_verify(surrogate, parameters, row) if arguments.verify else {}))
     return rows
 
@@ -100,8 +115,8 @@ def _predict(
     family = surrogate.scene.family
     chord = float(family.body_class.length(parameters))
     by = chord if reference == CHORD else 1.0
-    loads = np.asarray(surrogate.loads(parameters, reynolds, extrapolate=extrapolate))
-    loads = loads / [by, by, by**2]  # of the moment by the square of the reference length
+    units = np.array([by, by, by**2])  # of the moment the square of the reference length
+    loads = np.asarray(surrogate.loads(parameters, reynolds, extrapolate=extrapolate)) / units
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     jacobian = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
     gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
@@ -114,10 +129,19 @@ def _predict(
         **reference_record(reynolds, chord, reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
         "gradient": gradients["cd"] if family.body_class.symmetric else gradients,
-        **_error_bounds(surrogate, parameters, reynolds, by, bool(outside)),
+        **_error_bounds(surrogate, parameters, reynolds, loads[0] * by / units, bool(outside)),
         "in_trained_range": not outside,
         "confidence": confidence,
     }
+
+
+def _forces(
+    surrogate: Surrogate, parameters: np.ndarray, reynolds: float, conditions: Conditions
+) -> JsonObject:
+    """Return the entries of a row for the forces in newtons."""
+    given = dataclasses.asdict(conditions)
+    forces = surrogate.forces(parameters, reynolds, extrapolate=True, **given)
+    return force_entries(forces, conditions, reynolds, surrogate.scene.dimension)
 
 
 @compiled("body_class", "by_chord")
@@ -135,18 +159,18 @@ def _error_bounds(
     surrogate: Surrogate,
     parameters: np.ndarray,
     reynolds: float,
-    by: float,
+    drags: np.ndarray,
     outside: bool,
 ) -> JsonObject:
-    """Bounds of 95 % of the errors, over Cd, for coefficients by a length ``by`` in D.
+    """Bounds of 95 % of the errors: that of Cd relative, those of Cl and Cm of these themselves.
 
-    They are null outside the ranges, where none are known.
+    They are null outside the ranges, where none are known. ``drags`` are Cd in the units of each
+    load.
     """
     keys = [f"{load}_error_bound" for load in LOADS]
     if outside or "drag_error_scale" not in surrogate.record:
         return dict.fromkeys(keys)
-    bounds = np.array(surrogate.error_bounds(parameters, reynolds))
-    bounds[2] /= by  # as Cm over Cd is
+    bounds = surrogate.error_bounds(parameters, reynolds) * [1.0, *drags[1:]]
     return dict(zip(keys, bounds.tolist(), strict=True))
 
 
@@ -172,21 +196,22 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
 
 def _line(r: JsonObject) -> str:
     turned = f"incidence {r['incidence']:<5g} " if r["incidence"] else ""
-    line = f"{turned}Re {r['reynolds']:<8g} Cd {r['cd']:.4f}"
-    lifts = r["cl"] or r["cm"]
-    line += f" Cl {r['cl']:.4f} Cm {r['cm']:.4f}" if lifts else ""
-    if r["cd_error_bound"] is not None:
-        bounds = [
-            f"{100 * r[f'{load}_error_bound']:.2g}" for load in LOADS if lifts or load == "cd"
-        ]
-        line += f"  (errors below {', '.join(bounds)} % of Cd for 95 % of bodies)"
+    lifts, known = r["cl"] or r["cm"], r["cd_error_bound"] is not None
+    bounds = {load: f" +- {r[f'{load}_error_bound']:.2g}" if known else "" for load in LOADS}
+    if known:
+        bounds["cd"] = f" +- {100 * r['cd_error_bound']:.2g} %"
+    loads = [load for load in LOADS if lifts or load == "cd"]
+    words = (f"{load.capitalize()} {r[load]:.4f}{bounds[load]}" for load in loads)
+    line = f"{turned}Re {r['reynolds']:<8g} {'  '.join(words)}"
+    line += "  (for 95 % of bodies)" if known else ""
     if "cd_flow" in r:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
         line += f", which {r['accuracy']}"
         line += f", error {100 * r['error']:.3f} %"
     line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
-    return line + (f"\n  {unsteady_remark(r)}" if r["reynolds"] > r["onset"] else "")
+    line += f"\n  {unsteady_remark(r)}" if r["reynolds"] > r["onset"] else ""
+    return line + (f"\n  {forces_line(r)}" if "forces_N" in r else "")
 
 
 def _parser() -> Parser:
@@ -197,6 +222,7 @@ def _parser() -> Parser:
     add_incidence_argument(parser)
     add_reynolds_arguments(parser)
     add_reference_argument(parser)
+    add_fluid_argument(parser)
     beyond = "answer outside the trained ranges too"
     parser.add_argument("--extrapolate", action="store_true", help=beyond)
     parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")

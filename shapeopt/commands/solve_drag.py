@@ -16,13 +16,15 @@ from pathlib import Path
 from shapeopt.commands.arguments import (
     SECTION,
     add_body_arguments,
+    body_record,
     family_named,
     refusals_by_options,
     shape_of,
     shapes_of,
 )
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.kept_flows import add_kept_arguments, forces_line, kept_flows
+from shapeopt.commands.kept_flows import add_kept_arguments, kept_flows
+from shapeopt.commands.newtons import forces_line
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.sections import (
     CHORD,
@@ -75,7 +77,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         write_table(results, arguments.table)
     if arguments.plot:
         plot_polar(results, _title(arguments, results[0]), arguments.plot)
-    result = emit({"results": results, "scene": scene.record}, arguments.json, _text(results))
+    record = {"results": results, "scene": scene.record, "body": body_record(arguments)}
+    result = emit(record, arguments.json, _text(results))
     check_converged(results)
     return result
 
@@ -147,7 +150,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:])) or held != 0
     row |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
     row["drift"] = settled.drift
-    result = {"results": [row], "scene": scene.record}
+    result = {"results": [row], "scene": scene.record, "body": body_record(arguments)}
     verb = "falls" if particle.density_ratio > 1 else "rises"
     way = f"{held:g} degrees off" if held else "along"
     text = f"{verb} {way} its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
@@ -217,14 +220,15 @@ def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
 
 
 def _line(r: JsonObject) -> str:
-    estimate, lift = r["accuracy"], f"Cl {r['cl']:.4f}"
-    if r["estimated_lift_error"]:
-        lift += f" +- {r['estimated_lift_error']:.4f}"
+    estimate, others = f"Cd {r['accuracy']}", ""
+    for load, error in (("cl", r["estimated_lift_error"]), ("cm", r["estimated_moment_error"])):
+        others += f"{load.capitalize()} {r[load]:.4f}"
+        others += f" +- {error:.4f}  " if error else "  "
     if r["cd_extrapolated"]:
         estimate += f", extrapolated Cd {r['cd_extrapolated']:.4f}"
     line = (
         f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
-        f"{r['cd_friction']:.3f})  {lift}  Cm {r['cm']:.4f}  {r['iterations']} Newton steps, "
+        f"{r['cd_friction']:.3f})  {others}{r['iterations']} Newton steps, "
         f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
     )
     if r["reynolds"] > r["onset"]:

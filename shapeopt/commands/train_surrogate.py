@@ -31,6 +31,7 @@ from surrogate.files import JsonObject
 from surrogate.model.store import load, warn_of_inaccuracy
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
+from surrogate.progress import print_message
 from surrogate.scene.scene import Scene
 from surrogate.training.forecast import forecast
 from surrogate.training.plan import HELD_OUT_HELP, METHODS, PRESETS, SAMPLES_HELP, Plan, make_plan
@@ -66,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if not first():
         return {}
     if surrogate is stored:
-        print(f"{out}: this training is done already; --overwrite repeats it", file=sys.stderr)
+        print_message(f"{out}: this training is done already; --overwrite repeats it")
     warn_of_inaccuracy(surrogate, str(out))
     record = surrogate.record
     result = {key: record.get(key) for key in KEYS}
@@ -88,13 +89,12 @@ def _train(plan: Plan, out: Path, devices: Devices, overwrite: bool) -> Surrogat
     foreseen = forecast(plan)
     seconds = plan.budget_s or foreseen.flow_s / devices.count + foreseen.network_s
     if first():
-        print(plan.scene.explain(plan.samples + plan.held_out), file=sys.stderr)
-        print(
+        print_message(plan.scene.explain(plan.samples + plan.held_out))
+        print_message(
             f"This training: about {foreseen.green_applications:,.0f} convolutions (G) and "
             f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows on one device, "
             f"{foreseen.network_s:.0f} s of network) on {devices.count} device"
-            f"{'' if devices.count == 1 else 's'}.",
-            file=sys.stderr,
+            f"{'' if devices.count == 1 else 's'}."
         )
     notes = {"foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
     return train_plan(plan, out, first(), devices, overwrite=overwrite, notes=notes)

@@ -222,6 +222,11 @@ class Family:
             raise InvalidInput(
                 f"body {shown(parameters)}: flow.solve takes names of NACA sections; {self._wanted}"
             )
+        if traced(parameters):
+            raise InvalidInput(
+                "body: traced by JAX (in jit, vmap or grad), which drag and loads answer and this "
+                "does not"
+            )
         if (values := real_numbers(parameters)) is None:
             raise InvalidInput(
                 f"body {shown(parameters)}: must be numbers, none masked, and a jax.numpy array "

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 
-from surrogate.checks import finite_number
+from surrogate.checks import physical_number
 from surrogate.errors import InvalidInput
 
 TOLERANCE = 5e-3  # relative, of Re against U D / nu: numbers of three digits agree within it
@@ -20,7 +20,7 @@ class Conditions:
       viscosity: kinematic viscosity nu, m^2/s, where it is known.
 
     Raises:
-      InvalidInput: one is not a positive number.
+      InvalidInput: one is not a number from 1e-12 to 1e12.
     """
 
     speed: float
@@ -33,9 +33,11 @@ class Conditions:
             value = getattr(self, field.name)
             if value is None and field.name == "viscosity":
                 continue
-            if finite_number(field.name, value) <= 0:
-                raise InvalidInput(f"{field.name} {value:g}: must be above 0")
-            object.__setattr__(self, field.name, float(value))
+            object.__setattr__(self, field.name, physical_number(field.name, value))
+
+    def viscosity_at(self, reynolds: float) -> float:
+        """Return the kinematic viscosity U D / Re in m^2/s at a Reynolds number."""
+        return self.speed * self.diameter / reynolds
 
     def check(self, reynolds: float) -> None:
         """Raise InvalidInput where U D / nu, if nu is known, is not this Reynolds number."""
@@ -54,16 +56,17 @@ class Forces:
     """The force of the fluid on the body in N and the moment in N m; in 2-D per metre of span.
 
     Attributes:
-      drag: along the stream, N; ``drag_pressure`` and ``drag_friction`` are its parts.
+      drag: along the stream, N; ``drag_pressure`` and ``drag_friction`` are its parts, which
+        surrogates do not know.
       lift: across the stream, along y in 2-D and along z in 3-D, N.
       moment: about the centroid, positive nose up, N m.
     """
 
     drag: float
-    drag_pressure: float
-    drag_friction: float
     lift: float
     moment: float
+    drag_pressure: float | None = None
+    drag_friction: float | None = None
 
 
 def forces_of(coefficients: dict[str, float], conditions: Conditions, dimension: int) -> Forces:

@@ -7,13 +7,12 @@ from typing import NamedTuple
 from scipy.optimize import brentq
 
 from surrogate.body.shape import Shape
-from surrogate.checks import expect, finite_number
+from surrogate.checks import SMALLEST, expect, physical_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 from surrogate.scene.limits import ONSET_OF_INSTABILITY, REYNOLDS, onset_of
 
-SMALLEST, LARGEST = 1e-12, 1e12  # of a particle's numbers in SI units
 BALANCED = 1e-4  # relative difference of drag and weight
 MAX_FLOWS = 12
 HOPELESS = 10  # times the onset: where the sphere settles so fast, the flattest disc is too fast
@@ -42,11 +41,7 @@ class Particle:
 
     def __post_init__(self):
         for field in dataclasses.fields(self):
-            value = finite_number(field.name.replace("_", " "), getattr(self, field.name))
-            if not SMALLEST <= value <= LARGEST:
-                raise InvalidInput(
-                    f"{field.name.replace('_', ' ')} {value:g}: from {SMALLEST:g} to {LARGEST:g}"
-                )
+            value = physical_number(field.name.replace("_", " "), getattr(self, field.name))
             object.__setattr__(self, field.name, value)
         if abs(self.density_ratio - 1) < SMALLEST:
             raise InvalidInput("density ratio 1: such a body neither falls nor rises")

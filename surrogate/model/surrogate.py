@@ -12,9 +12,10 @@ from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.validity import is_valid
-from surrogate.checks import check_batch, finite_number, real_numbers, transformed
+from surrogate.checks import check_batch, finite_number, real_numbers, shown, transformed
 from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
+from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.model.card import SYMBOLS, model_card
 from surrogate.model.confidence import Novelty
 from surrogate.model.network import LoadNetwork
@@ -123,6 +124,38 @@ class Surrogate:
             raise InvalidInput("surrogate: its weights give drags that are no numbers above 0")
         return loads
 
+    def forces(
+        self,
+        parameters: Body,
+        reynolds: Number,
+        *,
+        speed: float,
+        diameter: float,
+        density: float,
+        viscosity: float | None = None,
+        extrapolate: bool = False,
+    ) -> Forces:
+        """Return the forces on a body in N and the moment in N m, in 2-D per metre of span.
+
+        Args:
+          parameters: as for ``drag``, of one body.
+          reynolds: U D / nu.
+          speed: of the stream, m/s.
+          diameter: equivalent diameter D of the body, m.
+          density: of the fluid, kg/m^3.
+          viscosity: kinematic viscosity, m^2/s, to check that Re = U D / nu.
+          extrapolate: answer outside the trained ranges as well.
+
+        Raises:
+          InvalidInput: as ``drag``; or a number is not positive, or U D / nu is not this Re.
+        """
+        conditions = Conditions(speed, diameter, density, viscosity)
+        conditions.check(finite_number("Reynolds number", reynolds))
+        body = self.scene.family.numbers(parameters)
+        loads = self.loads(body, reynolds, extrapolate=extrapolate).tolist()
+        coefficients = dict(zip(LOAD_NAMES, loads, strict=True))
+        return forces_of(coefficients, conditions, self.scene.dimension)
+
     def error_bounds(self, parameters: Bodies, reynolds: Numbers) -> Float[np.ndarray, "*batch 3"]:
         """Return bounds for the errors of Cd, Cl and Cm, over Cd, against the flow solver.
 
@@ -150,16 +183,18 @@ class Surrogate:
         Those inside are left out.
 
         Raises:
-          InvalidInput: not numbers, not as many as the family has parameters, or a Reynolds number
-            that is not above 0.
+          InvalidInput: not finite numbers, not as many as the family has parameters, or a Reynolds
+            number that is not above 0.
         """
         values = self.scene.family.numbers(parameters)
+        if not np.isfinite(values).all():
+            raise InvalidInput(f"body {shown(values.tolist())}: must be finite numbers")
         reynolds = finite_number("Reynolds number", reynolds)
         if reynolds <= 0:
             raise InvalidInput(f"Reynolds number {reynolds:g}: must be a finite number above 0")
         low, high = self.ranges.bounds.T
         excess = np.asarray(self.ranges.excess(values, np.asarray(reynolds)))
-        distance = excess / np.maximum(high - low, ROUNDING)
+        distance = excess / np.where(high > low, high - low, 1.0)
         pairs = zip(self.ranges.names, distance.tolist(), strict=True)
         return {name: d for name, d in pairs if d > 0}
 
