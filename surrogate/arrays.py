@@ -1,6 +1,7 @@
 """Types of arguments (arrays, numbers, bodies), and operations that several packages need."""
 
 from collections.abc import Callable, Mapping, Sequence
+from types import ModuleType
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,11 @@ def picked(values: ArrayLike, index: int | Int[np.ndarray, " picked"]) -> jax.Ar
     """Return the values at an index of the last axis; for those of NumPy nothing is compiled."""
     values = values if isinstance(values, np.ndarray) else jnp.asarray(values)
     return jnp.asarray(values[..., index])
+
+
+def array_module(*values: object) -> ModuleType:
+    """Return ``jax.numpy`` if one of the values is an array of JAX or traced, else NumPy."""
+    return jnp if any(isinstance(value, jax.Array) for value in values) else np
 
 
 def padded(bodies: Float[np.ndarray, "bodies _"]) -> Float[np.ndarray, "padded _"]:

@@ -12,13 +12,12 @@ import itertools
 from collections.abc import Mapping
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import legendre
 from scipy.optimize import lsq_linear
-from scipy.special import chebyu, eval_chebyu
+from scipy.special import chebyu
 
 from surrogate.arrays import AnyArray, picked
 from surrogate.body.body_2d import Body2D
@@ -53,10 +52,8 @@ class Body3D(BodyClass):
 
         They are scaled so that the body with its modes has the volume pi/6.
         """
-        mu, weight = GAUSS
-        bulk = 3 / 4 * weight @ ((1 - mu**2) * self._fullness(parameters, mu)[0] ** 2)
         aspect, flatness = self.aspect(parameters), self.flatness(parameters)
-        thickness = (aspect * bulk) ** (-1 / 3)
+        thickness = self._mean_thickness(aspect, self.betas(parameters))
         return (
             aspect * thickness / 2,
             thickness * jnp.sqrt(flatness) / 2,
@@ -69,7 +66,7 @@ class Body3D(BodyClass):
         """Return the contour of the side view at zero incidence, clockwise from the nose."""
         t, y = self._profile(parameters, nodes)
         half_length, _, half_height = self.half_axes(parameters)
-        x = -half_length * (np.cos(t) - self._centroid(parameters))
+        x = -half_length * (np.cos(t) - self._centroid(self.betas(parameters)))
         return jnp.stack([x, half_height * y], axis=1)
 
     def markers(self, parameters: Float[AnyArray, " parameters"], nodes: SkinNodes) -> Skin:
@@ -92,7 +89,7 @@ class Body3D(BodyClass):
         length, width, height = self.half_axes(parameters)
         q, slope = self._fullness(parameters, mu)
         s, y, z = np.sqrt(1 - mu**2), np.cos(phi), np.sin(phi)
-        x = -length * (mu - self._centroid(parameters))
+        x = -length * (mu - self._centroid(self.betas(parameters)))
         points = jnp.stack([x, width * s * q * y, height * s * q * z], axis=1)
         along = width * height * ((1 - mu**2) * q * slope - mu * q**2)
         areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
@@ -123,40 +120,40 @@ class Body3D(BodyClass):
         ends = dict(zip(self.names, bounds, strict=True))
         (low, high), mu, weight = bounds[self.indices(Kind.SINE)].T, *GAUSS
         root = np.sqrt(weight * (1 - mu**2))
-        waves = np.array([root * eval_chebyu(k - 1, mu) for k in self.modes])
         slimmest = np.zeros(0)
         if self.modes:
-            slimmest = lsq_linear(waves.T, -root, (low, high), tol=1e-12).x
-        modes = (self.names[index] for index in self.indices(Kind.SINE))
-        full = Body3D(("aspect", "flatness", *modes))
-
-        def centroid(betas):
-            return full._centroid(jnp.concatenate([jnp.ones(2), betas]))
-
+            slimmest = lsq_linear((root * self._waves(mu)).T, -root, (low, high), tol=1e-12).x
         corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
-        off = float(jnp.abs(jax.vmap(centroid)(jnp.asarray(corners))).max())
+        off = np.abs(self._centroid(corners)).max()
         aspects = np.geomspace(*ends["aspect"], ASPECTS)
-        length, thickness, _ = jax.vmap(full.half_axes)(
-            jnp.array([[aspect, 1.0, *slimmest] for aspect in aspects])
-        )
+        thickness = self._mean_thickness(aspects, slimmest)
         flat, flattest = ends.get("flatness", (1.0, 1.0))
-        half_length = np.asarray(length) * (1 + off)
-        across = self._highest(bounds) * np.asarray(thickness)
+        half_length = aspects * thickness / 2 * (1 + off)
+        across = self._highest(bounds) * thickness / 2
         half_height = across / np.sqrt(flat)
         long, high = half_length.max(), half_height.max()
         if "incidence" in ends:
             long, high = turned_box(half_length, half_height, ends["incidence"])
         return 2 * float(long), 2 * float(across.max() * np.sqrt(flattest)), 2 * float(high)
 
-    def _centroid(self, parameters):
-        """Return mu = cos t of the volume's centroid."""
+    def _mean_thickness(self, aspect, betas):
+        """Return 2 sqrt(w h) of bodies of volume pi/6, in arrays of NumPy or of JAX."""
         mu, weight = GAUSS
-        section = weight * (1 - mu**2) * self._fullness(parameters, mu)[0] ** 2
-        return section @ mu / jnp.sum(section)
+        bulk = 3 / 4 * weight @ ((1 - mu**2) * (1 + betas @ self._waves(mu)) ** 2)
+        return (aspect * bulk) ** (-1 / 3)
+
+    def _centroid(self, betas):
+        """Return mu = cos t of the volume's centroid, in arrays of NumPy or of JAX."""
+        mu, weight = GAUSS
+        section = weight * (1 - mu**2) * (1 + betas @ self._waves(mu)) ** 2
+        return section @ mu / section.sum(axis=-1)
 
     def _fullness(self, parameters, mu):
         """Return q = 1 + sum beta_k U_(k-1)(mu), and dq/dmu."""
-        betas = self.betas(parameters)
-        waves = np.array([chebyu(k - 1)(mu) for k in self.modes]).reshape(-1, mu.size)
+        betas, waves = self.betas(parameters), self._waves(mu)
         slopes = np.array([chebyu(k - 1).deriv()(mu) for k in self.modes]).reshape(waves.shape)
         return 1 + betas @ waves, betas @ slopes
+
+    def _waves(self, mu):
+        """Return U_(k-1)(mu) of each sine mode."""
+        return np.array([chebyu(k - 1)(mu) for k in self.modes]).reshape(-1, mu.size)

@@ -1,30 +1,28 @@
 """The angle of incidence: nose up, in degrees, in a stream along +x."""
 
-import functools
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from surrogate.arrays import AnyArray, Number
+from surrogate.arrays import AnyArray, Number, array_module
 from surrogate.body.parameters import HALF_TURN, INCIDENCE, QUARTER_TURN, Parameter
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 
 
-@functools.partial(jax.jit, inline=True)
 def rotate(
     vectors: Float[AnyArray, "nodes axes"], degrees: Number
 ) -> Float[AnyArray, "nodes axes"]:
     """Rotate points or vectors by ``degrees``, nose up, in the plane of x and the last axis.
 
-    JAX may trace both.
+    JAX may trace both. NumPy rotates NumPy's arrays, for which JAX would compile for every number
+    of nodes.
     """
-    angle = jnp.deg2rad(degrees)
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    x, *width, y = jnp.moveaxis(jnp.asarray(vectors), 1, 0)
-    return jnp.stack([c * x + s * y, *width, c * y - s * x], axis=1)
+    xp = array_module(vectors, degrees)
+    angle = xp.deg2rad(degrees)
+    c, s = xp.cos(angle), xp.sin(angle)
+    x, *width, y = xp.moveaxis(vectors, 1, 0)
+    return xp.stack([c * x + s * y, *width, c * y - s * x], axis=1)
 
 
 def check_incidence(degrees: object) -> float:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.arrays import AnyArray
+from surrogate.arrays import AnyArray, array_module
 
 AREA = np.pi / 4  # of every 2-D body unless its size is kept: the equivalent diameter D is 1
 ANGLES = np.linspace(0, np.pi, 181)  # t from the nose to the tail
@@ -43,15 +43,17 @@ class StreamwiseProfile(NamedTuple):
     front: Float[AnyArray, ""]
 
 
-@jax.jit
 def moments(
     markers: Float[AnyArray, "nodes 2"],
 ) -> tuple[Float[AnyArray, ""], Float[AnyArray, " 2"]]:
-    """Return the signed area (positive when clockwise) and the area centroid of a polygon."""
-    following = jnp.roll(markers, -1, axis=0)
+    """Return the signed area (positive when clockwise) and the area centroid of a polygon.
+
+    NumPy computes those of NumPy's arrays, for which JAX would compile for every number of nodes.
+    """
+    following = array_module(markers).roll(markers, -1, axis=0)
     cross = markers[:, 1] * following[:, 0] - markers[:, 0] * following[:, 1]
-    area = jnp.sum(cross) / 2
-    return area, jnp.sum((markers + following) * cross[:, None], axis=0) / (6 * area)
+    area = cross.sum() / 2
+    return area, ((markers + following) * cross[:, None]).sum(axis=0) / (6 * area)
 
 
 def mean_thickness(markers: Float[AnyArray, "nodes 2"]) -> Float[AnyArray, ""]:
