@@ -10,7 +10,7 @@ import numpy as np
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import RECORD, check_run_folder, is_whole, load_run
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, path_of
+from surrogate.files import JsonObject, path_of, target_of
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences, refusal
 
@@ -36,7 +36,7 @@ def design_settings(
         **{name: _plain(getattr(problem, name)) for name in constraints},
         "surrogate": given and f"{given[0]} {str(given[1])[:12]}",
         "until": "flow" if on_flow else "surrogate",
-        "memory": memory and str(path_of(memory).resolve()),
+        "memory": memory and str(target_of(memory)),
     }
     return json.loads(json.dumps(settings))
 

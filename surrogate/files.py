@@ -1,12 +1,12 @@
 """Atomic writing of files and folders, checks of paths before a job, and strict JSON."""
 
+import contextlib
 import hashlib
 import json
 import os
 import shutil
 import tempfile
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,30 +15,29 @@ from surrogate.errors import InvalidInput
 JsonObject = dict[str, Any]  # as the standard library's json has it
 
 
-@contextmanager
+@contextlib.contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path that replaces ``path`` when the block succeeds."""
-    path = Path(path).resolve()  # the target of a symbolic link, which stays
+    path = target_of(path)
     make_folder(path.parent)
-    mode = path.stat().st_mode if path.is_file() else 0o644
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".part-", suffix=path.suffix)
-    os.close(handle)
+    part = Path(tempfile.mkdtemp(dir=path.parent, prefix=".part-"))
     try:
-        yield Path(name)
-        Path(name).chmod(mode)
-        os.replace(name, path)
+        yield part / path.name
+        if path.is_file():
+            (part / path.name).chmod(path.stat().st_mode)
+        os.replace(part / path.name, path)
     finally:
-        Path(name).unlink(missing_ok=True)
+        shutil.rmtree(part, ignore_errors=True)
 
 
-@contextmanager
+@contextlib.contextmanager
 def whole_files(folder: str | Path, record: str) -> Iterator[Path]:
     """Yield a temporary folder whose files are moved into ``folder`` when the block succeeds.
 
     Files of the same names are replaced, all others stay. The file ``record`` is moved first, so
     that ``check_target`` accepts the folder again if the process is killed in between.
     """
-    folder = Path(folder).resolve()
+    folder = target_of(folder)
     make_folder(folder)
     part = Path(tempfile.mkdtemp(dir=folder, prefix=".part-"))
     try:
@@ -69,7 +68,7 @@ def check_target(
     Raises:
       InvalidInput: the folder holds something else, or is not writable.
     """
-    folder = path_of(folder).resolve()
+    folder = target_of(folder)
     if folder.exists() and not folder.is_dir():
         raise InvalidInput(f"{folder}: is a file; a folder is needed")
     if (folder / record).is_file():
@@ -96,7 +95,7 @@ def check_file(path: str | Path, *suffixes: str) -> Path:
     path = path_of(path)
     if path.suffix not in suffixes or path.is_dir():
         raise InvalidInput(f"{path}: must name a file that ends in {' or '.join(suffixes)}")
-    make_folder(path.parent)
+    make_folder(target_of(path).parent)
     return path
 
 
@@ -130,6 +129,19 @@ def path_of(value: object) -> Path:
         name = f"{str(value)[:40]!r}"
         raise InvalidInput(f"path {name}: no valid file name, {error.args[-1]}") from None
     return Path(value)
+
+
+def target_of(value: object) -> Path:
+    """Return the absolute path that a path names, through symbolic links.
+
+    Raises:
+      InvalidInput: as ``path_of``, or a link leads back to itself.
+    """
+    path = path_of(value)
+    with contextlib.suppress(RuntimeError):  # by Python 3.11 and 3.12; later ones return the link
+        if not (target := path.resolve()).is_symlink():
+            return target
+    raise InvalidInput(f"{path}: a symbolic link that leads back to itself")
 
 
 def strict_json(text: str) -> Any:

@@ -1,6 +1,8 @@
 """Fields, files, pictures and forces of a solved flow, in Python and by the commands."""
 
 import json
+import pickle
+import re
 import shutil
 
 import imageio.v3 as imageio
@@ -14,7 +16,7 @@ from pictures import pixels
 from scipy.interpolate import RegularGridInterpolator
 
 from shapeopt.commands.cli import run
-from surrogate import Flow, InvalidInput, Scene, contour_shape, family_shape, naca4
+from surrogate import Flow, InvalidInput, Scene, contour_shape, family_shape, load, naca4
 from surrogate.flow.output.folder import read_flow, read_surface
 from surrogate.flow.output.meshes import pv
 from surrogate.flow.output.picture import _draw_eddies, _Plane
@@ -241,8 +243,28 @@ def test_forces_in_newtons(cylinder, ellipsoid):
     assert drag == pytest.approx(ellipsoid.drag * 0.5 * 1.2 * 0.3**2 * np.pi / 4 * 1e-6)
     with pytest.raises(InvalidInput, match="U D / nu = 10"):
         cylinder.forces(**air, viscosity=3e-5)
-    with pytest.raises(InvalidInput, match="density 0: must be above 0"):
-        cylinder.forces(**air | {"density": 0.0})
+    for wrong in (0.0, 1e200, 1e-200):
+        words = re.escape(f"density {wrong:g}: from 1e-12 to 1e+12")
+        with pytest.raises(InvalidInput, match=words):
+            cylinder.forces(**air | {"density": wrong})
+
+
+def test_forces_in_newtons_by_a_surrogate():
+    air, net = {"speed": 0.3, "diameter": 1e-3, "density": 1.2}, load("pretrained:particle")
+    body = {"aspect": 2.0, "incidence": 30.0}
+    loads, forces = net.loads(body, 20.0), net.forces(body, 20.0, **air, viscosity=1.5e-5)
+    unit = 0.5 * 1.2 * 0.3**2 * np.pi / 4 * 1e-6
+    found = np.array([forces.drag, forces.lift, forces.moment / 1e-3])
+    np.testing.assert_allclose(found, unit * loads)
+    assert forces.drag_pressure is forces.drag_friction is None
+    with pytest.raises(InvalidInput, match="U D / nu = 10"):
+        net.forces(body, 20.0, **air, viscosity=3e-5)
+
+
+def test_a_solution_is_pickled_with_its_body(cylinder):
+    copy = pickle.loads(pickle.dumps(cylinder))
+    np.testing.assert_array_equal(copy.surface().cp, cylinder.surface().cp)
+    assert copy.shape.chord == cylinder.shape.chord
 
 
 @pytest.mark.parametrize("stream", ["unbounded", "tunnel:6"])
@@ -271,6 +293,7 @@ def test_flows_by_the_commands(tmp_path, capsys):
     gif = ["--runs", runs[0], "--out", str(tmp_path / "x.gif")]
     assert run(render_shapes.main, gif) == 2
     assert "2-D flows are drawn as a .png" in capsys.readouterr().err
+    assert rows[0]["viscosity"] == pytest.approx(0.3 * 1e-3 / 5)
     wrong = ["--aspect", "1", "--reynolds", "5", "--fluid", "0.3,0.001,1.2,1.5e-5"]
     assert run(solve_drag.main, wrong) == 2
     assert "U D / nu = 20" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """Writing results: other people's folders are refused, files named by --out are replaced."""
 
 import json
+import os
 
 import pytest
 from pictures import pixels
@@ -8,7 +9,7 @@ from pictures import pixels
 from shapeopt import Problem, load_run, optimise, save_run
 from shapeopt.commands import explore, march_flow, optimize_shape, payoff_command, render_shapes
 from surrogate import InvalidInput, Scene, load
-from surrogate.files import whole_file
+from surrogate.files import check_file, whole_file
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +77,33 @@ def test_a_symbolic_link_is_written_through(tmp_path):
         part.write_text("new")
     assert (tmp_path / "link.json").is_symlink()
     assert (tmp_path / "kept.json").read_text() == "new"
+
+
+def test_a_link_that_leads_back_to_itself_is_refused(designed, tmp_path):
+    for name in ("loop", "loop.toml", "loop.csv"):
+        (tmp_path / name).symlink_to(tmp_path / name)
+    calls = (
+        lambda: Scene().write(tmp_path / "loop.toml"),
+        lambda: save_run(tmp_path / "loop", designed),
+        lambda: check_file(tmp_path / "loop.csv", ".csv"),
+    )
+    for call in calls:
+        with pytest.raises(InvalidInput, match="leads back to itself"):
+            call()
+
+
+@pytest.mark.parametrize(("umask", "mode"), [(0o077, 0o600), (0o022, 0o644)])
+def test_new_files_have_the_permissions_of_the_umask(tmp_path, umask, mode):
+    """Files that are replaced keep their own."""
+    before = os.umask(umask)
+    try:
+        Scene().write(tmp_path / "a.toml")
+        assert (tmp_path / "a.toml").stat().st_mode & 0o777 == mode
+        (tmp_path / "a.toml").chmod(0o640)
+        Scene().write(tmp_path / "a.toml")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "a.toml").stat().st_mode & 0o777 == 0o640
 
 
 @pytest.mark.parametrize("name", ["photo.png", "film.gif"])

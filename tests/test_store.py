@@ -151,6 +151,15 @@ RECORDS = {
     "digest": ({"weights_sha256": None}, "is not what was saved"),
     "error": ({"drag_error_mean": "small"}, "drag_error_mean is no number"),
     "negative error": ({"drag_error_mean": -0.1}, "drag_error_mean is no number"),
+    "negative bound": ({"drag_error_scale": -1.0}, "drag_error_scale is no number"),
+    "bound that is text": ({"drag_error_scale": "x"}, "drag_error_scale is no number"),
+    "budget that is text": ({"budget_s": "x"}, "budget_s is no number"),
+    "seed that is text": ({"seed": "x"}, "seed is no whole number"),
+    "negative seed": ({"seed": -1}, "seed is no whole number"),
+    "endless samples": ({"samples": 10**9}, "samples is no whole number"),
+    "held-out bodies that are text": ({"held_out": "x"}, "held_out is no whole number"),
+    "infill that is none": ({"infill": ["x"]}, "infill is no list"),
+    "versions that are none": ({"versions": [1]}, "versions are no table"),
     "nan error": ({"drag_error_max": float("nan")}, "is unreadable"),
 }
 
@@ -184,6 +193,10 @@ def test_distance_beyond_the_trained_range():
     outside = net.outside(np.array([7.0, -0.6, 0.0, 0.0]), 1 / 40)
     assert outside == pytest.approx({"aspect": 0.5, "beta2": 0.5, "log Re": 1.0})
     assert net.outside(BODY, 41.0)
+    one = dataclasses.replace(net, scene=dataclasses.replace(net.scene, reynolds=(40.0, 40.0)))
+    assert one.outside(BODY, 41.0) == {"log Re": pytest.approx(np.log(41 / 40))}
+    with pytest.raises(InvalidInput, match="must be finite"):
+        net.outside(np.array([np.nan, 0, 0, 0]), 20.0)
 
 
 def test_the_shipped_surrogate_is_the_best_of_those_that_ship():

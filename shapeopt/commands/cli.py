@@ -30,6 +30,16 @@ OTHER_WORDS = {  # options by which other programs call the same
     **dict.fromkeys(("--aoa", "--alpha", "--angle-of-attack"), "--incidence"),
     **dict.fromkeys(("--re", "--rey"), "--reynolds"),
     "--cl": "--lift",
+    "--thickness": "--aspect",
+}
+CONTOURS = (
+    "surrogates answer bodies of the family (--aspect and modes); solve_drag.py solves NACA "
+    "sections and contours"
+)
+ABSENT = {  # options that a command lacks for a reason
+    "--chord-reynolds": "--reynolds is U D / nu, D the equivalent diameter: U c / nu over c / D",
+    "--naca": CONTOURS,
+    "--contour": CONTOURS,
 }
 GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")
 
@@ -70,10 +80,12 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise InvalidInput with argparse's message and the option or choice that may be meant."""
         hint = ""
-        if wrong := re.search(r"unrecognized arguments: (--[\w-]+)", message):
+        if wrong := re.search(r"(?:unrecognized arguments|ambiguous option): (--[\w-]+)", message):
             known = [name for action in self._actions for name in action.option_strings]
-            word = OTHER_WORDS.get(wrong[1].lower(), wrong[1].lower())
-            hint = did_you_mean(word, known)
+            word = wrong[1].lower()
+            other = OTHER_WORDS.get(word)
+            hint = did_you_mean(other if other in known else word, known)
+            hint = f"; {ABSENT[word]}" if word in ABSENT else hint
         elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
         raise InvalidInput(message + hint)

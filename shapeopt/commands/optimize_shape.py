@@ -43,7 +43,7 @@ from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
 from shapeopt.stored import design_settings, stored_run
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, path_of
+from surrogate.files import JsonObject, target_of
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import print_message, progress_bar
@@ -112,7 +112,7 @@ def _design(
 
 
 def _within(file: str, folder: str) -> bool:
-    return path_of(folder).resolve() in path_of(file).resolve().parents
+    return target_of(folder) in target_of(file).parents
 
 
 def _text(r: JsonObject, problem: Problem, out: str) -> str:

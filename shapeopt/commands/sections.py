@@ -42,8 +42,10 @@ def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> 
       InvalidInput: neither or both are given, or one is outside the range of the solver. Whether
         the flow past the body is stable there is not asked.
     """
-    if (arguments.reynolds is None) == (arguments.chord_reynolds is None):
+    if arguments.reynolds is None and arguments.chord_reynolds is None:
         raise InvalidInput("--reynolds: give it, or --chord-reynolds instead")
+    if arguments.reynolds is not None and arguments.chord_reynolds is not None:
+        raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
     if arguments.reynolds is not None:
         values = numbers(arguments.reynolds)
         return [check_reynolds(value, True, dimension) for value in values]

@@ -139,9 +139,14 @@ class Family:
         others = {n: value for n, value in values.items() if n not in self.names}
         foreign = [n for n, value in others.items() if traced(value) or value != neutral.get(n)]
         if foreign:
+            name, hint = foreign[0], did_you_mean(foreign[0], self.names)
+            if name in PARAMETERS:
+                hint = (
+                    f"; scenes that give {name} a range have it (pretrained:lift has camber and "
+                    "incidence in 2-D, pretrained:particle flatness and incidence in 3-D)"
+                )
             raise InvalidInput(
-                f"body: {foreign[0]} is none of the family's {', '.join(self.names)}"
-                f"{did_you_mean(foreign[0], self.names)}"
+                f"body: {name} is none of the family's {', '.join(self.names)}{hint}"
             )
         ordered = [values.get(name, neutral[name]) for name in self.names]
         return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.arrays import AnyArray, array_module
+from surrogate.arrays import AnyArray, Number, array_module
 
 AREA = np.pi / 4  # of every 2-D body unless its size is kept: the equivalent diameter D is 1
 ANGLES = np.linspace(0, np.pi, 181)  # t from the nose to the tail
@@ -45,7 +45,7 @@ class StreamwiseProfile(NamedTuple):
 
 def moments(
     markers: Float[AnyArray, "nodes 2"],
-) -> tuple[Float[AnyArray, ""], Float[AnyArray, " 2"]]:
+) -> tuple[Number, Float[AnyArray, " 2"]]:
     """Return the signed area (positive when clockwise) and the area centroid of a polygon.
 
     NumPy computes those of NumPy's arrays, for which JAX would compile for every number of nodes.

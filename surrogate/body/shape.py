@@ -160,10 +160,7 @@ def family_shape(
     named = {name: finite_number(name, parameters[name]) for name in kind.names}
     values = np.array(list(named.values()))
     check_body(kind, values)
-
-    def draw(nodes):
-        return np.asarray(drawn_contour(kind, values, nodes))
-
+    draw = functools.partial(_draw_family_body, kind, values)
     return FamilyShape(draw, kind.is_symmetric(values), parameters=named, body_class=kind)
 
 
@@ -183,11 +180,16 @@ def contour_shape(
     smooth_contour(points, 200, keep_size)
     points = np.array(points, float)  # a copy, as the caller may change theirs
     turn = check_incidence(incidence)
-
-    def draw(nodes):
-        return np.asarray(rotate(smooth_contour(points, nodes, keep_size), turn))
-
+    draw = functools.partial(_draw_contour, points, keep_size, turn)
     return Shape(draw, symmetric=False, length=contour_length(points, keep_size), turn=turn)
+
+
+def _draw_family_body(body_class, parameters, nodes):
+    return np.asarray(drawn_contour(body_class, parameters, nodes))
+
+
+def _draw_contour(points, keep_size, incidence, nodes):
+    return rotate(smooth_contour(points, nodes, keep_size), incidence)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))

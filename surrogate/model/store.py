@@ -36,6 +36,9 @@ PRETRAINED = Path(__file__).parent / "pretrained"
 BEST = "hig"  # the method of least mean error on held-out bodies
 MAX_WIDTH, MAX_DEPTH = 4096, 8  # of a network that is read: bounds what a damaged record may ask
 MAX_RECORD = 1 << 24  # bytes
+ERRORS = "mean", "p95", "max", "scale"
+MOST = 10**6  # samples or held-out bodies
+COUNTS = {"seed": 2**31 - 1, "samples": MOST, "held_out": MOST, "held_out_failed": MOST}
 
 
 def save(folder: str | Path, surrogate: Surrogate) -> None:
@@ -145,11 +148,31 @@ def read_record(folder: Path) -> dict[str, Any]:
         raise InvalidInput(f"{what}: damaged or not a surrogate")
     if record["format"] != FORMAT:
         raise InvalidInput(f"{what}: format {record['format']!r:.40}, this version reads {FORMAT}")
-    for name in (f"{load}_error_{kind}" for load in LOAD_NAMES for kind in ("mean", "max")):
-        error = record.get(name, 0.0)
-        if not isinstance(error, int | float) or not 0 <= error < math.inf:
-            raise InvalidInput(f"{what}: its record's {name} is no number")
+    _check_values(record, what)
     return record
+
+
+def _check_values(record: dict[str, Any], what: str) -> None:
+    """Refuse a record whose numbers are none, or in which numbers, lists or tables are not."""
+    errors = (f"{load}_error_{kind}" for load in LOAD_NAMES for kind in ERRORS)
+    for name in (*errors, "budget_s"):
+        number = record.get(name)
+        if number is None and (name == "budget_s" or name not in record):
+            continue
+        if not isinstance(number, int | float) or not 0 <= number < math.inf:
+            raise InvalidInput(f"{what}: its record's {name} is no number")
+    for name, most in COUNTS.items():
+        if name in record and not _is_count(record[name], most):
+            raise InvalidInput(f"{what}: its record's {name} is no whole number up to {most}")
+    infill = record.get("infill", [])
+    if not isinstance(infill, list) or not all(map(_is_count, infill)):
+        raise InvalidInput(f"{what}: its record's infill is no list of whole numbers")
+    if not isinstance(record.get("versions", {}), dict):
+        raise InvalidInput(f"{what}: its record's versions are no table")
+
+
+def _is_count(value: object, most: int = MOST) -> bool:
+    return isinstance(value, int) and 0 <= value <= most
 
 
 def _check_numbers(network: LoadNetwork, scene: Scene, what: str) -> None:

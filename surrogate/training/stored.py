@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 
 from surrogate.errors import InvalidInput
-from surrogate.files import path_of
+from surrogate.files import path_of, target_of
 from surrogate.model.network import blank_network
 from surrogate.model.store import RECORD, check_surrogate_folder, read_record, read_surrogate
 from surrogate.model.surrogate import Surrogate
@@ -51,12 +51,12 @@ def stored_training(plan: Plan, folder: str | Path, overwrite: bool = False) -> 
 
 def checkpoint_path(folder: str | Path) -> Path:
     """Return the path of a training's checkpoint, beside the surrogate's folder."""
-    place = Path(folder).resolve()
+    place = target_of(folder)
     return place.with_name(place.name + ".checkpoint")
 
 
 def _read(plan, folder, overwrite):
-    folder = folder.resolve()
+    folder = target_of(folder)
     check_surrogate_folder(folder)
     found = _finished(plan, folder, overwrite)
     checkpoint = checkpoint_path(folder)

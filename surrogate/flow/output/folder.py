@@ -96,7 +96,8 @@ def read_flow(folder: str | Path) -> StoredFlow:
             axes = tuple(file[name] for name in names)
             velocity = np.stack([file[name] for name in "uvw"[: record["dimension"]]])
             fields = Fields(axes, velocity, file["p"], file["vorticity"], file["inside"])
-        contour = np.loadtxt(folder / "contour.csv", delimiter=",", skiprows=1, ndmin=2)
+        lines = (folder / "contour.csv").read_text(encoding="utf-8").splitlines()[1:]
+        contour = np.array([line.split(",") for line in lines], float)
         stored = StoredFlow(record, fields, contour)
         _check(stored)
         return stored
