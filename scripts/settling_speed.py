@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from shapeopt import Problem, optimise
 from shapeopt.commands.cli import Parser, emit, run
 from surrogate import InvalidInput, NotConverged, load
+from surrogate.checks import physical_number
 from surrogate.files import JsonObject
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     parser = Parser(__doc__)
     parser.add_argument("--archimedes", type=float, default=1000.0, help="number, above 0 (1000)")
     arguments = parser.parse_args(argv)
+    physical_number("Archimedes number", arguments.archimedes)
     found, surrogate = fastest(arguments.archimedes), load("pretrained:space")
     reynolds, drag = (found.get_val(name).item() for name in ("reynolds", "cd"))
     least = optimise(Problem(surrogate.scene, reynolds), surrogate).drag

@@ -35,7 +35,7 @@ from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.body_class import BodyClass
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
 from surrogate.body.incidence import in_first_quarter
-from surrogate.checks import expect, finite_number
+from surrogate.checks import LARGEST, SMALLEST, expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.settling import Particle
 from surrogate.model.surrogate import Surrogate
@@ -91,7 +91,7 @@ def fall(
       parameters: of the body, in the order of ``surrogate.scene.family.names``, or by name.
       particle: density ratio, viscosity, size and gravity.
       seconds: duration.
-      tilt: of the axis above the horizontal at the start, in degrees.
+      tilt: of the axis above the horizontal at the start, from -360 to 360 degrees.
 
     Returns:
       The motion at ``SAMPLES`` times from 0 to ``seconds``, evenly spaced.
@@ -106,6 +106,11 @@ def fall(
     if not seconds > 0:
         raise InvalidInput(f"seconds {seconds:g}: a duration above 0")
     unit = particle.size**2 / particle.viscosity
+    if not SMALLEST <= seconds / unit <= LARGEST:
+        ends = f"from {SMALLEST * unit:.3g} to {LARGEST * unit:.3g}"
+        raise InvalidInput(f"seconds {seconds:g}: {ends} for a particle of this size")
+    if not abs(tilt) <= 360:
+        raise InvalidInput(f"tilt {tilt:g}: from -360 to 360 degrees")
     constants, fastest = constants_of(surrogate, body, particle), surrogate.scene.reynolds[1]
 
     network, body_class = surrogate.network, surrogate.scene.family.body_class
@@ -126,7 +131,7 @@ def fall(
     if found.t_events[0].size:
         raise InvalidInput(
             f"fall: after {unit * found.t_events[0][0]:.3g} s it exceeds Re {fastest:g}, up to "
-            "which the surrogate was trained; a smaller size would do"
+            f"which the surrogate was trained; a smaller size would do ({particle.described})"
         )
     if not found.success:
         raise NotConverged(f"fall: the integration in time failed: {found.message}")

@@ -56,8 +56,8 @@ def join(
 
 def scheduled(environment: Mapping[str, str] = os.environ) -> bool:
     """Return whether a scheduler has started several processes of this program."""
-    slurm = "SLURM_STEP_NODELIST" in environment and int(environment.get("SLURM_NTASKS", 1)) > 1
-    return slurm or int(environment.get("OMPI_COMM_WORLD_SIZE", 1)) > 1
+    slurm = "SLURM_STEP_NODELIST" in environment and int(environment.get("SLURM_NTASKS") or 1) > 1
+    return slurm or int(environment.get("OMPI_COMM_WORLD_SIZE") or 1) > 1
 
 
 def first() -> bool:

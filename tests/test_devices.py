@@ -75,6 +75,7 @@ def test_schedulers_are_seen():
     assert not scheduled({"SLURM_NTASKS": "4"})  # an allocation, in which nothing was started
     assert scheduled({"SLURM_NTASKS": "4", "SLURM_STEP_NODELIST": "node[1-4]"})
     assert scheduled({"OMPI_COMM_WORLD_SIZE": "2"})
+    assert not scheduled({"OMPI_COMM_WORLD_SIZE": ""})
 
 
 @pytest.mark.slow

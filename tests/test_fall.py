@@ -73,6 +73,19 @@ def test_golden_drift_of_a_spheroid_in_stokes_flow(particle, seconds):
     assert np.diff(found.z).max() < 0
 
 
+@pytest.mark.parametrize(
+    ("seconds", "tilt", "words"),
+    [
+        (1e300, 0.0, "seconds 1e\\+300: from "),
+        (1e-300, 0.0, "seconds 1e-300: from "),
+        (1.0, 1e300, "tilt 1e\\+300: from -360"),
+    ],
+)
+def test_endless_falls_are_refused(seconds, tilt, words):
+    with pytest.raises(InvalidInput, match=words):
+        fall(surrogate(), SPINDLE, SMALL, seconds, tilt)
+
+
 def test_exact_acceleration_from_rest_is_that_of_body_and_added_mass():
     """Before there is drag a sphere carries half of its displaced mass (Lamb)."""
     sphere = equivalent_ellipsoid(1.0)

@@ -1,12 +1,18 @@
 """Commands as processes: SIGTERM, a full disk, no compilation cache."""
 
+import contextlib
+import errno
+import io
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import jax
+import solve_drag
 
+from shapeopt.commands.cli import run
 from surrogate.cache import use_compilation_cache
 
 ROOT = Path(__file__).parents[1]
@@ -27,6 +33,26 @@ def test_a_full_disk_behind_stdout_is_reported():
         _, messages = process.communicate()
     assert process.returncode == 4
     assert "No space left" in messages.splitlines()[-1]
+
+
+def test_a_closed_stdout_is_reported():
+    command = f"{sys.executable} {ROOT / 'scripts' / 'predict_drag.py'} {' '.join(PREDICTION)} >&-"
+    process = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert process.returncode == 4
+    assert process.stderr == "predict_drag.py: output: stdout is closed\n"
+
+
+class FullDisk(io.StringIO):
+    def write(self, text):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_full_disk_behind_stderr_costs_messages_alone(capsys):
+    words = ["--aspect", "1", "--cells", "8", "--reynolds", "5,10", "--json"]
+    with contextlib.redirect_stderr(FullDisk()):
+        assert run(solve_drag.main, words) == 0
+        assert run(solve_drag.main, [*words[:-2], "-1"]) == 2
+    assert len(json.loads(capsys.readouterr().out.splitlines()[-1])["results"]) == 2
 
 
 def test_a_terminated_training_ends_with_status_130_and_one_line(tmp_path):

@@ -142,7 +142,7 @@ def _parser() -> Parser:
     add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
     add("--reynolds", required=True, help="one, several as 1,3,10,40, or 1:40:log5")
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
-    add("--lifts", help="lower bounds on Cl, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
+    add("--lifts", help="lower bounds on Cl, by D, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
     add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
     add("--until", choices=["surrogate", "flow"], default="surrogate", help=UNTIL_HELP)
     add("--memory", help=MEMORY_HELP)

@@ -100,11 +100,12 @@ def _parser() -> Parser:
         group.add_argument(f"--{p.name}", type=float, required=p.name == "aspect", help=p.meaning)
     add = parser.add_argument
     particle = (
-        "density ratio,viscosity in m^2/s,size in m: the diameter of the sphere of its volume"
+        "density over the fluid's,viscosity in m^2/s,size in m: the diameter of the sphere of its "
+        "volume; gravity is 9.81 m/s^2"
     )
     add("--particle", required=True, help=particle)
     add("--seconds", type=float, default=1.0, help="duration (1)")
-    add("--tilt", type=float, default=45.0, help="of the axis above the horizontal at first (45)")
+    add("--tilt", type=float, default=45.0, help="degrees of the axis above the horizontal (45)")
     add("--table", help="CSV file of the motion")
     add("--plot", help="PNG, SVG or PDF file: the path with the body on it, Re and incidence")
     return parser

@@ -98,16 +98,17 @@ def _design(
         if on_flow:
 
             def report(body, flows):
-                state = f"{flows} flows: {body.value:.4f}, KKT residual {body.kkt_residual:.1e}"
+                state = f"{flows} flows: objective {body.value:.4f}, "
+                state += f"KKT residual {body.kkt_residual:.1e}"
                 progress(0.5 - 0.45 / (1 + flows / 8), state)
 
             design = designer.design(problem, report)
         else:
             design = optimise(problem, model)
         work = f"after {design.calls + design.flows} drags, to be verified"
-        progress(0.5, f"{design.objective:.4f} {work}")
+        progress(0.5, f"objective {design.objective:.4f} {work}")
         verified = design.verified
-        progress(1.0, f"{verified.objective:.4f} verified")
+        progress(1.0, f"objective {verified.objective:.4f} verified")
     return design
 
 
@@ -123,7 +124,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     name = f"Cd over the {round_body}'s" if relative else "Cd"
     lifts = ""
     if lifting and r["cl_verified"] is not None:
-        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified"
+        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, by D"
     if "glide" in r:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):

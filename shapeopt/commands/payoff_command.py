@@ -74,11 +74,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if (stored := _stored(out, settings, arguments.overwrite)) is not None:
         print_message(f"{out}: this payoff is done already; --overwrite repeats it")
         return _emit(stored, arguments.json)
+    plans = [_plans(arguments, scene, arguments.seed + k) for k in range(seeds)]
     print_message(scene.explain(arguments.samples or PRESETS[preset].samples))
     start = time.perf_counter()
     groups = [
         train_all(
-            _plans(arguments, scene, arguments.seed + k),
+            plans[k],
             out / f"seed{arguments.seed + k}" if k else out,
             devices,
             arguments.overwrite,

@@ -42,8 +42,12 @@ def add_problem_arguments(parser: Parser) -> None:
     objective += "of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
-    add("--lift", type=float, help="lower bound on Cl (none)")
-    add("--min-moment", type=float, help="lower bound on Cm, about the centroid, nose up (none)")
+    add("--lift", type=float, help="lower bound on Cl, by D (none)")
+    add(
+        "--min-moment",
+        type=float,
+        help="lower bound on Cm, by D, about the centroid, nose up (none)",
+    )
     add("--max-moment", type=float, help="upper bound on it (none)")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")

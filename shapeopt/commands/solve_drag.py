@@ -254,7 +254,7 @@ def _parser() -> Parser:
     add_kept_arguments(parser)
     settling = (
         "3-D: terminal velocity for RATIO,NU,D: density over the fluid's, kinematic viscosity "
-        "in m^2/s, diameter of the sphere of equal volume in m"
+        "in m^2/s, diameter of the sphere of equal volume in m; gravity is 9.81 m/s^2"
     )
     add = parser.add_argument
     add_reynolds_arguments(parser)

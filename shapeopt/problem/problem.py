@@ -77,6 +77,8 @@ class Problem:
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
         object.__setattr__(self, "stations", tuple(map(_checked_station, self.stations)))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
+        if self.within is not None:  # a copy, as the caller may change theirs
+            object.__setattr__(self, "within", dict(self.within))
         for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_length(name, bound))

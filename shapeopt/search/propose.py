@@ -169,8 +169,9 @@ def minimise_from_all(
       scenarios: of all problems, stacked.
 
     Returns:
-      For every problem the best converged end, or else the best feasible one, the objective where
-      that search began, and the number of evaluations of all its searches.
+      For every problem the best converged end, or else the best feasible one, or else the one of
+      least violation; the objective where that search began, and the number of evaluations of all
+      its searches.
     """
 
     def one(case):
@@ -182,7 +183,9 @@ def minimise_from_all(
         feasible = jnp.where(sound, ends.value, jnp.inf)
         reached = jnp.where(ends.converged, feasible, jnp.inf)
         any_reached = jnp.isfinite(jnp.min(reached))
-        best = jnp.where(any_reached, jnp.argmin(reached), jnp.argmin(feasible))
+        nearest = jnp.argmax(jnp.where(jnp.isfinite(ends.value), ends.feasibility, -jnp.inf))
+        best = jnp.where(jnp.any(sound), jnp.argmin(feasible), nearest)
+        best = jnp.where(any_reached, jnp.argmin(reached), best)
         end = jax.tree.map(lambda leaf: leaf[best], ends)
         return end, objectives[best], len(starts) + jnp.sum(ends.evaluations)
 

@@ -205,7 +205,7 @@ class Flow:
         self,
         parameters: Bodies,
         reynolds: Numbers,
-        devices: Devices | None = None,
+        devices: Devices | int | None = None,
         *,
         gradients: bool = False,
         allow_unsteady: bool = False,
@@ -216,7 +216,7 @@ class Flow:
         Args:
           parameters: of the bodies, shape (bodies, parameters).
           reynolds: Reynolds numbers, shape (bodies,), or one for all bodies.
-          devices: over which the bodies are partitioned; by default one.
+          devices: over which the bodies are partitioned, or how many; by default one.
           gradients: return the loads with their gradients, as ``loads_and_gradients``.
           allow_unsteady: answer beyond the onset of instability too.
           partial: return where some flows did not converge, too; ``converged`` says which did.
@@ -231,7 +231,8 @@ class Flow:
         onset = self.bodies.check(parameters).onset
         if not allow_unsteady:
             check_steady(reynolds, onset, self.scene.dimension)
-        devices = devices or choose_devices()
+        if not isinstance(devices, Devices):
+            devices = choose_devices(devices)
         partition = partition_bodies(
             devices, estimated_cost(self.scene.family, parameters, reynolds)
         )

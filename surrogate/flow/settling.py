@@ -52,6 +52,11 @@ class Particle:
         weight = abs(self.density_ratio - 1) * self.gravity
         return weight * self.size**3 / self.viscosity**2
 
+    @property
+    def described(self) -> str:
+        """Density ratio and size in words, for messages on particles that are too fast."""
+        return f"{self.density_ratio:g} times as dense as the fluid, {self.size:g} m"
+
     def velocity(self, reynolds: float) -> float:
         """Return the velocity in m/s of the particle at a Reynolds number."""
         return reynolds * self.viscosity / self.size
@@ -108,7 +113,7 @@ def settle(flow: Flow, shape: Shape, particle: Particle, estimate: bool = True) 
     slowest, fastest = RANGE[0], onset_of(shape)
     too_fast = InvalidInput(
         f"settling: beyond Re {fastest:.3g}, up to which such a body's wake is stable; a smaller "
-        "size would do"
+        f"size would do ({particle.described})"
     )
     if re > HOPELESS * fastest:
         raise too_fast

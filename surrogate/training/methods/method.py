@@ -161,7 +161,7 @@ def adam(learning_rate: float) -> optax.GradientTransformation:
 
 
 def with_cosine_rate(state: optax.OptState, learning_rate: float, done: Array) -> optax.OptState:
-    """Set Adam's learning rate, which decays to zero by a cosine, and return Adam's state.
+    """Return Adam's state with its learning rate, which decays to zero by a cosine.
 
     Loshchilov, Hutter 2017. The rate follows the fraction ``done`` of the training, since
     trainings may be limited by time.
@@ -171,8 +171,8 @@ def with_cosine_rate(state: optax.OptState, learning_rate: float, done: Array) -
       learning_rate: at the start of the training.
       done: fraction of the training that is over.
     """
-    state.hyperparams["learning_rate"] = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
-    return state
+    rate = learning_rate * (1 + jnp.cos(jnp.pi * done)) / 2
+    return state._replace(hyperparams=state.hyperparams | {"learning_rate": rate})
 
 
 def predict(network: LoadNetwork, samples: Samples, batch: Batch) -> Float[Array, "batch modes"]:
