@@ -86,9 +86,7 @@ def expected(surrogate, by_jax, precision):
     parameters, reynolds = x[:, :-1].astype(float), x[:, -1].astype(float)
     loads, (shape, by_re) = (function(parameters, reynolds) for function in by_jax)
     jacobian = np.concatenate([shape, by_re[..., None]], axis=-1)
-    (low, high), slack = surrogate.ranges.bounds.T, surrogate.ranges.slack
-    values = np.column_stack([parameters, np.log(reynolds)])  # as given, not as the mirror image's
-    outside = ((values < low - slack) | (values > high + slack)).any(axis=1)
+    outside = np.asarray(surrogate.ranges.excess(parameters, reynolds)).any(axis=1)
     inside = np.zeros(CASES, bool)
     inside[:64] = True  # the corners, whatever their rounding in single precision
     return x, np.asarray(loads), jacobian, np.where(inside, 0, outside)

@@ -63,21 +63,28 @@ def in_first_quarter(
     return values.at[index].set(nearest), image
 
 
-def other_description(
-    parameters: tuple[Parameter, ...], dimension: int, values: Float[AnyArray, " parameters"]
-) -> Float[Array, " parameters"]:
-    """Return other parameters of the same body, or of its mirror image, in the same stream.
+def descriptions(
+    parameters: tuple[Parameter, ...], dimension: int
+) -> tuple[Float[np.ndarray, "rows parameters"], Float[np.ndarray, "rows parameters"]]:
+    """Return all descriptions of a body, or of its mirror image in the same stream.
 
-    In 3-D they have an incidence from 0 to 90 degrees (``in_first_quarter``). In 2-D they are those
-    of the mirror image: camber and incidence change their signs. Cd is the same, and Cl and Cm are
+    They are ``signs * values + offsets``, the body's own values among them. Camber and incidence
+    change their signs in the mirror image; in 3-D, where nose and tail change their names, the even
+    sine modes do, and the incidence a becomes 180 - a or 180 + a. Cd is the same, and Cl and Cm are
     up to their signs.
 
     Args:
       parameters: of the body's class.
       dimension: 2 or 3.
-      values: of the parameters.
+
+    Returns:
+      The signs and the offsets, a row for each description.
     """
-    if dimension == 3 and INCIDENCE.name in [p.name for p in parameters]:
-        return in_first_quarter(parameters, values)[0]
-    signs = np.array([1.0 if p.keeps_mirror_plane else -1.0 for p in parameters])
-    return signs * jnp.asarray(values)
+    mirror = np.array([1.0 if p.keeps_mirror_plane else -1.0 for p in parameters])
+    incidence = np.array([p.name == INCIDENCE.name for p in parameters])
+    signs, offsets = [np.ones(len(parameters)), mirror], [0.0, 0.0]
+    if dimension == 3:
+        reverse = np.array([-1.0 if p.odd_fore_and_aft else 1.0 for p in parameters])
+        signs += [reverse, reverse * mirror]
+        offsets += [HALF_TURN, HALF_TURN]
+    return np.array(signs), np.outer(offsets, incidence)

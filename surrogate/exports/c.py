@@ -102,6 +102,7 @@ def _data(plain, precision):
         **{"SCALE": plain.scale, "SHIFT": plain.shift, "MIRROR": plain.mirror},
         **{"ANGLE": np.array([plain.angle]), "INERTIAL": np.array([plain.inertial])},
         **{"LOW": low, "HIGH": high, "LEAST": plain.least, "MOST": plain.most},
+        **{"SIGN": plain.signs, "OFFSET": plain.offsets},
         **{"CONSTANT": plain.constant, "LINEAR": plain.linear, "QUADRATIC": plain.quadratic},
         **{"WEIGHTS": flat(plain.weights), "BIASES": flat(plain.biases)},
     }

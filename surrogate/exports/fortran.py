@@ -69,6 +69,7 @@ def _data(plain, precision):
         },
         **{"parity": np.array(plain.parity), "low": low, "high": high},
         **{"least": plain.least, "most": plain.most},
+        **{"signs": plain.signs.T, "offsets": plain.offsets.T},
         **{"constant": plain.constant, "linear": plain.linear.T},
         **{"quadratic": plain.quadratic.T},
         **{"weights": flat(plain.weights), "biases": flat(plain.biases)},

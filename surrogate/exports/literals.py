@@ -58,6 +58,7 @@ def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:
         "count": len(plain.inputs),
         "features": len(plain.mirror),
         "turn": plain.turn,
+        "descriptions": len(plain.signs),
         "outputs": len(plain.loads),
         "heads": len(plain.constant),
         "layers": len(plain.weights),

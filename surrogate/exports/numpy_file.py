@@ -31,6 +31,8 @@ def numpy_file(plain: PlainNetwork, card: str, precision: Precision) -> str:
         "parity": plain.parity,
         "low": low,
         "high": high,
+        "signs": plain.signs,
+        "offsets": plain.offsets,
     }
     numbers |= {"least": plain.least, "most": plain.most, "constant": plain.constant}
     numbers |= {"linear": plain.linear, "quadratic": plain.quadratic}

@@ -209,10 +209,12 @@ def _status(g, plain, precision, logarithms):
     valid = number(
         g("And", g("GreaterOrEqual", "inputs", least), g("LessOrEqual", "inputs", highest))
     )
-    outside = number(g("Or", g("Less", values, low), g("Greater", values, high)))
+    every = g("Unsqueeze", values, g.axes(1))  # descriptions of a body and of its mirror image
+    every = g("Add", g("Mul", every, plain.signs), plain.offsets)
+    inside = number(g("And", g("GreaterOrEqual", every, low), g("LessOrEqual", every, high)))
+    inside = g("ReduceMax", g("ReduceMin", inside, g.axes(2), keepdims=0), g.axes(1), keepdims=1)
     valid = g("ReduceMin", valid, g.axes(1), keepdims=1)
-    outside = g("ReduceMax", outside, g.axes(1), keepdims=1)
     valid = g("Greater", valid, np.full(1, 0.5))
-    status = g("Where", valid, outside, np.full(1, 2.0))
+    status = g("Where", valid, g("Sub", np.ones(1), inside), np.full(1, 2.0))
     whole = g.helper.np_dtype_to_tensor_dtype(np.dtype("int64"))
     return valid, g("Cast", g("Squeeze", status, g.axes(1)), to=whole)

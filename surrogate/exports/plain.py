@@ -57,6 +57,9 @@ class PlainNetwork:
       low: lower ends of the trained ranges, by the logarithm for Re alone.
       high: upper ends, likewise.
       slack: by how much an input may exceed them by rounding.
+      signs: factors of the inputs in all descriptions of a body and of its mirror image, its own
+        first; it is inside the trained ranges where one of them is.
+      offsets: what is added to them.
       least: least valid inputs.
       most: greatest valid inputs.
     """
@@ -81,6 +84,8 @@ class PlainNetwork:
     low: Float[np.ndarray, " inputs"]
     high: Float[np.ndarray, " inputs"]
     slack: Float[np.ndarray, " inputs"]
+    signs: Float[np.ndarray, "descriptions inputs"]
+    offsets: Float[np.ndarray, "descriptions inputs"]
     least: Float[np.ndarray, " inputs"]
     most: Float[np.ndarray, " inputs"]
 
@@ -121,6 +126,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     biases[-1] = CORRECTION_SCALE * biases[-1][heads]
     parameters = [PARAMETERS[name] for name in family.names]
     bounds, reynolds = surrogate.ranges.bounds, REYNOLDS[surrogate.scene.dimension]
+    signs, offsets = surrogate.ranges.descriptions
     least, most = np.array([*(p.limits for p in parameters), reynolds]).T
     return PlainNetwork(
         inputs=(*family.names, "reynolds"),
@@ -143,6 +149,8 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
         low=bounds[:, 0],
         high=bounds[:, 1],
         slack=surrogate.ranges.slack,
+        signs=np.pad(signs, ((0, 0), (0, 1)), constant_values=1.0),
+        offsets=np.pad(offsets, ((0, 0), (0, 1))),
         least=least,
         most=most,
     )

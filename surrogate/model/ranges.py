@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.incidence import other_description
+from surrogate.body.incidence import descriptions
 from surrogate.scene.scene import Scene
 
 # By which a value may exceed its range, relative to its width plus 1: single precision is enough.
@@ -20,9 +20,9 @@ ROUNDING = 1e-6
 class TrainedRanges:
     """The ranges of a scene's shape parameters and of log Re.
 
-    A body is inside them where another description of it is (``other_description``), since networks
-    have the symmetries of the flow. The last axis of all arrays is (parameters, log Re), as in
-    ``names``; leading axes of bodies and Reynolds numbers broadcast.
+    A body is inside them where one of its descriptions is, or one of its mirror image's, since
+    networks have the symmetries of the flow. The last axis of all arrays is (parameters, log Re),
+    as in ``names``; leading axes of bodies and Reynolds numbers broadcast.
     """
 
     scene: Scene
@@ -43,22 +43,29 @@ class TrainedRanges:
         low, high = self.bounds.T
         return ROUNDING * (high - low + 1)
 
+    @property
+    def descriptions(
+        self,
+    ) -> tuple[Float[np.ndarray, "rows parameters"], Float[np.ndarray, "rows parameters"]]:
+        """Signs and offsets of all descriptions of a body, a row for each, its own first."""
+        body_class = self.scene.family.body_class
+        signs, offsets = descriptions(body_class.parameters, body_class.dimension)
+        one = slice(1) if body_class.symmetric else slice(None)  # it is its own mirror image
+        return signs[one], offsets[one]
+
     @functools.partial(jax.jit, static_argnums=0)
     def excess(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
     ) -> Float[Array, "*batch inputs"]:
         """Return how far each value lies outside its range; 0 inside, up to rounding."""
-        excess = self._excess(self._values(parameters, reynolds))
-        body_class = self.scene.family.body_class
-        if body_class.symmetric:  # each body is its own mirror image
-            return excess
+        parameters = jnp.asarray(parameters, float)
 
-        def described(body):
-            return other_description(body_class.parameters, body_class.dimension, body)
+        def excess_of(sign, offset):
+            return self._excess(self._values(sign * parameters + offset, reynolds))
 
-        others = jnp.vectorize(described, signature="(n)->(n)")(jnp.asarray(parameters, float))
-        inside = self._excess(self._values(others, reynolds)) == 0
-        return jnp.where(jnp.all(inside, axis=-1, keepdims=True), 0.0, excess)
+        every = jax.vmap(excess_of)(*self.descriptions)
+        inside = jnp.any(jnp.all(every == 0, axis=-1, keepdims=True), axis=0)
+        return jnp.where(inside, 0.0, every[0])
 
     def outside(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]

@@ -42,7 +42,8 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 
 typedef ${prefix}_real real;
 enum { INPUTS = $count, FEATURES = $features, LOADS = $outputs, HEADS = $heads, LAYERS = $layers,
-       WIDEST = $widest, NODES = $nodes, BLOCK = $block, WAVES = 5, TURN = $turn };
+       WIDEST = $widest, NODES = $nodes, BLOCK = $block, WAVES = 5, TURN = $turn,
+       DESCRIPTIONS = $descriptions };
 #define R(name) name$suffix
 
 $data
@@ -68,14 +69,18 @@ $single
 $batch
 static int ${prefix}_status(const real *inputs)
 {
-    int status = 0;
-    for (int k = 0; k < INPUTS; k++) {
-        const real x = inputs[k];
-        if (!(x >= LEAST[k] && x <= MOST[k])) return 2;
-        const real u = k == INPUTS - 1 ? R(log)(x) : x;
-        if (u < LOW[k] || u > HIGH[k]) status = 1;
+    for (int k = 0; k < INPUTS; k++)
+        if (!(inputs[k] >= LEAST[k] && inputs[k] <= MOST[k])) return 2;
+    const real log_re = R(log)(inputs[INPUTS - 1]);
+    for (int d = 0; d < DESCRIPTIONS; d++) { /* of the body or of its mirror image */
+        int inside = 1;
+        for (int k = 0; k < INPUTS; k++) {
+            const real x = k == INPUTS - 1 ? log_re : inputs[k], u = SIGN[d][k] * x + OFFSET[d][k];
+            inside &= u >= LOW[k] && u <= HIGH[k];
+        }
+        if (inside) return 0;
     }
-    return status;
+    return 1;
 }
 
 int ${prefix}_loads(const real *inputs, real *loads, real *jacobian)

@@ -13,7 +13,7 @@ module $prefix
     integer, parameter, public :: ${prefix}_kind = kind($one)
     integer, parameter, public :: ${prefix}_inputs = $count, ${prefix}_outputs = $outputs
     integer, parameter :: rk = ${prefix}_kind, inputs_ = $count, loads_ = $outputs
-    integer, parameter :: heads_ = $heads
+    integer, parameter :: heads_ = $heads, descriptions = $descriptions
     integer, parameter :: features_ = $features, turn = $turn + 1
     integer, parameter :: layers = $layers, widest = $widest, nodes = $nodes
     integer :: i_
@@ -98,14 +98,18 @@ contains
 
     pure integer function status_of(inputs) result(status)
         real(rk), intent(in) :: inputs(inputs_)
-        real(rk) :: values(inputs_)
+        real(rk) :: values(inputs_), other(inputs_)
+        integer :: d
 
         status = 2
         if (.not. all(inputs >= least .and. inputs <= most)) return ! so NaN is refused too
         values = inputs
         values(inputs_) = log(inputs(inputs_))
-        status = 0
-        if (any(values < low .or. values > high)) status = 1
+        status = 1
+        do d = 1, descriptions ! of the body or of its mirror image
+            other = signs(:, d) * values + offsets(:, d)
+            if (all(other >= low .and. other <= high)) status = 0
+        end do
     end function status_of
 
     !> 1 and the waves of the incidence by which features are multiplied, and their derivatives in its
