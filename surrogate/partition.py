@@ -136,7 +136,7 @@ class Partition(eqx.Module):
           batch: indices of bodies; indices of padding are not evaluated, their results are zero.
           states: this device's rows, as ``take_local`` returns them.
           function: ``(row, state, argument) -> (result, new state)``, ``row`` the index of the
-            state; a result has a field ``products``, the number of convolutions that it took.
+            state; a result has a field ``convolutions``, the number of convolutions that it took.
           arguments: pytree with one row per entry of the batch, replicated.
 
         Returns:
@@ -157,7 +157,7 @@ class Partition(eqx.Module):
             k = jnp.where(row < count, order[row], size)  # padding is out of range
             run = function if device_batch == 1 else jax.vmap(function)
             result, state = run(row, take(states, row), take(arguments, k))
-            busy += device_batch * jnp.max(result.products)
+            busy += device_batch * jnp.max(result.convolutions)
             return put(results, k, result), put(states, row, state), busy
 
         one = 0, take(states.rows, 0), take(arguments, 0)
@@ -166,7 +166,7 @@ class Partition(eqx.Module):
         steps, start = -(-count // device_batch), (blank, states.rows, jnp.array(0))
         results, new, busy = jax.lax.fori_loop(0, steps, step, start)
         results = jax.tree.map(_sum_over_devices, results)
-        idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(results.products)
+        idle_work = self.devices.count * jax.lax.pmax(busy, AXIS) - jnp.sum(results.convolutions)
         return Evaluated(results, Sharded(new), idle_work)
 
     def _local_rows(self, batch):

@@ -25,7 +25,7 @@ def test_page_holds_the_weights_and_scales(name):
         for saved, own in zip(data[part], getattr(plain, part), strict=True):
             np.testing.assert_array_equal(saved, own)
     numbers = "logs", "scale", "shift", "mirror", "constant", "linear", "quadratic"
-    for part in (*numbers, "inertial", "levers"):
+    for part in (*numbers, "inertial", "stokes"):
         np.testing.assert_array_equal(data[part], getattr(plain, part))
 
 

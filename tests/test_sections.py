@@ -18,7 +18,7 @@ from pictures import pixels
 from shapeopt.commands.arguments import add_body_arguments
 from shapeopt.commands.cli import Parser, run
 from shapeopt.commands.ranges import MOST, numbers
-from shapeopt.commands.sections import POWERS, by_reference
+from shapeopt.commands.reference import POWERS, by_reference
 from shapeopt.commands.sweep import Case, solve_cases, text_table
 from surrogate import (
     Fidelity,

@@ -111,10 +111,10 @@ def test_exact_newton_finds_the_root_and_counts_its_work():
     np.testing.assert_allclose(x, np.sqrt([0.5, 0.5]), rtol=1e-6)
     assert bool(info.converged)
     assert 3 <= int(info.steps) <= 8
-    assert int(info.products) > 2 * int(info.steps)
+    assert int(info.convolutions) > 2 * int(info.steps)
     at_the_root, info = newton(circle_and_line, np.sqrt([0.5, 0.5]))
     assert bool(info.converged)
-    assert (int(info.steps), int(info.products)) == (0, 1)
+    assert (int(info.steps), int(info.convolutions)) == (0, 1)
     np.testing.assert_array_equal(at_the_root, np.sqrt([0.5, 0.5]))
 
 
@@ -123,7 +123,7 @@ def test_newton_ends_at_its_limit_and_at_no_number():
     assert int(info.steps) == 1
     assert not bool(info.converged)
     _, info = newton(circle_and_line, [2.0, 1.0], radius=jnp.nan)
-    assert (int(info.steps), int(info.products)) == (0, 1)
+    assert (int(info.steps), int(info.convolutions)) == (0, 1)
     assert not bool(info.converged)
 
 

@@ -97,7 +97,7 @@ def test_converged_labels_are_not_evaluated_again(plan, setup):
     step = compile_step(method, start, physics, batch)
     assert np.all(start.labels.pending(batch))
     state, first, costs = one_step(step, start, batch)
-    assert sum(cost.products for cost in costs) > 0
+    assert sum(cost.convolutions for cost in costs) > 0
     assert not np.any(state.labels.pending(batch))
     state, second, costs = one_step(step, state, batch)
     assert not costs

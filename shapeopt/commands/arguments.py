@@ -21,7 +21,7 @@ METHODS_HELP = (
     "METHOD: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
     "gradients) or supervised (regression); or lift, space, particle (sections, 3-D, any incidence)"
 )
-SECTION = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
+SINGLE_VALUED = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 
 
@@ -49,7 +49,7 @@ def family_named(
 
 def add_body_arguments(parser: Parser) -> None:
     """Add the options of a body: of the family, a contour or a NACA section, at incidence."""
-    add_family_arguments(parser, SECTION)
+    add_family_arguments(parser, SINGLE_VALUED)
     add = parser.add_argument
     add(
         "--contour",
@@ -85,7 +85,7 @@ def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, 
     Raises:
       InvalidInput: there is none, or options contradict each other.
     """
-    return {turn: _shape(arguments, turn, dimension) for turn in incidences_of(arguments)}
+    return {angle: _shape(arguments, angle, dimension) for angle in incidences_of(arguments)}
 
 
 def shape_of(arguments: argparse.Namespace, dimension: int = 2) -> Shape:
@@ -106,7 +106,7 @@ def body_record(arguments: argparse.Namespace) -> JsonObject:
         return {"naca": arguments.naca, "keep_size": arguments.keep_size}
     if arguments.contour is not None:
         return {"contour": arguments.contour, "keep_size": arguments.keep_size}
-    return {"parameters": family_named(arguments, SECTION)}
+    return {"parameters": family_named(arguments, SINGLE_VALUED)}
 
 
 @contextmanager
@@ -139,10 +139,10 @@ def _shape(arguments: argparse.Namespace, incidence: float, dimension: int) -> S
     if arguments.aspect is not None:
         if arguments.keep_size:
             raise InvalidInput("--keep-size: goes with --contour or --naca")
-        return family_shape(family_named(arguments, SECTION), incidence, dimension)
+        return family_shape(family_named(arguments, SINGLE_VALUED), incidence, dimension)
     if dimension == 3:
         raise InvalidInput("--dimension 3: goes with --aspect; a contour is 2-D")
-    if any(getattr(arguments, name) for name in SECTION if name != "aspect"):
+    if any(getattr(arguments, name) for name in SINGLE_VALUED if name != "aspect"):
         modes = "--gamma2 to --gamma6 and --beta2 to --beta12"
         raise InvalidInput(f"body: --flatness, {modes} go with --aspect")
     if arguments.contour is None:

@@ -17,7 +17,7 @@ from pathlib import Path
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.problem_arguments import MEMORY_HELP, UNTIL_HELP
 from shapeopt.commands.ranges import numbers
-from shapeopt.commands.sections import unsteady_remark
+from shapeopt.commands.reference import unsteady_remark
 from shapeopt.render.designs import plot_designs
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.search.designer import Designer

@@ -13,7 +13,7 @@ import numpy as np
 
 from shapeopt.commands.arguments import add_body_arguments, shape_of
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.sections import add_reynolds_arguments, reference_record, reynolds_of
+from shapeopt.commands.reference import add_reynolds_arguments, reference_record, reynolds_of
 from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness

@@ -34,7 +34,7 @@ from shapeopt.commands.problem_arguments import (
     problem_of,
     surrogate_of,
 )
-from shapeopt.commands.sections import unsteady_remark
+from shapeopt.commands.reference import unsteady_remark
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run

@@ -21,7 +21,7 @@ import numpy as np
 
 from shapeopt.commands.arguments import (
     METHODS_HELP,
-    SECTION,
+    SINGLE_VALUED,
     add_family_arguments,
     add_incidence_argument,
     family_named,
@@ -34,7 +34,7 @@ from shapeopt.commands.newtons import (
     force_entries,
     forces_line,
 )
-from shapeopt.commands.sections import (
+from shapeopt.commands.reference import (
     CHORD,
     add_reference_argument,
     add_reynolds_arguments,
@@ -62,9 +62,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = _parser().parse_args(argv)
     if arguments.aspect is None:
         raise InvalidInput("body: --aspect is needed")
-    surrogate, turns = load(arguments.surrogate), incidences_of(arguments)
+    surrogate, incidences = load(arguments.surrogate), incidences_of(arguments)
     check_reference(arguments.reference, surrogate.scene.dimension)
-    results = [row for turn in turns for row in _at_incidence(surrogate, arguments, turn)]
+    results = [
+        row for incidence in incidences for row in _at_incidence(surrogate, arguments, incidence)
+    ]
     family = surrogate.scene.family
     result = {
         "results": results,
@@ -72,9 +74,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "method": surrogate.recorded("method"),
         "warning": surrogate.inaccuracy,
         "drag_error_mean": surrogate.recorded("drag_error_mean"),
-        "parameters": family.named(family.parameters(_named(arguments, turns[0]))),
+        "parameters": family.named(family.parameters(_named(arguments, incidences[0]))),
     }
-    if len(turns) > 1:
+    if len(incidences) > 1:
         result["parameters"].pop(INCIDENCE.name)  # in each row
     return emit(
         result, arguments.json, "\n".join([reference_line(results[0]), *map(_line, results)])
@@ -83,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 def _named(arguments: argparse.Namespace, incidence: float) -> dict[str, float]:
     """Return the body's parameters by name, its incidence too unless it is 0."""
-    named = family_named(arguments, SECTION)
+    named = family_named(arguments, SINGLE_VALUED)
     return named | {INCIDENCE.name: incidence} if incidence else named
 
 
@@ -218,7 +220,7 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     models = f"folder, or pretrained[:METHOD]; {METHODS_HELP}"
     parser.add_argument("--surrogate", default="pretrained", help=models)
-    add_family_arguments(parser, SECTION)
+    add_family_arguments(parser, SINGLE_VALUED)
     add_incidence_argument(parser)
     add_reynolds_arguments(parser)
     add_reference_argument(parser)

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shapeopt.commands.arguments import (
-    SECTION,
+    SINGLE_VALUED,
     add_body_arguments,
     body_record,
     family_named,
@@ -26,7 +26,7 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.kept_flows import add_kept_arguments, kept_flows
 from shapeopt.commands.newtons import forces_line
 from shapeopt.commands.ranges import numbers
-from shapeopt.commands.sections import (
+from shapeopt.commands.reference import (
     CHORD,
     add_reference_argument,
     add_reynolds_arguments,
@@ -91,8 +91,8 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     chord = next(iter(shapes.values())).chord
     reynolds = reynolds_of(arguments, chord, dimension)
     cases = [
-        Case(shape, turn, value, arguments.reference)
-        for turn, shape in shapes.items()
+        Case(shape, incidence, value, arguments.reference)
+        for incidence, shape in shapes.items()
         for value in reynolds
     ]
     if arguments.gradient:
@@ -107,8 +107,8 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         if len(cases) < 2:
             raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
     scene = _scene(arguments, reynolds)
-    for turn, shape in shapes.items():
-        which = f"--incidence {turn:g}: " if len(shapes) > 1 else ""
+    for incidence, shape in shapes.items():
+        which = f"--incidence {incidence:g}: " if len(shapes) > 1 else ""
         with refusals_by_options(arguments.keep_size, which):
             onset = onset_of(shape)
             for value in scene.reynolds:
@@ -214,7 +214,7 @@ def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
     """What a plot shows: the body, its chord, and the reference of the coefficients."""
     name = f"NACA {arguments.naca}" if arguments.naca else Path(arguments.contour or "").stem
     if arguments.aspect is not None:
-        given = {n: v for n, v in family_named(arguments, SECTION).items() if v}
+        given = {n: v for n, v in family_named(arguments, SINGLE_VALUED).items() if v}
         name = ", ".join(f"{n} {v:g}" for n, v in given.items())
     return f"{name}: chord {row['chord']:.3f} D, coefficients by the {row['reference']}"
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from shapeopt.commands.sections import DIAMETER, reference_record
+from shapeopt.commands.reference import DIAMETER, reference_record
 from surrogate.body.shape import Shape
 from surrogate.errors import NotConverged
 from surrogate.files import JsonObject, whole_file

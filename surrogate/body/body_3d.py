@@ -95,8 +95,8 @@ class Body3D(BodyClass):
         areas = jnp.stack([along, length * height * s * q * y, length * width * s * q * z], axis=1)
         if "incidence" not in self.names:
             return points, areas
-        turn = picked(parameters, self.names.index("incidence"))
-        return rotate(points, turn), rotate(areas, turn)
+        incidence = picked(parameters, self.names.index("incidence"))
+        return rotate(points, incidence), rotate(areas, incidence)
 
     def extent(
         self, parameters: Float[AnyArray, " parameters"], contour: Float[AnyArray, "nodes 2"]

@@ -245,16 +245,16 @@ class BodyClass(abc.ABC):
 
     def _height(self, parameters, t, derivative=0):
         """Return y(t) without camber, half the thickness, or a derivative of it."""
-        turn = derivative * np.pi / 2
+        phase = derivative * np.pi / 2
         waves = zip((1, *self.modes), (1.0, *self.betas(parameters)), strict=True)
         half_height = self.half_axes(parameters)[-1]
-        return half_height * sum(beta * k**derivative * jnp.sin(k * t + turn) for k, beta in waves)
+        return half_height * sum(beta * k**derivative * jnp.sin(k * t + phase) for k, beta in waves)
 
     def _camber(self, parameters, t, derivative=0):
         """Return the camber line over t up to a constant, or a derivative of it."""
-        turn = derivative * np.pi / 2
+        phase = derivative * np.pi / 2
         waves = zip(self.camber_modes, self.gammas(parameters), strict=True)
-        slopes = (gamma * k**derivative * jnp.cos(k * t + turn) for k, gamma in waves)
+        slopes = (gamma * k**derivative * jnp.cos(k * t + phase) for k, gamma in waves)
         return -self.half_axes(parameters)[-1] * sum(slopes)
 
     def _highest(self, bounds):

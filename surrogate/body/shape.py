@@ -30,20 +30,15 @@ class Shape:
 
     ``symmetric`` says whether the body is known to be symmetric about the x axis. ``parameters``
     are those of a family body by name, None for other bodies. ``length`` is the chord in D where it
-    is known, as contours turned by their incidence do not show it. ``turn`` is the incidence in
-    degrees of such a contour.
+    is known, as contours turned by their incidence do not show it. ``incidence`` is in degrees,
+    nose up.
     """
 
     draw: Callable[[int], np.ndarray]
     symmetric: bool
     parameters: Mapping[str, float] | None = None
     length: float | None = None
-    turn: float = 0.0
-
-    @property
-    def incidence(self) -> float:
-        """Incidence in degrees, nose up."""
-        return self.turn
+    incidence: float = 0.0
 
     @property
     def dimension(self) -> int:
@@ -107,11 +102,6 @@ class FamilyShape(Shape):
         return dataclasses.replace(self, symmetric=symmetric)
 
     @property
-    def incidence(self) -> float:
-        """Incidence in degrees, nose up."""
-        return self.parameters.get("incidence", 0.0)
-
-    @property
     def values(self) -> Float[np.ndarray, " parameters"]:
         """Values of the parameters as an array."""
         return np.array(list(self.parameters.values()))
@@ -152,8 +142,8 @@ def family_shape(
     expect("body", parameters, Mapping, "table of parameters, as {'aspect': 2}")
     if incidence is not None and "incidence" in parameters:
         raise InvalidInput("incidence: is given among the parameters and apart; once is enough")
-    if turn := check_incidence(0.0 if incidence is None else incidence):
-        parameters = {**parameters, "incidence": turn}
+    if angle := check_incidence(0.0 if incidence is None else incidence):
+        parameters = {**parameters, "incidence": angle}
     kind = body_class(parameters, dimension)
     if "aspect" not in parameters:
         raise InvalidInput(f"body: has no aspect; {', '.join(kind.available)}")
@@ -161,7 +151,13 @@ def family_shape(
     values = np.array(list(named.values()))
     check_body(kind, values)
     draw = functools.partial(_draw_family_body, kind, values)
-    return FamilyShape(draw, kind.is_symmetric(values), parameters=named, body_class=kind)
+    return FamilyShape(
+        draw,
+        kind.is_symmetric(values),
+        parameters=named,
+        incidence=named.get("incidence", 0.0),
+        body_class=kind,
+    )
 
 
 def contour_shape(
@@ -179,9 +175,10 @@ def contour_shape(
     """
     smooth_contour(points, 200, keep_size)
     points = np.array(points, float)  # a copy, as the caller may change theirs
-    turn = check_incidence(incidence)
-    draw = functools.partial(_draw_contour, points, keep_size, turn)
-    return Shape(draw, symmetric=False, length=contour_length(points, keep_size), turn=turn)
+    incidence = check_incidence(incidence)
+    draw = functools.partial(_draw_contour, points, keep_size, incidence)
+    length = contour_length(points, keep_size)
+    return Shape(draw, symmetric=False, length=length, incidence=incidence)
 
 
 def _draw_family_body(body_class, parameters, nodes):

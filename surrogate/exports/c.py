@@ -108,7 +108,7 @@ def _data(plain, precision):
     }
     tables = {"SIZES": np.array(plain.sizes), "LOGS": plain.logs * 1}
     tables |= {"SOURCE": plain.sources, "WAVE": plain.waves}
-    tables |= {"LEVER": plain.levers if plain.levers.size else np.zeros(1, int)}  # none in C
+    tables |= {"STOKES": plain.stokes if plain.stokes.size else np.zeros(1, int)}  # none in C
     whole = [array(name, values, "int") for name, values in tables.items()]
     return "\n".join([*whole, *(array(name, values) for name, values in numbers.items())])
 

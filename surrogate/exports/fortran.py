@@ -77,8 +77,8 @@ def _data(plain, precision):
     logs = [".true." if log else ".false." for log in plain.logs]
     whole = {"sizes": ("layers + 1", plain.sizes), "source": ("features_", plain.sources + 1)}
     whole |= {"wave": ("features_", plain.waves)}
-    levers = (plain.levers + 1).tolist() or [1]  # an array of none has no literal
-    whole |= {"lever": (len(levers), levers)}
+    stokes = (plain.stokes + 1).tolist() or [1]  # an array of none has no literal
+    whole |= {"stokes": (len(stokes), stokes)}
     lines = [
         *(
             _constants("integer", name, size, list(map(str, values)))

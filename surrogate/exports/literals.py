@@ -57,7 +57,7 @@ def sizes_and_names(plain: PlainNetwork) -> dict[str, int | str]:
         "loads": ", ".join(plain.loads),
         "count": len(plain.inputs),
         "features": len(plain.mirror),
-        "turn": plain.turn,
+        "incidence": plain.incidence,
         "descriptions": len(plain.signs),
         "outputs": len(plain.loads),
         "heads": len(plain.constant),

@@ -128,13 +128,16 @@ def _outputs(g, plain, precision):
 
 def _features(g, plain, scaled):
     """Features at scaled inputs, and a function from derivatives in them to those in the inputs."""
-    if plain.turn < 0:
+    if plain.incidence < 0:
         return scaled, lambda by: by
-    is_turn, of = g.constant(np.arange(len(plain.inputs)) == plain.turn, bool), plain.sources
-    a = g("Mul", g("Gather", scaled, g.axes(plain.turn), axis=1), np.full(1, plain.angle))
+    is_incidence, of = (
+        g.constant(np.arange(len(plain.inputs)) == plain.incidence, bool),
+        plain.sources,
+    )
+    a = g("Mul", g("Gather", scaled, g.axes(plain.incidence), axis=1), np.full(1, plain.angle))
     twice, one = g("Mul", a, np.full(1, 2.0)), g("Mul", a, np.zeros(1))
     c, s, c2, s2 = (g(f, x) for x in (a, twice) for f in ("Cos", "Sin"))
-    own = g("Gather", g("Where", is_turn, np.ones(1), scaled), g.axes(*of), axis=1)
+    own = g("Gather", g("Where", is_incidence, np.ones(1), scaled), g.axes(*of), axis=1)
     waves = g("Concat", g("Exp", one), c, s, c2, s2, axis=1)
     slopes = g("Concat", one, s, c, s2, c2, axis=1)
     signs = plain.angle * np.array([0.0, -1, 1, -2, 2])
@@ -142,13 +145,13 @@ def _features(g, plain, scaled):
         g("Gather", x, g.axes(*plain.waves), axis=1) for x in (waves, g("Mul", slopes, signs))
     )
     inputs = np.arange(len(plain.inputs))
-    chosen = (of[:, None] == inputs) & (inputs != plain.turn)
-    turned = np.tile(inputs == plain.turn, (len(of), 1))
+    chosen = (of[:, None] == inputs) & (inputs != plain.incidence)
+    turned = np.tile(inputs == plain.incidence, (len(of), 1))
 
     def chain(by):
         others = g("MatMul", g("Mul", by, waves), chosen.astype(float))
-        turn = g("Mul", g("Mul", by, own), slopes)
-        return g("Add", others, g("MatMul", turn, turned.astype(float)))
+        by_incidence = g("Mul", g("Mul", by, own), slopes)
+        return g("Add", others, g("MatMul", by_incidence, turned.astype(float)))
 
     return g("Mul", own, waves), chain
 
@@ -185,7 +188,7 @@ def _with_moment(g, plain, z, outputs, derivatives):
     slope = g("Div", g("Mul", inertia, g("Sub", one, inertia)), [step])
     moment, by = None, None
     parts = [(inertia, slope, last)]
-    parts += [(g("Gather", z, g.axes(k), axis=1), one, k) for k in plain.levers.tolist()]
+    parts += [(g("Gather", z, g.axes(k), axis=1), one, k) for k in plain.stokes.tolist()]
     for part, own, (factor, change, k) in zip(outputs[2:], derivatives[2:], parts, strict=True):
         unit = (np.arange(last + 1) == k).astype(float)
         changed = g("Mul", g("Mul", part, change), unit)

@@ -1,9 +1,9 @@
 """A surrogate's network as plain numbers: the one description that every export is written from.
 
 With u_k = log x_k for ratios of lengths and Re, else u_k = x_k, and s = scale * u + shift, the
-features z are s itself. Of 3-D bodies at incidence, with the incidence a = angle s_turn, they are
+features z are s itself. Of 3-D bodies at the incidence a = angle s_incidence they are
 
-    z_j = s_source(j) * (1, cos a, sin a, cos 2a, sin 2a)_wave(j),   where s_turn counts as 1.
+    z_j = s_source(j) * (1, cos a, sin a, cos 2a, sin 2a)_wave(j),   where s_incidence counts as 1.
 
 The loads follow from
 
@@ -11,7 +11,7 @@ The loads follow from
 
 for any number of hidden layers. Of 3-D bodies at incidence the third of these is replaced by
 
-    Re / (Re + inertial) f_2 + sum_j z_levers(j) f_(2 + j),   j = 1, 2, ...
+    Re / (Re + inertial) f_2 + sum_j z_stokes(j) f_(2 + j),   j = 1, 2, ...
 
 The outputs y = (log Cd, Cl / Cd, Cm / Cd) are f itself, or with lift (f(z) + parity * f(z')) / 2
 with the features z' = mirror * z of the mirror image, in all places.
@@ -42,17 +42,17 @@ class PlainNetwork:
       logs: which inputs enter by their logarithm.
       scale: of the inputs.
       shift: of the inputs.
-      turn: index of the incidence if it enters by cosines and sines, else -1.
+      incidence: index of the incidence if it enters by cosines and sines, else -1.
       angle: incidence in radians at which its scaled input is 1.
       sources: index of the scaled input of each feature.
       waves: index of the factor of each feature: 1, cos a, sin a, cos 2a or sin 2a.
       mirror: factors from the features of a body to those of its mirror image.
       inertial: the Reynolds number in the factor of the moment by inertia, 0 for no such factor.
-      levers: features by which the further parts of the moment are multiplied.
+      stokes: features by which the parts of the moment of Stokes flow are multiplied.
       constant: of the trends.
       linear: of the trends.
       quadratic: of the trends, symmetric.
-      weights: of the layers; the last gives one correction a load, and one a lever.
+      weights: of the layers; the last gives one correction a load, and one each of ``stokes``.
       biases: of the layers.
       low: lower ends of the trained ranges, by the logarithm for Re alone.
       high: upper ends, likewise.
@@ -69,13 +69,13 @@ class PlainNetwork:
     logs: Bool[np.ndarray, " inputs"]
     scale: Float[np.ndarray, " inputs"]
     shift: Float[np.ndarray, " inputs"]
-    turn: int
+    incidence: int
     angle: float
     sources: Int[np.ndarray, " features"]
     waves: Int[np.ndarray, " features"]
     mirror: Float[np.ndarray, " features"]
     inertial: float
-    levers: Int[np.ndarray, " levers"]
+    stokes: Int[np.ndarray, " parts"]
     constant: Float[np.ndarray, " heads"]
     linear: Float[np.ndarray, "heads features"]
     quadratic: Float[np.ndarray, "heads features features"]
@@ -114,7 +114,7 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
     network, family = surrogate.network, surrogate.scene.family
     inputs, heads = network.inputs, np.array(network.load_heads)
     low, width = np.asarray(inputs.low, float), np.asarray(inputs.width, float)
-    turn, seen = incidence_index(inputs.body_class), features_of(inputs.body_class)
+    index, seen = incidence_index(inputs.body_class), features_of(inputs.body_class)
     count = len(seen)
     rows, columns = np.triu_indices(count)
     trends = np.array([np.asarray(trend, float) for trend in network.trends])
@@ -134,13 +134,13 @@ def plain_network(surrogate: Surrogate) -> PlainNetwork:
         logs=np.array([*(p.kind is Kind.RATIO for p in parameters), True]),
         scale=2 / width,
         shift=-2 * low / width - 1,
-        turn=-1 if turn is None else turn,
+        incidence=-1 if index is None else index,
         angle=math.radians(float(inputs.largest_incidence)),
         sources=np.array([feature.source for feature in seen]),
         waves=np.array([int(feature.wave) for feature in seen]),
         mirror=np.asarray(inputs.feature_mirror, float),
-        inertial=0.0 if turn is None else INERTIAL_RE,
-        levers=np.array(stokes_moment_features(inputs.body_class), int),
+        inertial=0.0 if index is None else INERTIAL_RE,
+        stokes=np.array(stokes_moment_features(inputs.body_class), int),
         constant=trends[:, 0],
         linear=trends[:, 1 : count + 1],
         quadratic=(quadratic + quadratic.swapaxes(1, 2)) / 2,

@@ -52,7 +52,7 @@ def batch_solver(
 
     def flow(body):
         operators, state, info = bodies.solved(*body)
-        spent = info.products + bodies.domain.assembly_cost
+        spent = info.convolutions + bodies.domain.assembly_cost
         loads = load_values(bodies.domain.modes, bodies.loads, state.amplitude, operators.markers)
         return FlowBatch(state.amplitude, loads, spent, info.converged)
 

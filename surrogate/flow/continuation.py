@@ -78,7 +78,7 @@ def solve_by_continuation(
             found = solve_markers(
                 domain, settings, markers, jnp.asarray(reynolds * k / steps, float), guess
             )
-            spent += int(found.info.products) + domain.assembly_cost
+            spent += int(found.info.convolutions) + domain.assembly_cost
             if not bool(found.info.converged):
                 break
             guess = found.state

@@ -209,6 +209,6 @@ def loads_and_gradients(
 def _loads_and_gradients(bodies, parameters, values, info, by_markers, by_reynolds, work):
     gradients = _in_parameters(bodies, parameters, by_markers, by_reynolds, work.converged)
     converged = info.converged & work.converged & jnp.all(jnp.isfinite(gradients[0]))
-    spent = info.products + work.products + bodies.domain.assembly_cost
+    spent = info.convolutions + work.convolutions + bodies.domain.assembly_cost
     parts = values, *gradients
     return LoadsAndGradients(*(jnp.where(converged, v, jnp.nan) for v in parts), spent, converged)

@@ -85,12 +85,11 @@ def inside(shape: Shape, axes: tuple[Float[np.ndarray, " _cells"], ...]) -> Bool
     if shape.dimension == 2:
         contour = shapely.Polygon(shape.draw(NODES))
         return shapely.contains_xy(contour, *np.broadcast_arrays(*grid))
-    turn = shape.parameters.get("incidence", 0.0)
-    contour = np.asarray(rotate(shape.draw(NODES), -turn))
+    contour = rotate(shape.draw(NODES), -shape.incidence)
     upper = contour[contour[:, 1] >= 0]
     upper = upper[np.argsort(upper[:, 0])]
     x, y, z = grid
-    angle = np.deg2rad(turn)
+    angle = np.deg2rad(shape.incidence)
     along, high = x * np.cos(angle) - z * np.sin(angle), x * np.sin(angle) + z * np.cos(angle)
     height = np.interp(along, *upper.T, left=0.0, right=0.0)
     return (y / shape.parameters.get("flatness", 1.0)) ** 2 + high**2 < height**2

@@ -43,8 +43,8 @@ class Feature(NamedTuple):
 
 def incidence_index(body_class: BodyClass) -> int | None:
     """Return the index of the incidence if it enters by waves, as for bodies in 3-D, else None."""
-    turns = body_class.dimension == 3 and "incidence" in body_class.names
-    return body_class.names.index("incidence") if turns else None
+    has_incidence = body_class.dimension == 3 and "incidence" in body_class.names
+    return body_class.names.index("incidence") if has_incidence else None
 
 
 def negated_by_reversal(body_class: BodyClass) -> list[bool]:
@@ -52,16 +52,16 @@ def negated_by_reversal(body_class: BodyClass) -> list[bool]:
 
     These are the even sine modes of bodies with incidence in 3-D; other bodies have none.
     """
-    turns = incidence_index(body_class) is not None
-    return [turns and p.odd_fore_and_aft for p in body_class.parameters]
+    has_incidence = incidence_index(body_class) is not None
+    return [has_incidence and p.odd_fore_and_aft for p in body_class.parameters]
 
 
 def features_of(body_class: BodyClass) -> tuple[Feature, ...]:
     """Return the features of a class of bodies, in the order of its parameters and Re."""
-    turn, found = incidence_index(body_class), []
+    index, found = incidence_index(body_class), []
     for source, reverses in enumerate([*negated_by_reversal(body_class), False]):
         waves = (Wave.COS, Wave.SIN) if reverses else (Wave.ONE,)
-        waves = (Wave.COS_2, Wave.SIN_2) if source == turn else waves
+        waves = (Wave.COS_2, Wave.SIN_2) if source == index else waves
         found += [Feature(source, wave) for wave in waves]
     return tuple(found)
 
@@ -87,13 +87,13 @@ def evaluate_features(
       z: scaled inputs.
       degrees: incidence at which its scaled input is 1.
     """
-    turn = incidence_index(body_class)
-    if turn is None:
+    index = incidence_index(body_class)
+    if index is None:
         return jnp.asarray(z)
     sources, waves = np.array(features_of(body_class)).T
-    a = jnp.deg2rad(degrees * z[turn])
+    a = jnp.deg2rad(degrees * z[index])
     values = jnp.stack([jnp.ones_like(a), *(f(k * a) for k in (1, 2) for f in (jnp.cos, jnp.sin))])
-    return jnp.asarray(z).at[turn].set(1.0)[sources] * values[waves]
+    return jnp.asarray(z).at[index].set(1.0)[sources] * values[waves]
 
 
 def mirror_of_features(

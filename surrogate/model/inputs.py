@@ -49,8 +49,8 @@ class Inputs(eqx.Module):
     @property
     def largest_incidence(self) -> Float[AnyArray, ""] | float:
         """The incidence in degrees at which its scaled input is 1, for bodies in 3-D; else 0."""
-        turn = incidence_index(self.body_class)
-        return 0.0 if turn is None else self.high[turn]
+        index = incidence_index(self.body_class)
+        return 0.0 if index is None else self.high[index]
 
     @property
     def feature_mirror(self) -> np.ndarray:

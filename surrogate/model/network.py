@@ -139,7 +139,7 @@ class LoadNetwork(OutputModel):
 
 
 def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Array, " heads"]:
-    """Return the factors of the heads whose sum is Cm / Cd of a body that turns in space.
+    """Return the factors of the heads whose sum is Cm / Cd of a 3-D body at incidence.
 
     They are Re / (Re + 5) and the features b_j, see ``LoadNetwork``.
 
@@ -229,19 +229,22 @@ def _moment_factors(inputs, features):
 
 def _fitted_trends(inputs, z, outputs):
     """Trends by least squares: of each output, and of the moment in space all heads together."""
-    images, turns = inputs.feature_mirror * z, incidence_index(inputs.body_class) is not None
+    images, has_incidence = (
+        inputs.feature_mirror * z,
+        incidence_index(inputs.body_class) is not None,
+    )
     features, mirrored = (np.asarray(_monomials(x)) for x in (z, images))
     trends = []
     for k, values in enumerate(outputs.T):
         columns = [(features, mirrored)]
-        if k == 2 and turns:
+        if k == 2 and has_incidence:
             factors, image_factors = (np.asarray(_moment_factors(inputs, x)).T for x in (z, images))
             columns = [
                 (own[:, None] * features, image[:, None] * mirrored)
                 for own, image in zip(factors, image_factors, strict=True)
             ]
         matrix = np.hstack([own + PARITY[k] * image for own, image in columns])
-        found = np.linalg.lstsq(matrix, 2 * values, FEWEST if k == 2 and turns else None)[0]
+        found = np.linalg.lstsq(matrix, 2 * values, FEWEST if k == 2 and has_incidence else None)[0]
         trends += map(jnp.asarray, np.split(found, len(columns)))
     return tuple(trends)
 

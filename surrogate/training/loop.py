@@ -71,7 +71,7 @@ class TrainingState(NamedTuple):
     evaluated: Bool[AnyArray, " samples"]
     iteration: Int[AnyArray, ""]
     seconds: Float[AnyArray, ""]
-    products: Int[AnyArray, ""]
+    convolutions: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
     idle_work: Int[AnyArray, ""]
     history: Float[AnyArray, "points 7"]
@@ -244,7 +244,7 @@ def _evaluations(state: TrainingState, step: Step, batch: Batch) -> Iterator[Tra
             learner=learner,
             evaluated=evaluated,
             seconds=state.seconds + time.perf_counter() - start,
-            products=state.products + np.asarray(costs.products),
+            convolutions=state.convolutions + np.asarray(costs.convolutions),
             failed=state.failed + np.asarray(costs.failed),
             idle_work=state.idle_work + np.asarray(costs.idle_work),
         )
@@ -285,7 +285,7 @@ def _point(state, setup, loss):
     return HistoryPoint(
         int(state.iteration),
         float(state.seconds),
-        int(state.products),
+        int(state.convolutions),
         float(errors.mean()),
         float(errors.max()),
         loss,

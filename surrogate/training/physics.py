@@ -106,7 +106,7 @@ class Physics(eqx.Module):
           batch: indices of the samples; the index ``count`` is padding.
           velocities: this device's rows.
           function: ``(sample, velocity, *arguments) -> (result, velocity)``; a result has a field
-            ``products``, the number of convolutions that it took.
+            ``convolutions``, the number of convolutions that it took.
           arguments: pytrees with one row per entry of the batch.
 
         Returns:

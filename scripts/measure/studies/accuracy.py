@@ -140,8 +140,8 @@ def single_precision(run: Run, aspect: float, incidence: float, reynolds: float)
     forces = np.array([domain.forces(state.amplitude) for state in (a, b)])
     difference = np.abs(forces[1] - forces[0]).max() / -forces[0, 0]
     return {
-        "double": int(info.products) if info.converged else None,
-        "single": int(rough.products) if rough.converged else None,
+        "double": int(info.convolutions) if info.converged else None,
+        "single": int(rough.convolutions) if rough.converged else None,
         "difference": float(difference) if info.converged & rough.converged else None,
         "time_ratio": seconds[1] / seconds[0],
     }

@@ -63,16 +63,16 @@ function drawCurve(body, re, valid) {
 
 // Cl and Cl / Cd over the incidence at one shape and Re, with the current and the best incidence.
 function drawLift(body, re, valid) {
-  const turns = model.bounds[model.names.indexOf("incidence")];
-  element("lift").hidden = !turns;
+  const incidences = model.bounds[model.names.indexOf("incidence")];
+  element("lift").hidden = !incidences;
   for (const part of ["cl-curve", "glide-curve", "best-glide"]) element(part).replaceChildren();
-  if (!turns || !valid) return;
+  if (!incidences || !valid) return;
   const [here, most] = [model.incidenceOf(body), model.glideIncidence(body, re)];
   const at = (incidence) => {
     const [drag, lift] = model.loads(model.turned(body, incidence), re, false);
     return { cl: lift.value, glide: lift.value / drag.value };
   };
-  const values = Array.from({ length: 81 }, (_, k) => turns[0] + ((turns[1] - turns[0]) * k) / 80);
+  const values = Array.from({ length: 81 }, (_, k) => incidences[0] + ((incidences[1] - incidences[0]) * k) / 80);
   const found = values.map((value) => [value, at(value)]);
   for (const name of ["cl", "glide"]) {
     const points = found.map(([value, loads]) => [value, loads[name]]);

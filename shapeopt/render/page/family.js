@@ -124,8 +124,8 @@ function makeFamily(data) {
 
   // The rotation nose up by the incidence of a body.
   function noseUp(parameters) {
-    const turn = (incidenceOf(parameters) * Math.PI) / 180;
-    const [c, s] = [Math.cos(turn), Math.sin(turn)];
+    const angle = (incidenceOf(parameters) * Math.PI) / 180;
+    const [c, s] = [Math.cos(angle), Math.sin(angle)];
     return ([x, y]) => [x * c + y * s, y * c - x * s];
   }
 

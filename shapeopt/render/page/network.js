@@ -3,22 +3,22 @@ const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 
 function makeNetwork(data) {
   const { logs, scale, shift, mirror, constant, linear, quadratic, weights, biases } = data;
-  // of bodies that turn in space: their features, and the parts of their moment
-  const { turn, angle, sources, waves, inertial, levers } = data;
+  // of 3-D bodies at incidence: their features, and the parts of their moment
+  const { incidence, angle, sources, waves, inertial, stokes } = data;
   const PARITY = [1, -1, -1]; // of the mirror image: equal drag, opposite lift and moment
 
   // The features at scaled inputs, and the map from slopes in them to slopes in the inputs.
   function featuresOf(scaled) {
-    if (turn < 0) return { z: scaled, chain: (slopes) => slopes };
-    const a = angle * scaled[turn];
+    if (incidence < 0) return { z: scaled, chain: (slopes) => slopes };
+    const a = angle * scaled[incidence];
     const values = [1, Math.cos(a), Math.sin(a), Math.cos(2 * a), Math.sin(2 * a)];
     const steps = [0, -values[2], values[1], -2 * values[4], 2 * values[3]].map((x) => angle * x);
-    const own = sources.map((k) => (k === turn ? 1 : scaled[k]));
+    const own = sources.map((k) => (k === incidence ? 1 : scaled[k]));
     const chain = (slopes) => {
       const found = scaled.map(() => 0);
       slopes.forEach((slope, j) => {
-        if (sources[j] !== turn) found[sources[j]] += slope * values[waves[j]];
-        found[turn] += slope * own[j] * steps[waves[j]];
+        if (sources[j] !== incidence) found[sources[j]] += slope * values[waves[j]];
+        found[incidence] += slope * own[j] * steps[waves[j]];
       });
       return found;
     };
@@ -66,14 +66,14 @@ function makeNetwork(data) {
     return inertial ? [...heads.slice(0, 2), momentOf(heads.slice(2), z)] : heads;
   }
 
-  // The moment of a body that turns in space: by inertia, and that of Stokes flow by the levers.
+  // The moment of a 3-D body at incidence: by inertia, and that of Stokes flow.
   function momentOf(heads, z) {
     const step = scale.at(-1), last = z.length - 1;
     const share = 1 / (1 + inertial * Math.exp((shift.at(-1) - z[last]) / step));
-    const factors = [share, ...levers.map((k) => z[k])];
-    const steps = [share * (1 - share) / step, ...levers.map(() => 1)];
+    const factors = [share, ...stokes.map((k) => z[k])];
+    const steps = [share * (1 - share) / step, ...stokes.map(() => 1)];
     const slopes = heads[0].slopes.map((_, i) => dot(factors, heads.map((head) => head.slopes[i])));
-    if (slopes.length) [last, ...levers].forEach((k, j) => (slopes[k] += steps[j] * heads[j].value));
+    if (slopes.length) [last, ...stokes].forEach((k, j) => (slopes[k] += steps[j] * heads[j].value));
     return { value: dot(factors, heads.map((head) => head.value)), slopes };
   }
 

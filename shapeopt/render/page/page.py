@@ -30,8 +30,8 @@ SCRIPTS = {
     "view": ("drawing.js", "curves.js", "view.js"),
 }
 NUMBERS = (  # of the plain network that network.js evaluates
-    *("logs", "scale", "shift", "turn", "angle", "sources", "waves", "mirror"),
-    *("inertial", "levers", "constant", "linear", "quadratic", "weights", "biases"),
+    *("logs", "scale", "shift", "incidence", "angle", "sources", "waves", "mirror"),
+    *("inertial", "stokes", "constant", "linear", "quadratic", "weights", "biases"),
 )
 START = 1.6  # aspect of the body shown first, over the reference body's
 START_INCIDENCE = 4.0  # degrees, of the body shown first

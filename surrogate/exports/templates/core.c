@@ -76,7 +76,7 @@ static void P_outputs_L(real z[FEATURES][L], real f[HEADS][L], real by[HEADS][FE
                         int with_derivatives)
 {
     P_heads_L(z, f, by, with_derivatives);
-    if (TURN < 0) return;
+    if (INCIDENCE < 0) return;
     enum { RE = INPUTS - 1, LAST = FEATURES - 1, MOMENT = LOADS - 1 };
     for (int v = 0; v < L; v++) {
         const real inertia = 1 / (1 + INERTIAL[0] * R(exp)((SHIFT[RE] - z[LAST][v]) / SCALE[RE]));
@@ -88,12 +88,12 @@ static void P_outputs_L(real z[FEATURES][L], real f[HEADS][L], real by[HEADS][FE
         }
     }
     for (int l = LOADS; l < HEADS; l++) {
-        const int lever = LEVER[l - LOADS];
-        for (int v = 0; v < L; v++) f[MOMENT][v] += z[lever][v] * f[l][v];
+        const int stokes = STOKES[l - LOADS];
+        for (int v = 0; v < L; v++) f[MOMENT][v] += z[stokes][v] * f[l][v];
         if (!with_derivatives) continue;
         for (int k = 0; k < FEATURES; k++)
-            for (int v = 0; v < L; v++) by[MOMENT][k][v] += z[lever][v] * by[l][k][v];
-        for (int v = 0; v < L; v++) by[MOMENT][lever][v] += f[l][v];
+            for (int v = 0; v < L; v++) by[MOMENT][k][v] += z[stokes][v] * by[l][k][v];
+        for (int v = 0; v < L; v++) by[MOMENT][stokes][v] += f[l][v];
     }
 }
 
@@ -105,9 +105,9 @@ static void P_waves_L(real s[INPUTS][L], real wave[WAVES][L], real slope[WAVES][
         wave[0][v] = 1;
         slope[0][v] = 0;
     }
-    if (TURN < 0) return;
+    if (INCIDENCE < 0) return;
     for (int v = 0; v < L; v++) {
-        const real a = ANGLE[0] * s[TURN < 0 ? 0 : TURN][v], c = R(cos)(a), si = R(sin)(a);
+        const real a = ANGLE[0] * s[INCIDENCE < 0 ? 0 : INCIDENCE][v], c = R(cos)(a), si = R(sin)(a);
         wave[1][v] = c;
         wave[2][v] = si;
         wave[3][v] = (c - si) * (c + si);
@@ -116,7 +116,7 @@ static void P_waves_L(real s[INPUTS][L], real wave[WAVES][L], real slope[WAVES][
             slope[2 * n - 1][v] = -(real)n * ANGLE[0] * wave[2 * n][v];
             slope[2 * n][v] = (real)n * ANGLE[0] * wave[2 * n - 1][v];
         }
-        s[TURN < 0 ? 0 : TURN][v] = 1;
+        s[INCIDENCE < 0 ? 0 : INCIDENCE][v] = 1;
     }
 }
 
@@ -157,8 +157,8 @@ static void P_cases_L(const real *inputs, real *loads, real *jacobian)
             for (int k = 0; k < INPUTS; k++) row[k] = 0;
             for (int j = 0; j < FEATURES; j++) {
                 const real own = cd * (l ? by[l][j][v] + f[l][v] * by[0][j][v] : by[0][j][v]);
-                if (SOURCE[j] != TURN) row[SOURCE[j]] += own * wave[WAVE[j]][v];
-                if (TURN >= 0) row[TURN < 0 ? 0 : TURN] += own * s[SOURCE[j]][v] * slope[WAVE[j]][v];
+                if (SOURCE[j] != INCIDENCE) row[SOURCE[j]] += own * wave[WAVE[j]][v];
+                if (INCIDENCE >= 0) row[INCIDENCE < 0 ? 0 : INCIDENCE] += own * s[SOURCE[j]][v] * slope[WAVE[j]][v];
             }
             for (int k = 0; k < INPUTS; k++)
                 row[k] *= SCALE[k] / (LOGS[k] ? inputs[v * INPUTS + k] : 1);

@@ -42,7 +42,7 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 
 typedef ${prefix}_real real;
 enum { INPUTS = $count, FEATURES = $features, LOADS = $outputs, HEADS = $heads, LAYERS = $layers,
-       WIDEST = $widest, NODES = $nodes, BLOCK = $block, WAVES = 5, TURN = $turn,
+       WIDEST = $widest, NODES = $nodes, BLOCK = $block, WAVES = 5, INCIDENCE = $incidence,
        DESCRIPTIONS = $descriptions };
 #define R(name) name$suffix
 

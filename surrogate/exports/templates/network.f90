@@ -14,7 +14,7 @@ module $prefix
     integer, parameter, public :: ${prefix}_inputs = $count, ${prefix}_outputs = $outputs
     integer, parameter :: rk = ${prefix}_kind, inputs_ = $count, loads_ = $outputs
     integer, parameter :: heads_ = $heads, descriptions = $descriptions
-    integer, parameter :: features_ = $features, turn = $turn + 1
+    integer, parameter :: features_ = $features, incidence = $incidence + 1
     integer, parameter :: layers = $layers, widest = $widest, nodes = $nodes
     integer :: i_
 $data
@@ -69,9 +69,9 @@ contains
                     image(l) = cd * (by(l, j) + f(l) * by(1, j))
                 end do
                 k = source(j)
-                if (k /= turn) jacobian(:, k) = jacobian(:, k) + image(1:loads_) * waves(wave(j))
-                k = max(turn, 1)
-                if (turn > 0) jacobian(:, k) = jacobian(:, k) + image(1:loads_) * s(source(j)) * slopes(wave(j))
+                if (k /= incidence) jacobian(:, k) = jacobian(:, k) + image(1:loads_) * waves(wave(j))
+                k = max(incidence, 1)
+                if (incidence > 0) jacobian(:, k) = jacobian(:, k) + image(1:loads_) * s(source(j)) * slopes(wave(j))
             end do
             do k = 1, inputs_
                 jacobian(:, k) = jacobian(:, k) * step(k)
@@ -123,13 +123,13 @@ contains
         waves = 0
         slopes = 0
         waves(0) = 1
-        if (turn < 1) return
-        a = angle(1) * s(max(turn, 1))
+        if (incidence < 1) return
+        a = angle(1) * s(max(incidence, 1))
         do n = 1, 2
             waves(2 * n - 1:2 * n) = [cos(n * a), sin(n * a)]
             slopes(2 * n - 1:2 * n) = n * angle(1) * [-waves(2 * n), waves(2 * n - 1)]
         end do
-        s(max(turn, 1)) = 1
+        s(max(incidence, 1)) = 1
     end subroutine evaluate_waves
 
     !> Outputs before they are made even or odd, and their derivatives in the features z.
@@ -181,7 +181,7 @@ contains
             end do
             by(l, :) = linear(:, l) + 2 * slope + back(1:features_)
         end do
-        if (turn > 0) call sum_up_moment(z, f, by, with_derivatives)
+        if (incidence > 0) call sum_up_moment(z, f, by, with_derivatives)
     end subroutine evaluate
 
     !> The parts of the moment of 3-D bodies at incidence are summed up.
@@ -202,7 +202,7 @@ contains
         end if
         l = loads_ + 1
         do while (l <= heads_) ! compilers warn of a loop by a counter that makes no trips
-            k = lever(l - loads_)
+            k = stokes(l - loads_)
             f(loads_) = f(loads_) + z(k) * f(l)
             if (with_derivatives) then
                 by(loads_, :) = by(loads_, :) + z(k) * by(l, :)

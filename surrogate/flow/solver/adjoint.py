@@ -49,7 +49,7 @@ class Effort(NamedTuple):
 class Work(NamedTuple):
     """The work of linear solves: convolutions with G, and whether all reached their tolerance."""
 
-    products: Int[Array, ""]
+    convolutions: Int[Array, ""]
     converged: Bool[Array, ""]
 
 
@@ -114,8 +114,8 @@ def load_gradients(
     tolerances = jnp.array([one.tolerance for one in efforts])
     by_body, by_re, adjoints, work = jax.lax.map(one_load, (by_amplitude, tolerances))
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
-    products = jnp.sum(work.products) + len(loads)
-    return LoadGradients(by_markers, by_re, adjoints, Work(products, jnp.all(work.converged)))
+    convolutions = jnp.sum(work.convolutions) + len(loads)
+    return LoadGradients(by_markers, by_re, adjoints, Work(convolutions, jnp.all(work.converged)))
 
 
 def by_stream(

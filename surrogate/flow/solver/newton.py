@@ -37,7 +37,7 @@ class NewtonSettings(NamedTuple):
 
 
 class NewtonInfo(NamedTuple):
-    """The outcome of a Newton solve; ``products`` counts convolutions with G.
+    """The outcome of a Newton solve; ``convolutions`` counts convolutions with G.
 
     ``residual`` is the preconditioned residual over the solution at the end; ``stalled`` is whether
     the last step did not lessen it, even halved to 1/16 (or it is not finite); x is then worse
@@ -46,7 +46,7 @@ class NewtonInfo(NamedTuple):
 
     converged: Bool[Array, ""]
     steps: Int[Array, ""]
-    products: Int[Array, ""]
+    convolutions: Int[Array, ""]
     residual: Float[Array, ""]
     stalled: Bool[Array, ""]
 
@@ -105,23 +105,23 @@ def root(
         return gmres(lambda v: precondition(jacobian(v)), single(b), forcing, settings.max_vectors)
 
     def advance(state):
-        x, b, size, reduction, steps, products = state
+        x, b, size, reduction, steps, convolutions = state
         change = direction(x, b, size, reduction)
 
         def attempt(trial):
-            damping, _, _, _, products = trial
+            damping, _, _, _, convolutions = trial
             candidate = jax.tree.map(lambda a, d: a - damping * d, x, change.x)
-            return damping / 2, candidate, *preconditioned(candidate), products + 1
+            return damping / 2, candidate, *preconditioned(candidate), convolutions + 1
 
         def rejected(trial):
             damping, _, _, new, _ = trial
             return ~(new < size) & (damping > LEAST_DAMPING)
 
         longest = jnp.where(steps < 0, 2 * LEAST_DAMPING, 1.0)  # one attempt at the guess is enough
-        trial = longest, x, b, jnp.array(jnp.inf), products + change.steps
-        _, x, b, new, products = jax.lax.while_loop(rejected, attempt, trial)
+        trial = longest, x, b, jnp.array(jnp.inf), convolutions + change.steps
+        _, x, b, new, convolutions = jax.lax.while_loop(rejected, attempt, trial)
         reduction = jnp.where(steps < 0, 1.0, new / size)
-        return x, b, new, reduction, steps + 1, products
+        return x, b, new, reduction, steps + 1, convolutions
 
     def unfinished(state):
         _, _, size, reduction, steps, _ = state
@@ -132,9 +132,9 @@ def root(
     nothing = jax.tree.map(jnp.zeros_like, guess)
     size, reduction = jnp.array(jnp.inf), jnp.array(1.0)
     start = guess, nothing, size, reduction, jnp.array(-1), jnp.array(0)
-    x, _, size, reduction, steps, products = jax.lax.while_loop(unfinished, advance, start)
+    x, _, size, reduction, steps, convolutions = jax.lax.while_loop(unfinished, advance, start)
     converged = size <= settings.tolerance
-    return x, NewtonInfo(converged, steps, products, size, ~converged & ~(reduction < 1))
+    return x, NewtonInfo(converged, steps, convolutions, size, ~converged & ~(reduction < 1))
 
 
 def _jacobian(residual, data, x):

@@ -114,7 +114,7 @@ class LossGradient(NamedTuple):
     gradient: Float[AnyArray, "*samples modes"]
     loss: Float[AnyArray, "*samples"]
     valid: Bool[AnyArray, "*samples"]
-    products: Int[AnyArray, "*samples"]
+    convolutions: Int[AnyArray, "*samples"]
 
     def pending(self, batch: Batch) -> Bool[np.ndarray, " batch"]:
         """Return True for all samples: every step needs the flows of its own tractions."""
@@ -179,8 +179,10 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
         gradient, work_too = slip_adjoint(domain, operators, state, by_slip, ADJOINT)
         # Adjoints may miss ADJOINT's tolerance: a rough gradient is still one for Adam.
         valid = info.converged & jnp.all(jnp.isfinite(gradient))
-        products = info.products + work.products + work_too.products + sample.renewal
-        result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, products)
+        convolutions = (
+            info.convolutions + work.convolutions + work_too.convolutions + sample.renewal
+        )
+        result = LossGradient(gradient, (slip @ slip + residual**2) / 2, valid, convolutions)
         return result, jnp.where(valid, velocity, 0.0)
 
     def update(

@@ -112,7 +112,7 @@ class ForcedFlowResult(NamedTuple):
     slip: Float[Array, " modes"]
     compliance: Float[Array, "modes modes"]
     valid: Bool[Array, ""]
-    products: Int[Array, ""]
+    convolutions: Int[Array, ""]
 
 
 class LinearisedSlip(NamedTuple):
@@ -223,8 +223,8 @@ def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[Forced
     slip = steady.slip_residual(domain, operators, state)
     matrix, work = slip_jacobian(domain, operators, state, TANGENT)
     valid = info.converged & work.converged
-    products = info.products + work.products + sample.renewal
-    result = ForcedFlowResult(slip, matrix, valid, products)
+    convolutions = info.convolutions + work.convolutions + sample.renewal
+    result = ForcedFlowResult(slip, matrix, valid, convolutions)
     return result, jnp.where(valid, velocity, 0.0)
 
 

@@ -44,7 +44,7 @@ class InversionResult(NamedTuple):
     slopes: Float[Array, "loads inputs"]
     valid: Bool[Array, ""]
     converged: Bool[Array, ""]
-    products: Int[Array, ""]
+    convolutions: Int[Array, ""]
 
 
 class LabelResult(NamedTuple):
@@ -52,7 +52,7 @@ class LabelResult(NamedTuple):
 
     label: TrainingLabels
     valid: Bool[AnyArray, "*samples"]
-    products: Int[AnyArray, "*samples"]
+    convolutions: Int[AnyArray, "*samples"]
 
 
 class Inversion(Evaluator):
@@ -112,7 +112,7 @@ class Inversion(Evaluator):
 
             def inverted():
                 result = self.invert(sample, predicted, stored, label.valid)
-                return result._replace(products=result.products + sample.renewal)
+                return result._replace(convolutions=result.convolutions + sample.renewal)
 
             kept = InversionResult(stored, label.slopes, label.valid, jnp.array(True), jnp.array(0))
             result = compute_where(~label.converged, inverted, kept)
@@ -122,7 +122,7 @@ class Inversion(Evaluator):
             outputs = sample.outputs(new.amplitude)
             succeeded = result.valid | label.converged  # earlier failures are not counted again
             label = TrainingLabels(new.amplitude, outputs, result.slopes, *flags)
-            return LabelResult(label, succeeded, result.products), new.velocity
+            return LabelResult(label, succeeded, result.convolutions), new.velocity
 
         predicted = predict(network, physics.samples, batch)
         old = jax.tree.map(lambda leaf: leaf[batch], labels)
@@ -137,9 +137,9 @@ class Inversion(Evaluator):
         A flow is sound whose drag is positive and whose slopes, if it has converged, are found.
         """
         state, info = steady.body_flow(sample.domain, operators, start, self.newton)
-        slopes, good, products = self._slopes_where(info.converged, sample, operators, state)
+        slopes, good, convolutions = self._slopes_where(info.converged, sample, operators, state)
         sound = good & (drag_coefficient(state.amplitude) > 0)
-        return state, info, slopes, sound, info.products + products
+        return state, info, slopes, sound, info.convolutions + convolutions
 
     def _slopes_where(self, converged, sample, operators, state):
         """Return (d outputs / d(parameters, log Re), whether sound, convolutions) by the adjoints.
@@ -164,7 +164,7 @@ class Inversion(Evaluator):
             slopes = jnp.column_stack([by_shape, reynolds * by_re])
             slopes = output_gradients(sample.loads(state.amplitude), slopes)
             sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
-            return jnp.where(sound, slopes, 0.0), sound, found.work.products
+            return jnp.where(sound, slopes, 0.0), sound, found.work.convolutions
 
         return compute_where(converged, adjoint, none)
 
@@ -199,12 +199,12 @@ class NewtonSteps(Inversion):
         traction = predicted if self.from_prediction else stored.amplitude
         velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, traction))
         start = FlowState(velocity, traction)
-        state, info, slopes, sound, products = self._solved(sample, operators, start)
+        state, info, slopes, sound, convolutions = self._solved(sample, operators, start)
         found = sound & ~info.stalled
         converged = info.converged & found
         if not self.from_prediction:
             converged |= ~found
-        return InversionResult(state, slopes, found, converged, products)
+        return InversionResult(state, slopes, found, converged, convolutions)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,7 +226,7 @@ class FullSolve(Inversion):
 
         Arguments and results are those of ``Inversion.invert``.
         """
-        state, info, slopes, sound, products = self._solved(sample, sample.operators())
+        state, info, slopes, sound, convolutions = self._solved(sample, sample.operators())
         state = FlowState(stored.velocity, state.amplitude)
         found = sound & info.converged
-        return InversionResult(state, slopes, found, jnp.array(True), products)
+        return InversionResult(state, slopes, found, jnp.array(True), convolutions)

@@ -39,7 +39,7 @@ class LabelStore(Protocol):
 class EvaluationCost(NamedTuple):
     """The cost of an evaluation: its convolutions, failed samples, convolutions of idle devices."""
 
-    products: Int[AnyArray, ""]
+    convolutions: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
     idle_work: Int[AnyArray, ""]
 
@@ -142,17 +142,17 @@ class Method(abc.ABC):
 
 
 def evaluation_cost(found: Evaluated, physics: Physics, batch: Batch) -> EvaluationCost:
-    """Return the cost of a batch of evaluations, whose results have ``valid`` and ``products``.
+    """Return the cost of a batch of evaluations, whose results have ``valid`` and ``convolutions``.
 
     Padding counts neither as failed nor as work.
 
     Args:
-      found: the evaluated batch; ``products`` are the convolutions of each sample.
+      found: the evaluated batch; ``convolutions`` are the convolutions of each sample.
       physics: the flow solver of the samples.
       batch: indices of the samples; the index ``physics.count`` is padding.
     """
     failed = ~found.results.valid & (batch < physics.count)
-    return EvaluationCost(jnp.sum(found.results.products), jnp.sum(failed), found.idle_work)
+    return EvaluationCost(jnp.sum(found.results.convolutions), jnp.sum(failed), found.idle_work)
 
 
 def adam(learning_rate: float) -> optax.GradientTransformation:
