@@ -41,7 +41,6 @@ MISTAKES = {  # and what the answer must say
     f"solve_drag {BODY} --reynolds 10 --table=": "--table '': an empty value",
     f"solve_drag {BODY} --reynolds 10 --fluid 1m/s,1,1": "U,D,RHO,NU in m/s, m, kg/m^3",
     f"solve_drag {BODY} --reynolds 10 --fluid 1e200,1,1": "speed 1e+200: from 1e-12 to 1e+12",
-    f"solve_drag {BODY} --reynolds 9 --chord-reynolds 9": "--chord-reynolds: give one of them",
     f"solve_drag {BODY} --re 9": "did you mean --reynolds?",
     f"predict_drag {BODY} --thickness 0.1 --reynolds 9": "did you mean --aspect?",
     "predict_drag --naca 0012 --reynolds 9": "solve_drag.py solves NACA sections",

@@ -297,7 +297,7 @@ def test_a_kept_size_that_no_grid_holds_is_refused_with_what_would_do(capsys, tm
 
 NACA = "solve_drag --naca 0012"
 REFUSED = {
-    f"{NACA} --reynolds 9 --chord-reynolds 9": "--reynolds: give it, or --chord-reynolds instead",
+    f"{NACA} --reynolds 9 --chord-reynolds 9": "--chord-reynolds: give one of them, not both",
     f"{NACA} --chord-reynolds 1:5000:9": "--chord-reynolds 1:5000:9, chord 3.101 D: Reynolds",
     f"{NACA} --reynolds 9 --incidence 1:4:log3": "cannot be spaced logarithmically",
     f"{NACA} --reynolds 9 --incidence 0,x": "--incidence '0,x': one number, or several",
