@@ -214,8 +214,8 @@ def constants_of(
 def scales_of(constants: Float[np.ndarray, "6"]) -> Float[np.ndarray, "6"]:
     """Return the scales of position, tilt, momentum and angular velocity, for absolute tolerances.
 
-    They are D, one radian and, for the last two, the Re at which a sphere of this weight settles in
-    Stokes flow; 1 for all where that is greater.
+    They are D, one radian, and the momentum and angular velocity of the body at the Re at which a
+    sphere of its weight settles in Stokes flow; each is 1 at most.
 
     Args:
       constants: as ``constants_of`` returns them.

@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "parameters": family.named(family.parameters(_named(arguments, incidences[0]))),
     }
     if len(incidences) > 1:
-        result["parameters"].pop(INCIDENCE.name)  # in each row
+        result["parameters"].pop(INCIDENCE.name, None)  # in each row
     return emit(
         result, arguments.json, "\n".join([reference_line(results[0]), *map(_line, results)])
     )

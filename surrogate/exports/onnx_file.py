@@ -130,10 +130,8 @@ def _features(g, plain, scaled):
     """Features at scaled inputs, and a function from derivatives in them to those in the inputs."""
     if plain.incidence < 0:
         return scaled, lambda by: by
-    is_incidence, of = (
-        g.constant(np.arange(len(plain.inputs)) == plain.incidence, bool),
-        plain.sources,
-    )
+    of, inputs = plain.sources, np.arange(len(plain.inputs))
+    is_incidence = g.constant(inputs == plain.incidence, bool)
     a = g("Mul", g("Gather", scaled, g.axes(plain.incidence), axis=1), np.full(1, plain.angle))
     twice, one = g("Mul", a, np.full(1, 2.0)), g("Mul", a, np.zeros(1))
     c, s, c2, s2 = (g(f, x) for x in (a, twice) for f in ("Cos", "Sin"))
@@ -144,7 +142,6 @@ def _features(g, plain, scaled):
     waves, slopes = (
         g("Gather", x, g.axes(*plain.waves), axis=1) for x in (waves, g("Mul", slopes, signs))
     )
-    inputs = np.arange(len(plain.inputs))
     chosen = (of[:, None] == inputs) & (inputs != plain.incidence)
     turned = np.tile(inputs == plain.incidence, (len(of), 1))
 

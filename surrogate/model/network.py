@@ -229,10 +229,8 @@ def _moment_factors(inputs, features):
 
 def _fitted_trends(inputs, z, outputs):
     """Trends by least squares: of each output, and of the moment in space all heads together."""
-    images, has_incidence = (
-        inputs.feature_mirror * z,
-        incidence_index(inputs.body_class) is not None,
-    )
+    images = inputs.feature_mirror * z
+    has_incidence = incidence_index(inputs.body_class) is not None
     features, mirrored = (np.asarray(_monomials(x)) for x in (z, images))
     trends = []
     for k, values in enumerate(outputs.T):

@@ -37,7 +37,7 @@ class NewtonSettings(NamedTuple):
 
 
 class NewtonInfo(NamedTuple):
-    """The outcome of a Newton solve; ``convolutions`` counts convolutions with G.
+    """The outcome of a Newton solve; ``convolutions`` is the number of those with G.
 
     ``residual`` is the preconditioned residual over the solution at the end; ``stalled`` is whether
     the last step did not lessen it, even halved to 1/16 (or it is not finite); x is then worse

@@ -147,7 +147,7 @@ def evaluation_cost(found: Evaluated, physics: Physics, batch: Batch) -> Evaluat
     Padding counts neither as failed nor as work.
 
     Args:
-      found: the evaluated batch; ``convolutions`` are the convolutions of each sample.
+      found: the evaluated batch; ``convolutions`` is the number of each sample.
       physics: the flow solver of the samples.
       batch: indices of the samples; the index ``physics.count`` is padding.
     """
