@@ -54,8 +54,9 @@ from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.forces import Conditions
 from surrogate.flow.loads import LOADS
+from surrogate.model.evaluation import network_loads
 from surrogate.model.store import load
-from surrogate.model.surrogate import Surrogate, network_loads
+from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import onset_of
 
 

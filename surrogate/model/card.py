@@ -2,6 +2,7 @@
 
 from surrogate.body.parameters import FORMULAS, PARAMETERS
 from surrogate.files import JsonObject
+from surrogate.model.outputs import SYMBOLS
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import describe_stream
 from surrogate.versions import package_version
@@ -13,7 +14,6 @@ METHODS = {
     "hig": "half-inverse gradients",
     "supervised": "supervised regression",
 }
-SYMBOLS = {"drag": "Cd", "lift": "Cl", "moment": "Cm"}
 
 
 def model_card(scene: Scene, record: JsonObject) -> str:

@@ -14,6 +14,9 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.model.inputs import Inputs
 
+SYMBOLS = {"drag": "Cd", "lift": "Cl", "moment": "Cm"}  # of the loads, by their names in records
+LOAD_NAMES = tuple(SYMBOLS)
+
 
 class OutputModel(eqx.Module):
     """A model of the outputs at scaled inputs: a network, or kriging."""

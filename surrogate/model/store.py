@@ -23,9 +23,11 @@ from surrogate.files import (
 from surrogate.flow.grid.discretise import traction_modes
 from surrogate.leaves import read_leaves, write_leaves
 from surrogate.model.card import model_card
+from surrogate.model.evaluation import network_loads
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import LoadNetwork, blank_network, head_count
-from surrogate.model.surrogate import LOAD_NAMES, Surrogate, network_loads
+from surrogate.model.outputs import LOAD_NAMES
+from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 

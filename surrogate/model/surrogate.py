@@ -5,22 +5,21 @@ import functools
 import math
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from surrogate.arrays import Bodies, Body, Number, Numbers
-from surrogate.body.validity import is_valid
 from surrogate.checks import check_batch, finite_number, real_numbers, shown, transformed
-from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
 from surrogate.flow.forces import Conditions, Forces, forces_of
-from surrogate.model.card import SYMBOLS, model_card
+from surrogate.model.card import model_card
 from surrogate.model.confidence import Novelty
+from surrogate.model.evaluation import loads_or_nan, network_loads, novelty_of_loads
 from surrogate.model.network import LoadNetwork
+from surrogate.model.outputs import LOAD_NAMES, SYMBOLS
 from surrogate.model.ranges import TrainedRanges
-from surrogate.scene.limits import REYNOLDS, ROUNDING, check_reynolds
+from surrogate.scene.limits import check_reynolds
 from surrogate.scene.samples import Samples, training_samples
 from surrogate.scene.scene import Scene
 from surrogate.summary import aligned
@@ -28,8 +27,6 @@ from surrogate.summary import aligned
 # Errors of single held-out bodies scatter: in trainings whose mean is within the flow's tolerance
 # they are up to 15 times the mean (RESULTS.md, training).
 LARGEST_ERROR = 10  # over the flow's tolerance, of a held-out body, that is not large
-ONE_BODY = "(parameters),()->"  # begins signatures for ``jnp.vectorize``
-LOAD_NAMES = tuple(SYMBOLS)  # as records call Cd, Cl and Cm
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -117,7 +114,7 @@ class Surrogate:
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
         if by_jax:
-            return _loads_or_nan(self.network, self.ranges, *at, bool(extrapolate))
+            return loads_or_nan(self.network, self.ranges, *at, bool(extrapolate))
         loads = network_loads(self.network, *at)
         known = np.asarray(loads)
         if not np.all((known[..., 0] > 0) & np.isfinite(known).all(axis=-1)):
@@ -174,7 +171,7 @@ class Surrogate:
         parameters = self.scene.family.array(parameters)
         parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
         scales = self.error_scales
-        novelty = _novelty_of_loads(self.novelty, parameters, reynolds)
+        novelty = novelty_of_loads(self.novelty, parameters, reynolds)
         return np.pad(scales, (0, len(LOAD_NAMES) - len(scales))) * np.asarray(novelty)
 
     def outside(self, parameters: Body, reynolds: Number) -> dict[str, float]:
@@ -293,39 +290,3 @@ class Surrogate:
                 "--extrapolate) answers all the same"
             )
         return parameters, reynolds
-
-
-@eqx.filter_jit
-def network_loads(
-    network: LoadNetwork, parameters: Float[Array, "*bodies parameters"], reynolds: Numbers
-) -> Float[Array, "*batch 3"]:
-    """Return Cd, Cl and Cm of bodies by a network, by one program for each shape of the batch."""
-    return _of_each_load(network.loads, parameters, reynolds)
-
-
-@compiled()
-def _novelty_of_loads(novelty, parameters, reynolds):
-    """Return the novelty of the loads of many bodies, by one program for each batch's shape."""
-    return _of_each_load(novelty, parameters, reynolds)
-
-
-@eqx.filter_jit
-def _loads_or_nan(network, ranges, parameters, reynolds, extrapolate):
-    """Return ``network_loads`` of traced bodies and Re; NaN where ``_checked`` would refuse."""
-    lowest, highest = REYNOLDS[ranges.scene.dimension]
-
-    def answered(body, re) -> Bool[Array, ""]:
-        valid = is_valid(ranges.scene.family.body_class, body)
-        valid &= (re >= lowest * (1 - ROUNDING)) & (re <= highest * (1 + ROUNDING))
-        return valid & (extrapolate | jnp.all(ranges.excess(body, re) == 0))
-
-    valid = jnp.vectorize(answered, signature=ONE_BODY + "()")(parameters, reynolds)
-    loads = network_loads(network, parameters, reynolds)
-    return loads * jnp.where(valid, 1.0, jnp.nan)[..., None]  # so is the gradient NaN
-
-
-def _of_each_load(function, parameters, reynolds):
-    """Apply a function of one body to many; a load of which it returns nothing is 0."""
-    known = jnp.vectorize(function, signature=ONE_BODY + "(loads)")(parameters, reynolds)
-    missing = len(LOAD_NAMES) - known.shape[-1]
-    return jnp.concatenate([known, jnp.zeros((*known.shape[:-1], missing))], axis=-1)

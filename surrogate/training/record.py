@@ -12,7 +12,8 @@ from surrogate.devices import Devices
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.model.confidence import Novelty, error_scales
-from surrogate.model.surrogate import LOAD_NAMES, Surrogate
+from surrogate.model.outputs import LOAD_NAMES
+from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene

@@ -8,7 +8,7 @@ import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, cases, columns
 
 from surrogate import Flow, Scene, load
-from surrogate.model.surrogate import LOAD_NAMES, SYMBOLS
+from surrogate.model.outputs import LOAD_NAMES, SYMBOLS
 from surrogate.scene.samples import Samples, held_out_samples
 from surrogate.training.history import load_errors
 

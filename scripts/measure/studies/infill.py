@@ -8,7 +8,7 @@ import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, cases, columns, values, words
 
 from surrogate import Scene, Surrogate, train
-from surrogate.model.surrogate import LOAD_NAMES
+from surrogate.model.outputs import LOAD_NAMES
 
 SCRIPTS = Path(__file__).parents[2]
 SYMMETRIC, LIFTING = "symmetric bodies, Re 1 to 40", "sections of lift.toml, 8 cells per D"
