@@ -1,5 +1,6 @@
 """Golden drags of the circular cylinder, and orders of convergence of the drag."""
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from surrogate import Fidelity, Flow, Scene, Tunnel, family_shape
 
 CYLINDER = family_shape({"aspect": 1.0})
+SMALL = Fidelity("small", 8, 2.5, 4, 4, 5, wake=0.0)
 
 # body-fitted finite elements, far field removed, uncertainty about 1e-4
 UNBOUNDED = {1.0: 10.335, 5.0: 3.930, 10.0: 2.754, 20.0: 1.999, 40.0: 1.497}
@@ -35,6 +37,27 @@ def test_golden_unbounded_cylinder(reynolds):
 def test_golden_tunnel_cylinder(height, reynolds):
     drag = solve(CYLINDER, reynolds, "draft", Tunnel(height)).drag
     assert drag == pytest.approx(TUNNEL[height, reynolds], rel=0.004)
+
+
+@pytest.mark.parametrize("reynolds", [0.001, 0.01])
+def test_golden_unbounded_cylinder_tends_to_kaplun(reynolds):
+    """By matched expansions (Kaplun 1957), whose next term is below 0.1 % here."""
+    inverse = 1 / (0.5 - np.euler_gamma - np.log(reynolds / 8))
+    drag = 8 * np.pi / reynolds * (inverse - 0.87 * inverse**3)
+    assert solve(CYLINDER, reynolds, SMALL).drag == pytest.approx(drag, rel=0.0015)
+
+
+def test_exact_drag_between_walls_is_inverse_to_re_in_stokes_flow():
+    scaled = [re * solve(CYLINDER, re, SMALL, Tunnel(3.0)).drag for re in (0.001, 0.01)]
+    assert scaled[0] == pytest.approx(scaled[1], rel=1e-5)
+
+
+def test_bodies_with_high_modes_have_enough_harmonics():
+    shape = family_shape({"aspect": 1.5, "beta7": 0.1})
+    few, many = (dataclasses.replace(SMALL, harmonics=harmonics) for harmonics in (5, 11))
+    found, exact = solve(shape, 20.0, few), solve(shape, 20.0, many)
+    assert [one.domain.modes.harmonics for one in (found, exact)] == [9, 11]
+    assert found.drag == pytest.approx(exact.drag, rel=0.002)  # by 5 it is 1 % off
 
 
 def test_golden_pressure_and_friction_drag_of_the_cylinder():

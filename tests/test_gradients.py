@@ -113,7 +113,7 @@ def driven(cylinder_domain):
     def drive(amplitude):
         velocity, info = steady.forced_flow(domain, operators, amplitude, settings=tight)
         state = steady.FlowState(velocity, amplitude)
-        return state, steady.slip_residual(domain, operators, state), info.converged
+        return state, steady.slip_residual(operators, state), info.converged
 
     state, _, converged = drive(0.9 * solved)
     assert bool(converged)
@@ -161,7 +161,7 @@ def test_load_weights_predict_the_newton_step(cylinder_domain, driven):
     def steps():
         weights, _ = slip_weights(drag, cylinder_domain, operators, state, TIGHT)
         moved, _ = steady.body_flow(cylinder_domain, operators, state, ONE_STEP)
-        return weights, moved.amplitude, steady.slip_residual(cylinder_domain, operators, state)
+        return weights, moved.amplitude, steady.slip_residual(operators, state)
 
     weights, moved, slip = steps()
     change = drag_coefficient(moved) - drag_coefficient(state.amplitude)

@@ -60,6 +60,12 @@ def test_pressure_and_friction_on_the_surface_add_up_to_lift_and_moment(solution
     assert moment == pytest.approx(solution.moment, abs=0.01 * drag)
 
 
+def test_stations_of_the_surface_are_along_the_chord(solution):
+    surface = solution.surface(64)
+    along = (1 - np.cos(2 * np.pi * np.arange(64) / 64)) / 2
+    np.testing.assert_allclose(surface.station, along, atol=1e-3)
+
+
 def test_a_circle_has_the_same_drag_at_any_incidence_and_no_lift_or_moment():
     few, many = (solve(incidence, 20.0, aspect=1.0, flow=DRAFT) for incidence in (25.0, 70.0))
     assert few.drag == pytest.approx(many.drag, rel=1e-5)

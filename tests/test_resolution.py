@@ -12,18 +12,46 @@ from surrogate import (
     Flow,
     InvalidInput,
     Scene,
+    Unbounded,
     contour_shape,
     family_shape,
     naca4,
     train,
 )
 from surrogate.body.nose import nose_of_contour, nose_of_ellipse
+from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.model.network import blank_network
 
 COARSE = Flow(Scene(fidelity=Fidelity("coarse", 6, 4, 8, 8)))
 THIN, THICK = [5.0, 0.3, 0.0, 0.0], [1.5, 0.0, 0.0, 0.0]
 TURNED = family_shape({"aspect": 2.0}, 1.0)
+ANGLE = 2 * np.pi * np.arange(400) / 400
+WAVES = (1 + 0.1 * np.cos(12 * ANGLE)) * np.stack([-np.cos(ANGLE), np.sin(ANGLE)])
 ROUND_CONTOUR = family_shape({"aspect": 1.0}).draw(400)
+
+
+@pytest.mark.parametrize(
+    ("shape", "mode"),
+    [
+        (family_shape({"aspect": 2.0}), 1),
+        (family_shape({"aspect": 2.0, "beta3": 0.1, "beta9": 0.0}), 3),
+        (family_shape({"aspect": 2.0, "beta8": 0.05, "incidence": 5.0}), 8),
+        (family_shape({"aspect": 2.0, "gamma6": 0.1}), 6),
+        (contour_shape(naca4("4412")), 3),
+        (contour_shape(WAVES.T), 13),
+    ],
+)
+def test_bodies_have_two_harmonics_more_than_their_highest_mode(shape, mode):
+    assert shape.highest_mode == mode
+    domain = fitted_domain(Unbounded(), FIDELITIES["standard"], shape, 20.0)
+    usual = 7 if shape.symmetric else 12
+    assert domain.modes.harmonics == (usual if mode + 2 <= usual else 16)
+
+
+def test_scenes_have_harmonics_for_the_modes_of_their_bodies():
+    usual, wavy = Family(aspect=(1, 3), beta4=(0, 0.1)), Family(aspect=(1, 3), beta10=(0, 0.05))
+    harmonics = [Flow(Scene(family=one)).domain.modes.harmonics for one in (usual, wavy)]
+    assert harmonics == [FIDELITIES["standard"].harmonics, 12]
 
 
 def narrow(cells: int) -> Flow:

@@ -115,6 +115,15 @@ class BodyClass(abc.ABC):
         """Wave numbers k of the camber's cosine modes cos kt."""
         return self._modes_of(Kind.CAMBER)
 
+    def highest_mode(self, values: Float[AnyArray, "parameters ..."]) -> int:
+        """Return the highest k of the sine and cosine modes that are not zero; 1 if all are.
+
+        Args:
+          values: of the parameters of one body, or of several along further axes.
+        """
+        given = zip(self.parameters, np.asarray(values), strict=True)
+        return max([1, *(p.mode for p, value in given if p.mode and np.any(value))])
+
     @property
     def symmetric(self) -> bool:
         """Whether all bodies of the class are symmetric about y = 0, in 3-D z = 0.

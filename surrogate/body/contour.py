@@ -15,6 +15,7 @@ from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 
 FINE = 4096  # points of the intermediate resampling: far more than markers
+LEAST_WAVE = 0.03  # of a contour's first harmonic: waves that take more harmonics of the traction
 LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which it is refused
 
 
@@ -148,6 +149,14 @@ def crosses_itself(points: Float[AnyArray, "points 2"]) -> bool:
 def _distinct(points):
     gaps = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
     return points[gaps > 1e-9 * max(np.ptp(points), 1e-300)]
+
+
+def highest_harmonic(contour: Float[np.ndarray, "nodes 2"]) -> int:
+    """Return the highest harmonic of a smoothed contour of more than 3 % of the first."""
+    waves = np.abs(np.fft.fft(contour[:, 0] + 1j * contour[:, 1]))
+    half = len(waves) // 2
+    size = np.maximum(waves[1:half], waves[:half:-1])  # both senses of rotation
+    return int(np.flatnonzero(size > LEAST_WAVE * size.max())[-1]) + 1
 
 
 def _by_length(points, count):

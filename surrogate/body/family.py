@@ -91,6 +91,11 @@ class Family:
         with jax.ensure_compile_time_eval():
             return float(self.body_class.length(longest))
 
+    @property
+    def highest_mode(self) -> int:
+        """Highest mode that is not zero in every body; 1 of ellipses."""
+        return self.body_class.highest_mode(self.bounds)
+
     def markers(
         self, parameters: Float[AnyArray, " parameters"], nodes: int | SkinNodes
     ) -> Float[AnyArray, "nodes 2"] | Skin:

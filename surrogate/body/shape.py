@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass, drawn_contour
-from surrogate.body.contour import contour_length, smooth_contour
+from surrogate.body.contour import contour_length, highest_harmonic, smooth_contour
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.nose import nose_of_contour
 from surrogate.body.registry import body_class
@@ -67,6 +67,11 @@ class Shape:
         """Radius of curvature in D that the thinnest boundary layer follows."""
         return nose_of_contour(self.draw(NOSE_NODES), self.chord)
 
+    @functools.cached_property
+    def highest_mode(self) -> int:
+        """Highest harmonic of the contour whose waves matter, of a family body its highest mode."""
+        return highest_harmonic(self.draw(NODES))
+
     @property
     def height(self) -> float:
         """Largest side in D, across the stream, of the box around the body as it lies."""
@@ -100,6 +105,11 @@ class FamilyShape(Shape):
         """
         symmetric = self.symmetric and self.body_class.symmetric
         return dataclasses.replace(self, symmetric=symmetric)
+
+    @functools.cached_property
+    def highest_mode(self) -> int:
+        """Highest mode that is not zero; 1 of an ellipse."""
+        return self.body_class.highest_mode(self.values)
 
     @property
     def values(self) -> Float[np.ndarray, " parameters"]:

@@ -34,8 +34,8 @@ def export(
 
     All files evaluate the loads and their exact derivatives in the inputs (parameters, then Re),
     and say whether the inputs are within the trained ranges (0), outside (1) or invalid (2). The
-    loads of invalid inputs are NaN; C leaves what was there. A body that is within the ranges by
-    another description alone (its mirror image, an incidence below 0) counts as outside here.
+    loads of invalid inputs are NaN; C leaves what was there. As in ``Surrogate``, a body is
+    within the ranges if any of its descriptions is, that of its mirror image for instance.
     Contours that cross themselves are not found out.
 
     Args:

@@ -273,4 +273,5 @@ class Solution:
         points = whole_number("surface points", points, 16, 8192)
         contour: AnyArray = self.shape.draw(points)
         flow = self.state.velocity, self._pressure
-        return surface_of(self.domain, *flow, contour, self.reynolds)
+        found = surface_of(self.domain, *flow, contour, self.reynolds)
+        return found._replace(incidence=self.shape.incidence)

@@ -163,7 +163,9 @@ class Scene:
         """The fidelity with a domain for the longest wake and cells for the thinnest layer."""
         reynolds, height = self.reynolds[1], max(self.extent[1:])
         nose = nose_of_ellipse(self.family.chord)
-        return self.fidelity.for_layers(reynolds, nose).for_wake(reynolds, height)
+        fidelity = self.fidelity.for_layers(reynolds, nose).for_wake(reynolds, height)
+        lifting = self.dimension == 2 and not self.family.body_class.symmetric
+        return fidelity.for_modes(self.family.highest_mode, lifting)
 
     def check_reynolds(self, reynolds: object) -> float:
         """Check that the scene covers a Reynolds number, and return it as a float.

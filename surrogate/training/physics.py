@@ -142,10 +142,8 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> Physi
     def prepare(sample):
         operators = restored(flow, sample)
         stored = operators if flow.domain.operators_are_small else sample
-        oseen, influence = (
-            compute(flow.domain, operators)
-            for compute in (steady.oseen_flow, steady.influence_matrix)
-        )
+        oseen = steady.oseen_flow(flow.domain, operators)
+        influence = steady.influence_matrix(operators)
         outputs = outputs_of(_loads(flow, sample[0], oseen.amplitude))
         return stored, (oseen.amplitude, outputs, influence)
 

@@ -121,7 +121,7 @@ def make_marcher(
     matrix = jax.vmap(body.slip)(impulse).T
     null = NULL_MODE_COMPLIANCE * jnp.trace(matrix) / box.modes.count
     null = null * jnp.outer(body.null_mode, body.null_mode)
-    inverse = jnp.linalg.inv(matrix + body.slip_law / box.step + null)
+    inverse = jnp.linalg.inv(matrix + body.compliance / box.step + null)
     return Marcher(jnp.asarray(markers), body, jnp.asarray(reynolds), impulse, inverse)
 
 

@@ -50,10 +50,11 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     """
     kind, extent = DOMAINS[shape.dimension], shape.extent
     fidelity = fidelity.for_body(reynolds, shape.height, shape.nose)
+    fidelity = fidelity.for_modes(shape.highest_mode, shape.dimension == 2 and not shape.symmetric)
     check_resolution(kind, fidelity, shape)
     extent = np.ceil(extent * ROUNDING) / ROUNDING
     check_stream(stream, fidelity, extent, kind.CLEARANCE)
-    return kind.around(stream, fidelity, extent, shape)
+    return kind.around(stream, fidelity, extent, shape, reynolds)
 
 
 def traction_modes(scene: Scene) -> Modes2D | Modes3D:

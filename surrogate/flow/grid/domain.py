@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.body.skin import SkinNodes
-from surrogate.flow.grid.immersed import Markers, Spreading
+from surrogate.flow.grid.immersed import Markers, Spreading, Wall
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.modes_3d import Modes3D
@@ -49,7 +49,8 @@ class Domain(abc.ABC):
       box: cells along each axis of the box around the body in which forces are spread.
       nodes: number of surface markers of a body.
       height: distance of the tunnel's walls in D; None for an unbounded stream.
-      slip_compliance: compliance that is added for every traction mode, for conditioning.
+      slip_compliance: compliance that is added for every traction mode, for conditioning, from
+        Re 1 on; see ``conditioned``.
     """
 
     lattice: Lattice
@@ -73,7 +74,12 @@ class Domain(abc.ABC):
     @classmethod
     @abc.abstractmethod
     def around(
-        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+        cls,
+        stream: Stream,
+        fidelity: Fidelity,
+        extent: np.ndarray,
+        shape: Shape,
+        reynolds: float,
     ) -> "Domain":
         """Discretise a stream around one body, in one of few boxes that hold it.
 
@@ -82,6 +88,7 @@ class Domain(abc.ABC):
           fidelity: cells per D, harmonics and size of the domain.
           extent: of the body along each axis, in D.
           shape: the body.
+          reynolds: U D / nu.
         """
 
     @classmethod
@@ -115,6 +122,16 @@ class Domain(abc.ABC):
     def half_extent(self) -> Float[np.ndarray, " axes"]:
         """The largest |x|, |y|, ... in D of a body that the box can hold."""
         return (np.array(self.box) / 2 - (SPLINE_CELLS - 1)) * self.lattice.step
+
+    def conditioned(self, wall: Wall, reynolds: Float[AnyArray, ""] | float) -> Wall:
+        """Return a wall with a slight compliance of every traction mode, for conditioning.
+
+        Velocities fall as Re below Re 1 where forces are given, over rho U^2 D, and so does it: the
+        share of the drag that it takes stays the same.
+        """
+        low = jnp.minimum(reynolds, 1.0)
+        slight = self.slip_compliance * low * (2 - low)  # smooth at Re 1
+        return wall._replace(compliance=wall.compliance + slight * jnp.eye(len(wall.values)))
 
     @property
     def operators_are_small(self) -> bool:

@@ -20,17 +20,18 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.oseen_2d import Kernel, oseen_kernel
 from surrogate.flow.grid.wall_2d import wall_2d
-from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.fidelity import LIFTING_HARMONICS, Fidelity
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream, Tunnel, domain_height
 
 FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far field's lattices
+# Least Re of an unbounded far field by its extent; below, lattices 8 times as coarse and large are
+# added. Convection is felt at distances of order 1 / Re: without them Cd of the cylinder is 0.8 %
+# too high at Re 0.001 (study ``low_reynolds``).
+FAR_REYNOLDS, FAR_STEP = 100.0, 8
 # Orders of the far field's momentum flux in the body's force. The third takes 2 convolutions, and 7
 # with lift, where it changes Cd half as much (study ``far_field``).
 FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
-# Of flows without a mirror plane (study ``lift``). Seven harmonics miss up to 9 % of Cd of the lift
-# of slender sections at Re 100.
-LIFTING_HARMONICS = 12 / 7
 # Of the modes of lifting bodies: a choice. Beyond, singular values on the edge of the box of known
 # responses are below 2 % of the largest, and flows take as many Krylov vectors as with all modes.
 FAR_COMBINATIONS = 8
@@ -58,16 +59,23 @@ class Domain2D(Domain):
     def of_scene(cls, scene: Scene) -> "Domain2D":
         """Discretise a scene on one grid that holds all of its bodies."""
         symmetric = scene.family.body_class.symmetric
-        return cls.make(scene.stream, scene.fidelity_for_bodies, scene.extent, symmetric)
+        at = scene.fidelity_for_bodies, scene.extent, symmetric
+        return cls.make(scene.stream, *at, reynolds=scene.reynolds[0])
 
     @classmethod
     def around(
-        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+        cls,
+        stream: Stream,
+        fidelity: Fidelity,
+        extent: np.ndarray,
+        shape: Shape,
+        reynolds: float,
     ) -> "Domain2D":
         """Discretise a stream around one body, in a square box of 4, 8, ... D that holds it."""
         doublings = math.ceil(max(math.log2(extent.max() / LEAST_EXTENT), 0.0))
         room = (LEAST_EXTENT * 2**doublings,) * 2
-        return cls.make(stream, fidelity, tuple(extent.tolist()), shape.symmetric, room)
+        at = tuple(extent.tolist()), shape.symmetric
+        return cls.make(stream, fidelity, *at, box_extent=room, reynolds=reynolds)
 
     @classmethod
     def modes_of(cls, names: tuple[str, ...], fidelity: Fidelity) -> Modes2D:
@@ -81,7 +89,9 @@ class Domain2D(Domain):
         fidelity: Fidelity,
         extent: tuple[float, float],
         symmetric: bool,
+        *,
         box_extent: tuple[float, float] | None = None,
+        reynolds: float = 1.0,
     ) -> "Domain2D":
         """Discretise a stream around bodies of at most ``extent`` (length, height) in D.
 
@@ -91,6 +101,7 @@ class Domain2D(Domain):
           extent: of the bodies in D, and of the box in which their forces are spread.
           symmetric: whether the bodies are symmetric about y = 0, so that half is solved.
           box_extent: a larger extent for the box, as far as the lattice goes.
+          reynolds: least U D / nu, for which the far field of an unbounded stream is large enough.
 
         Raises:
           InvalidInput: the box does not fit between the tunnel's walls.
@@ -112,11 +123,9 @@ class Domain2D(Domain):
             )
 
         lattice = grid(fidelity.upstream, fidelity.downstream, width, cells)
-        largest = FAR_LEVELS[0][1]
-        levels = FAR_LEVELS if height is None or height > largest else FAR_LEVELS[:1]
         far = tuple(
             grid(size // 3, size - size // 3, min(size, height or size), per_d)
-            for per_d, size in levels
+            for per_d, size in _far_levels(height, reynolds)
         )
         box = box_around(extent, cells)
         if box[1] > lattice.unfolded.shape[1]:
@@ -157,13 +166,24 @@ class Domain2D(Domain):
     ) -> Spreading:
         """Spread all traction modes from a body's contour to the grid; see ``wall_2d``."""
         wall = wall_2d(self.lattice, self.modes, markers, reynolds)
-        return spread_modes(self.lattice, self.box, wall)
+        return spread_modes(self.lattice, self.box, self.conditioned(wall, reynolds))
 
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]
     ) -> Float[Array, "rows axes ..."]:
         """Apply a function to all rows of mode amplitudes at once."""
         return jax.vmap(function)(amplitudes)
+
+
+def _far_levels(height, reynolds):
+    """Return cells per D and extents in D of the far field's lattices, for Re from ``reynolds``."""
+    if height is not None:
+        return FAR_LEVELS if height > FAR_LEVELS[0][1] else FAR_LEVELS[:1]
+    levels = list(FAR_LEVELS)
+    while levels[-1][1] * reynolds < FAR_REYNOLDS:
+        cells, extent = levels[-1]
+        levels.append((cells / FAR_STEP, FAR_STEP * extent))
+    return tuple(levels)
 
 
 def _modes(fidelity, symmetric):

@@ -57,7 +57,12 @@ class Domain3D(Domain):
 
     @classmethod
     def around(
-        cls, stream: Stream, fidelity: Fidelity, extent: np.ndarray, shape: Shape
+        cls,
+        stream: Stream,
+        fidelity: Fidelity,
+        extent: np.ndarray,
+        shape: Shape,
+        reynolds: float,
     ) -> "Domain3D":
         """Discretise the unbounded stream around one body, in a box of multiples of 0.5 D."""
         names = ["flatness"] if shape.parameters.get("flatness", 1.0) != 1 else []
@@ -121,7 +126,7 @@ class Domain3D(Domain):
     def spread_body(self, markers: Skin, reynolds: Float[AnyArray, ""] | float) -> Spreading:
         """Spread all traction modes from a body's skin to the grid; see ``wall_3d``."""
         wall = wall_3d(self.lattice, self.modes, markers, reynolds)
-        return spread_modes(self.lattice, self.box, wall)
+        return spread_modes(self.lattice, self.box, self.conditioned(wall, reynolds))
 
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]

@@ -29,7 +29,8 @@ class Wall(NamedTuple):
       values: traction of every mode at the markers.
       weights: quadrature weights of the markers.
       normal: outward area vectors per unit surface parameter.
-      slip_law: matrix L of the slip law, added to S G B; zero where there is none.
+      compliance: matrix added to S G B: L of the slip law, zero where there is none, and what is
+        added for conditioning.
       rings: (rings, markers a ring) of the part of the surface that is gridded (3-D); None where
         the markers are those of the whole contour (2-D).
     """
@@ -38,7 +39,7 @@ class Wall(NamedTuple):
     values: Float[AnyArray, "modes axes nodes"]
     weights: Float[AnyArray, " nodes"]
     normal: Float[AnyArray, "nodes axes"]
-    slip_law: Float[AnyArray, "#modes #modes"]
+    compliance: Float[AnyArray, "#modes #modes"]
     rings: tuple[int, int] | None = None
 
 
@@ -48,7 +49,7 @@ class Spreading(eqx.Module):
     Attributes:
       density: B, the force density of every mode on the faces of the box.
       null_mode: unit vector of the amplitudes of a uniform pressure, which moves no fluid.
-      slip_law: matrix L of the slip law, added to S G B.
+      compliance: of the wall, a matrix added to S G B.
       corner: index of the box's first cell along each axis.
       shape: cells of the whole lattice.
       volume: cell volume, its mirror images included.
@@ -56,7 +57,7 @@ class Spreading(eqx.Module):
 
     density: Float[AnyArray, "modes axes ..."]
     null_mode: Float[AnyArray, " modes"]
-    slip_law: Float[AnyArray, "#modes #modes"]
+    compliance: Float[AnyArray, "#modes #modes"]
     corner: tuple[int, ...] = eqx.field(static=True)
     shape: tuple[int, ...] = eqx.field(static=True)
     volume: float = eqx.field(static=True)
@@ -95,7 +96,7 @@ def spread_modes(lattice: Lattice, box: tuple[int, ...], wall: Wall) -> Spreadin
     return Spreading(
         density,
         null_mode / jnp.linalg.norm(null_mode),
-        wall.slip_law,
+        wall.compliance,
         corner,
         lattice.shape,
         lattice.cell_volume,

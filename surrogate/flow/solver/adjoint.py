@@ -99,7 +99,7 @@ def load_gradients(
     def with_body(markers, reynolds):
         body = domain.spread_body(markers, reynolds)
         moved = eqx.tree_at(lambda o: o.body, operators, body)
-        return momentum_source(domain, moved, state), slip_residual(domain, moved, state)
+        return momentum_source(domain, moved, state), slip_residual(moved, state)
 
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, max(one.max_vectors for one in efforts))
@@ -238,7 +238,7 @@ def transposed_jacobian(
 
     def without_green(x):
         others = without_far_field(domain, operators, x)
-        return FlowState(others, slip_residual(domain, operators, x))
+        return FlowState(others, slip_residual(operators, x))
 
     def transpose(function):
         return jax.linear_transpose(jax.linearize(function, state)[1], state)

@@ -131,37 +131,31 @@ def without_far_field(
     return state.velocity - far_velocity(operators.far, domain.forces(state.amplitude), powers)
 
 
-def slip_residual(
-    domain: Domain, operators: Operators, state: FlowState
-) -> Float[AnyArray, " modes"]:
+def slip_residual(operators: Operators, state: FlowState) -> Float[AnyArray, " modes"]:
     """Return S (e_x + u') + C a, the residual of equation (3)."""
     velocity, amplitude = state
     slip = operators.body.slip(velocity) + operators.body.slip_of_stream()
-    return slip + wall_compliance(domain, operators) @ amplitude
+    return slip + wall_compliance(operators) @ amplitude
 
 
 def residual(domain: Domain, operators: Operators, state: FlowState) -> FlowState:
     """Return the residuals of equations (2) and (3) of body flow."""
-    return FlowState(
-        flow_residual(domain, operators, state), slip_residual(domain, operators, state)
-    )
+    return FlowState(flow_residual(domain, operators, state), slip_residual(operators, state))
 
 
-def wall_compliance(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
+def wall_compliance(operators: Operators) -> Float[AnyArray, "modes modes"]:
     """Return C, the compliance added to S G B.
 
-    It is the wall's slip law, a slight compliance of every mode for conditioning, and a larger one
-    of the constant-pressure null mode, which moves no fluid and would take any value without it.
+    It is that of the wall, and a larger one of the constant-pressure null mode, which moves no
+    fluid and would take any value without it.
     """
     null_mode = operators.body.null_mode
-    slight = domain.slip_compliance * jnp.eye(null_mode.size, dtype=null_mode.dtype)
-    larger = NULL_MODE_COMPLIANCE * jnp.outer(null_mode, null_mode)
-    return slight + larger + operators.body.slip_law
+    return operators.body.compliance + NULL_MODE_COMPLIANCE * jnp.outer(null_mode, null_mode)
 
 
-def influence_matrix(domain: Domain, operators: Operators) -> Float[AnyArray, "modes modes"]:
+def influence_matrix(operators: Operators) -> Float[AnyArray, "modes modes"]:
     """Return S G B + C, the slip that each traction mode causes in the Oseen flow."""
-    return operators.response.slips(operators.body) + wall_compliance(domain, operators)
+    return operators.response.slips(operators.body) + wall_compliance(operators)
 
 
 def oseen_velocity(
@@ -258,5 +252,5 @@ def eliminate(domain: Domain, operators: Operators) -> Elimination:
     Derivatives do not pass through it.
     """
     operators = jax.lax.stop_gradient(operators)
-    inverse = by_lapack(jnp.linalg.inv)(influence_matrix(domain, operators))
+    inverse = by_lapack(jnp.linalg.inv)(influence_matrix(operators))
     return Elimination(inverse, operators.response, operators.body)

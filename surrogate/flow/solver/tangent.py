@@ -39,7 +39,7 @@ def slip_adjoint(
 
     pulled = jax.vjp(operators.body.slip, state.velocity)[1](weights)[0]
     result = gmres(lambda z: adjoint(z).velocity, pulled, *effort)
-    gradient = wall_compliance(domain, operators).T @ weights - adjoint(result.x).amplitude
+    gradient = wall_compliance(operators).T @ weights - adjoint(result.x).amplitude
     return gradient.astype(float), Work(result.steps + 1, result.converged)
 
 
@@ -70,7 +70,7 @@ def slip_jacobian(
     columns, steps, converged = jax.lax.map(
         column, jnp.eye(state.amplitude.size, dtype=state.amplitude.dtype)
     )
-    matrix = (columns.T + wall_compliance(domain, operators)).astype(float)
+    matrix = (columns.T + wall_compliance(operators)).astype(float)
     return matrix, Work(jnp.sum(steps), jnp.all(converged))
 
 

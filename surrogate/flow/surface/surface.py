@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.incidence import rotate
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.flow.grid.wall_2d import outward
 from surrogate.flow.surface.forces_2d import friction_coefficient
@@ -18,12 +19,14 @@ SURFACE_POINTS = 400
 class Surface(NamedTuple):
     """The pressure and friction coefficients along a clockwise contour from the nose.
 
-    Cp is zero far upstream; Cf is positive where the friction points along the contour.
+    Cp is zero far upstream; Cf is positive where the friction points along the contour. The markers
+    are those of the body as it lies, at ``incidence`` in degrees, nose up.
     """
 
     markers: Float[AnyArray, "nodes 2"]
     cp: Float[AnyArray, " nodes"]
     cf: Float[AnyArray, " nodes"]
+    incidence: float = 0.0
 
     @property
     def pressure_drag(self) -> float:
@@ -33,8 +36,8 @@ class Surface(NamedTuple):
 
     @property
     def station(self) -> Float[AnyArray, " nodes"]:
-        """The x / c of the nodes: 0 at the nose, 1 at the tail."""
-        x = self.markers[:, 0]
+        """The x / c of the nodes along the chord: 0 at the nose, 1 at the tail."""
+        x = rotate(np.asarray(self.markers), -self.incidence)[:, 0]
         return (x - x.min()) / np.ptp(x)
 
 

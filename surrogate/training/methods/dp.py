@@ -171,7 +171,7 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
         start = sample.start(operators, velocity)
         velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)
         state = FlowState(velocity, traction)
-        slip = steady.slip_residual(domain, operators, state)
+        slip = steady.slip_residual(operators, state)
         weights, work = slip_weights(drag, domain, operators, state, ADJOINT)
         scale = self.goal / jnp.abs(drag_coefficient(sample.oseen))
         residual = scale * (weights @ slip)

@@ -220,7 +220,7 @@ def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[Forced
     start = sample.start(operators, velocity)
     velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)
     state = FlowState(velocity, traction)
-    slip = steady.slip_residual(domain, operators, state)
+    slip = steady.slip_residual(operators, state)
     matrix, work = slip_jacobian(domain, operators, state, TANGENT)
     valid = info.converged & work.converged
     convolutions = info.convolutions + work.convolutions + sample.renewal
