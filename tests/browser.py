@@ -23,7 +23,7 @@ DRIVER = """
 <script>
 (() => {
   const find = (id) => document.getElementById(id);
-  const bars = [...document.querySelectorAll("input")];
+  const bars = [...document.querySelectorAll("input[type=range]")];
   const of = (read) => Object.fromEntries(bars.map((bar) => [bar.id, read(bar)]));
   const look = () => ({
     drag: find("cd").textContent,
@@ -34,12 +34,12 @@ DRIVER = """
     force: find("force").getAttribute("d"),
     best: find("best-glide").textContent,
     curves: ["cl-curve", "glide-curve"].map((id) => find(id).innerHTML),
-    warned: !find("warning").hidden,
+    warned: getComputedStyle(find("warning")).visibility === "visible",
     download: !find("download").disabled,
     shape: find("shape").getAttribute("d"),
     values: of((bar) => Number(bar.value)),
     spoken: of((bar) => bar.getAttribute("aria-valuetext")),
-    shown: of((bar) => find(`${bar.id}-value`).textContent),
+    shown: of((bar) => find(`${bar.id}-value`).value),
   });
   async function settled() {
     for (let before = ""; before !== JSON.stringify(look()); ) {
@@ -51,6 +51,10 @@ DRIVER = """
   const acts = {
     click: (id) => find(id).click(),
     press: (id, key) => find(id).dispatchEvent(new KeyboardEvent("keydown", { key })),
+    type: (id, text) => {
+      find(`${id}-value`).value = text;
+      find(`${id}-value`).dispatchEvent(new Event("change"));
+    },
     set: (id, value) => {
       find(id).value = value;
       find(id).dispatchEvent(new Event("input"));

@@ -137,6 +137,8 @@ def visited(name):
         "round": [("click", "round")],
         "stepped": [("press", "reynolds", "PageDown"), ("press", "aspect", "ArrowRight")],
         "ended": [("press", "reynolds", "End"), ("press", "aspect", "Home")],
+        "typed": [("type", "aspect", "2,75"), ("type", "reynolds", "9e9")],
+        "nonsense": [("type", "aspect", "long"), ("type", "reynolds", "-1")],
     }
     return browser.visit(page(surrogate_of(name)), scenes, expression(name))
 

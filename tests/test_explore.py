@@ -141,8 +141,10 @@ def test_page_with_lift_says_so():
     for words in ("Camber, highest in the middle, \N{GREEK SMALL LETTER GAMMA}2", "nose up"):
         assert words in text
     record = RECORD | {"lift_error_mean": 0.002, "moment_error_mean": 0.003}
+    record |= {"lift_error_max": 0.01, "moment_error_max": 0.02}
     known = dataclasses.replace(surrogate_of("with lift"), record=record)
-    assert "Lift is off by 0.20 % and the moment by 0.30 % of the drag on average." in page(known)
+    assert "Lift is off by 0.20 % of the drag (1.00 % at worst)" in page(known)
+    assert "the moment by 0.30 % of the drag (2.00 % at worst)" in page(known)
 
 
 def test_page_is_written_whole(tmp_path):

@@ -215,5 +215,5 @@ def test_help_tells_the_familys_formula_and_what_its_parameters_do(capsys):
     printed = capsys.readouterr().out
     assert "beta3 sin 3t" in printed
     assert Path(printed.split("words and symbols: ")[1].strip()).is_file()
-    for phrase in ("fuller fore or aft", "blunt or pointed ends", "fuller nose and finer tail"):
+    for phrase in ("fuller aft (-) or fore (+)", "blunt (+) ends", "finer tail (+)"):
         assert phrase in printed

@@ -93,8 +93,12 @@ def _camber_mode(k, effect):
     return Parameter(f"gamma{k}", -2.0, 2.0, 0.0, effect.lower(), label, Kind.CAMBER, k)
 
 
-EFFECTS = {2: "Fuller fore or aft", 3: "Blunt or pointed ends", 4: "Fuller nose and finer tail"}
-CAMBERS = {2: "Camber, highest in the middle", 3: "Camber fore or aft, or reflexed"}
+EFFECTS = {  # of negative and of positive values
+    2: "Fuller aft (-) or fore (+)",
+    3: "Pointed (-) or blunt (+) ends",
+    4: "Fuller nose, finer tail (+)",
+}
+CAMBERS = {2: "Camber, highest in the middle", 3: "Camber aft (-), fore and reflexed (+)"}
 RATIOS = (  # limits: what the flow solver is tested for
     Parameter(
         "aspect", 0.1, 20.0, 1.0, "length / thickness", "Aspect, length to thickness", Kind.RATIO

@@ -18,10 +18,11 @@ function drawBody(body, [{ gradient }], valid) {
 // The force as an arrow from the centroid, and its two parts, drag to the right and lift upwards.
 const FORCE = 1.0; // length in D of the reference body's drag, less where the frame is too small
 function drawForce([drag, lift], reference, valid) {
-  const { y: top, width, height, x: left } = element("shape").ownerSVGElement.viewBox.baseVal;
+  const { y: top, width, x: left } = element("shape").ownerSVGElement.viewBox.baseVal;
   const room = [(0.92 * (left + width)) / drag.value, (-0.92 * top) / Math.abs(lift.value)];
   const scale = Math.min(FORCE / reference, ...room);
-  const [x, y] = [scale * drag.value, scale * lift.value];
+  const upward = model.dimension === 3 ? Math.cos(PITCH) : 1; // as much as the body's height
+  const [x, y] = [scale * drag.value, scale * upward * lift.value];
   element("force").setAttribute("d", valid ? arrow(x, y) : "");
   element("parts").setAttribute("d", valid ? `M0 0H${x.toFixed(4)}V${(-y).toFixed(4)}` : "");
 }
@@ -33,12 +34,12 @@ function arrow(x, y) {
   return `M0 0L${tip}M${barbs[0]}L${tip}L${barbs[1]}`;
 }
 
-// 3-D bodies are seen from the side, slightly from ahead and above.
-const [YAW, PITCH] = [0.45, 0.35];
+// 3-D bodies are seen from the side, slightly from above, so that the stream is level.
+const PITCH = 0.35;
 const [RIGHT, UP, AWAY] = [
-  [Math.cos(YAW), -Math.sin(YAW), 0],
-  [Math.sin(YAW) * Math.sin(PITCH), Math.cos(YAW) * Math.sin(PITCH), Math.cos(PITCH)],
-  [-Math.sin(YAW) * Math.cos(PITCH), -Math.cos(YAW) * Math.cos(PITCH), Math.sin(PITCH)],
+  [1, 0, 0],
+  [0, Math.sin(PITCH), Math.cos(PITCH)],
+  [0, -Math.cos(PITCH), Math.sin(PITCH)],
 ];
 const along = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const seen = (point) => [along(point, RIGHT), along(point, UP)];

@@ -124,15 +124,19 @@ def _lead(surrogate: Surrogate) -> str:
     """The page's first lines: measured errors, and the reference body if it is unusual."""
     recorded, name = surrogate.recorded, reference_name(surrogate.scene.family)
     text = (
-        "Every number comes from a trained network that runs in this page: "
+        "Every number comes from a trained network that runs in this page: the drag is "
         f"{100 * recorded('drag_error_mean'):.2f} % off on average, "
         f"{100 * recorded('drag_error_max'):.2f} % at worst, on {surrogate.unseen} unseen "
         "bodies."
     )
-    errors = [surrogate.record.get(f"{load}_error_mean") for load in ("lift", "moment")]
-    if None not in errors and not surrogate.scene.family.body_class.symmetric:
-        lift, moment = (f"{100 * error:.2f} %" for error in errors)
-        text += f" Lift is off by {lift} and the moment by {moment} of the drag on average."
+    if "moment_error_max" in surrogate.record:
+        lift, moment = (
+            f"{100 * recorded(f'{load}_error_mean'):.2f} % of the drag "
+            f"({100 * recorded(f'{load}_error_max'):.2f} % at worst)"
+            for load in ("lift", "moment")
+        )
+        text += f" Lift is off by {lift}, the moment by {moment}, so that small ones are off by"
+        text += " more of themselves."
     if name != (usual := surrogate.scene.family.round_body):
         text += f" Its family has no {usual}: bodies are compared with the {name}."
     return text
@@ -180,7 +184,8 @@ def _slider(name: str, label: str, low: float, high: float, start: float, log: b
     return (
         f'<div class="slider"><label for="{name}">{label}</label>'
         f'<small id="{name}-way" class="way"></small>'
-        f'<output id="{name}-value" for="{name}"></output>'
+        f'<input type="text" class="value" id="{name}-value" inputmode="decimal" '
+        f'autocomplete="off" aria-label="{label}, value">'
         f'<small>{_number(shown(low))}</small><input type="range" id="{name}" '
         f'min="{float(low)!r}" max="{float(high)!r}" step="any" value="{float(start)!r}">'
         f"<small>{_number(shown(high))}</small></div>"

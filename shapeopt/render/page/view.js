@@ -16,7 +16,7 @@ function update() {
   const [found, loads] = [model.outputs(body, re), model.loads(body, re)];
   const [{ value: cd }] = loads;
   const [{ value: reference }] = model.loads(model.reference, re);
-  tell(element("reynolds"), String(Number(re.toPrecision(3))));
+  tell(element("reynolds"), String(Number(re.toPrecision(4))));
   sliders.forEach((slider, k) => {
     tell(slider, slider.id === "incidence" ? `${fixed(body[k], 2)}\u00b0` : minus(body[k].toFixed(3)));
     element(`${slider.id}-way`).textContent = valid ? way(found[0], k, body[k]) : "";
@@ -25,7 +25,6 @@ function update() {
   element("cd").textContent = valid ? significant(cd) : "\u2013";
   element("reference-cd").textContent = significant(reference);
   element("difference").textContent = valid ? `${signed(100 * (cd / reference - 1), 1)} %` : "\u2013";
-  element("warning").hidden = valid;
   element("download").disabled = !valid;
   drawBody(body, found, valid);
   drawCurve(body, re, valid);
@@ -36,17 +35,32 @@ function update() {
 function showLift(body, re, loads, valid) {
   const [drag, lift, moment] = loads.map(({ value }) => value);
   const numbers = { cl: lift, cm: moment, ratio: lift / drag };
+  // Errors of Cl and Cm are of the size of Cd's: no more decimals than its four digits have.
+  const decimals = Math.min(Math.max(3 - Math.floor(Math.log10(drag)), 0), 4);
   for (const [id, value] of Object.entries(numbers)) {
-    element(id).textContent = valid ? fixed(value, 4) : "\u2013";
+    element(id).textContent = valid ? fixed(value, id === "ratio" ? 3 : decimals) : "\u2013";
   }
   drawForce(loads, model.loads(model.reference, re)[0].value, valid);
   drawLift(body, re, valid);
 }
 
-// Set a slider's value as text, for screen readers too: Re, not its logarithm.
+// Show a slider's value in its field and to screen readers: Re, not its logarithm.
 function tell(slider, text) {
-  element(`${slider.id}-value`).textContent = text;
+  const field = element(`${slider.id}-value`);
+  if (field !== document.activeElement) field.value = text;
   slider.setAttribute("aria-valuetext", text);
+}
+
+// Set a slider to a number that was typed, or to the nearer end; what is no number is put back.
+function type(slider) {
+  const field = element(`${slider.id}-value`);
+  const text = field.value.replace("\u2212", "-").replace(",", ".").replace("\u00b0", "").trim();
+  const number = slider.id === "reynolds" ? Math.log(Number(text)) : Number(text);
+  if (text && !Number.isNaN(number)) {
+    slider.value = Math.min(Math.max(number, Number(slider.min)), Number(slider.max));
+  }
+  moves++;
+  update();
 }
 
 // The direction of a slider that lowers drag, and the change for a tenth of its range (first order).
@@ -76,8 +90,10 @@ function moveTo(target) {
 
 function download() {
   const rows = model.outline(parameters(), 400).map(([x, y]) => `${x.toFixed(9)},${y.toFixed(9)}`);
+  const named = data.names.map((name, k) => `${name} ${parameters()[k].toPrecision(9)}`);
+  if (data.names.includes("incidence")) named.push("the points are at incidence 0");
   const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob(["x,y\n", rows.join("\n"), "\n"], { type: "text/csv" }));
+  link.href = URL.createObjectURL(new Blob([`# ${named.join(", ")}\n`, "x,y\n", rows.join("\n"), "\n"], { type: "text/csv" }));
   link.download = "contour.csv";
   link.click();
   URL.revokeObjectURL(link.href);
@@ -98,6 +114,8 @@ function press(event) {
 }
 
 [...sliders, element("reynolds")].forEach((slider) => {
+  const field = element(`${slider.id}-value`);
+  field.addEventListener("change", () => (field.blur(), type(slider)));
   slider.addEventListener("keydown", press);
   slider.addEventListener("input", () => {
     moves++;
