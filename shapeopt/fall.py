@@ -45,7 +45,7 @@ SAMPLES = 400  # in time, that a fall is reported at
 SLOWEST = 1e-30  # Re, for which a body at rest is taken
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Fall:
     """The motion of a body that falls or rises, in SI units, from rest at the origin.
 

@@ -27,7 +27,7 @@ from surrogate.flow.surface.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
-from surrogate.training.record import command_line
+from surrogate.versions import command_line
 
 RECORD = "run.json"
 LONGEST_RECORD = 1 << 24  # bytes

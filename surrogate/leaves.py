@@ -32,7 +32,7 @@ def read_header(path: Path, what: str) -> Any:
         with path.open("rb") as file:
             return json.loads(file.readline(LONGEST_HEADER))
     except (OSError, ValueError, RecursionError):
-        raise InvalidInput(f"{what} {path}: damaged") from None
+        raise InvalidInput(f"{what} {path}: damaged; remove it") from None
 
 
 def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:

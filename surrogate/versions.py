@@ -1,6 +1,8 @@
-"""Versions of the packages that a result was made with."""
+"""Versions of the packages, and the command, that a result was made with."""
 
 import importlib.metadata
+import sys
+from pathlib import Path
 
 PACKAGES = ("jax", "jaxlib", "jax-cfd", "numpy")
 
@@ -14,3 +16,10 @@ def versions() -> dict[str, str]:
 def package_version() -> str:
     """Return the version of this package."""
     return importlib.metadata.version("drag-surrogates")
+
+
+def command_line() -> str:
+    """Return the command that is running, as stored with its result."""
+    program = Path(sys.argv[0])
+    name = f"scripts/{program.name}" if program.parent.name == "scripts" else sys.argv[0]
+    return " ".join([f"python {name}" if program.suffix == ".py" else program.name, *sys.argv[1:]])

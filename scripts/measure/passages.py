@@ -45,8 +45,8 @@ def payoff(result: Callable[[str], Result]) -> str:
     """Return the table of strategies, with the errors of rivals that are fitted to flows."""
     form = (
         "Means over {count} designs, each a local optimum of the flow; trainings on "
-        "{bodies} bodies unless said; in brackets 95 % intervals. By wall clock `hig` pays against "
-        "`direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to as many "
+        "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
+        "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to as many "
         "flows, kriging errs by {off[gradient-enhanced kriging]} on average with gradients, by "
         "{off[kriging]} without, a polynomial by {off[polynomial]}; as published SIP errs by "
         "{off[sip, as published]:.3%}, HIG by {off[hig, as published]:.3%}, DP by "

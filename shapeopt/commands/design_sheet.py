@@ -1,7 +1,7 @@
 """Draw the optimal bodies over Reynolds number and maximum length, or over lift.
 
 python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out sheet.png
-python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts 0:0.6:7 \
+python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts 0:0.6:7 \\
     --until flow --out over_lift.png
 
 They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate:
@@ -130,7 +130,7 @@ def _line(row: JsonObject, on_flow: bool) -> str:
         lift, glide = (round(row[name], 4) + 0.0 for name in ("cl", "glide"))  # no minus zero
         parts.append(f"Cl {lift:.4f}  Cl/Cd {glide:.4f}")
     elif row["excess"] is not None:
-        parts.append(f"{row['excess']:+.2%}")
+        parts.append(f"{round(row['excess'], 4) + 0.0:+.2%}")  # no minus zero
     if on_flow:
         parts.append(f"{row['flows']} flows, KKT residual {row['kkt_residual']:.0e}")
     return "  ".join(parts)

@@ -4,14 +4,14 @@ python scripts/optimize_shape.py --surrogate pretrained --reynolds 40 --out out/
 python scripts/optimize_shape.py --surrogate none --scene tunnel.toml --reynolds 40 --out out/flow
 python scripts/optimize_shape.py --reynolds 40 --until flow --memory flows.json --out out/exact
 python scripts/optimize_shape.py --reynolds 1,10,40 --weights 1,2,1 --until flow --out out/several
-python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --reynolds 40 \
+python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --reynolds 40 \\
     --max-thickness 0.5 --out out/flat
 python scripts/optimize_shape.py --reynolds 20 --spread 0.3 --cvar 0.9 --out out/robust
-python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --objective glide \
+python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --objective glide \\
     --out out/glider
-python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.3 \
+python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.3 \\
     --max-moment 0.1 --out out/vane
-python scripts/optimize_shape.py --surrogate pretrained:particle --objective settling \
+python scripts/optimize_shape.py --surrogate pretrained:particle --objective settling \\
     --archimedes 1000 --range incidence=45:45 --until flow --out out/fast
 
 The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at

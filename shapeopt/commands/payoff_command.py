@@ -9,14 +9,10 @@ hig, half-inverse gradients; supervised, regression on solved flows.
 """
 
 import argparse
-import functools
 import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
-
-import jax
-import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
@@ -40,19 +36,17 @@ from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_target, strict_json, whole_file
 from surrogate.flow.flow import Flow
-from surrogate.flow.streams import forget_operators
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import print_message, progress_bar
 from surrogate.repeats import differences, refusal
 from surrogate.scene.scene import Scene
 from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
-from surrogate.training.record import command_line
 from surrogate.training.train import train_all
+from surrogate.versions import command_line
 
 RECORD, PICTURES = "payoff.json", ("payoff.png", "shapes.png")
 PLAIN = {"quick": 2, "full": 5}  # design problems without constraints, over the range of Re
 QUERIES = {"quick": 5, "full": 50}  # design problems in all
-SAMPLE = 8  # flows from which the direct cost of the robust design is extrapolated
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -167,27 +161,10 @@ def _own_names(arguments: argparse.Namespace) -> list[str]:
 
 
 def _robust(surrogate: Surrogate) -> JsonObject:
-    """Cost of a robust design by the surrogate, and by the flow, extrapolated from few flows."""
-    scene, flow = surrogate.scene, Flow(surrogate.scene)
-    objective = robust_objective(scene)
-    design, middle = optimise(Problem(scene, objective), surrogate), objective.reynolds
-    numbers = np.geomspace(*np.clip([0.75 * middle, 1.25 * middle], *scene.reynolds), SAMPLE)
-    solve = functools.partial(
-        flow.loads_and_gradients, design.parameters, allow_unsteady=True, partial=True
-    )
-    jax.block_until_ready(solve(numbers[0]))
-    forget_operators()
-    start = time.perf_counter()
-    flows = jax.block_until_ready([solve(re) for re in numbers])
-    seconds = (time.perf_counter() - start) / SAMPLE
-    work = float(np.mean([int(found.green_applications) for found in flows]))
-    return {
-        "calls": design.calls,
-        "seconds": design.seconds,
-        "sampled_flows": SAMPLE,
-        "direct_seconds_extrapolated": seconds * design.calls,
-        "direct_green_extrapolated": work * design.calls,
-    }
+    """Cost of a robust design by the surrogate alone."""
+    objective = robust_objective(surrogate.scene)
+    design = optimise(Problem(surrogate.scene, objective), surrogate)
+    return {"calls": design.calls, "seconds": design.seconds}
 
 
 def _pictures(

@@ -81,9 +81,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     }
     if len(incidences) > 1:
         result["parameters"].pop(INCIDENCE.name, None)  # in each row
-    return emit(
-        result, arguments.json, "\n".join([reference_line(results[0]), *map(_line, results)])
-    )
+    lifting = any(row["cl"] or row["cm"] or row["incidence"] for row in results)
+    lines = [reference_line(results[0]), *(_line(row, lifting) for row in results)]
+    if any(row["cd_error_bound"] is not None for row in results):
+        lines.append(f"+-: bounds for {100 * surrogate.bound_coverage:.0f} % of bodies")
+    return emit(result, arguments.json, "\n".join(lines))
 
 
 def _named(arguments: argparse.Namespace, incidence: float) -> dict[str, float]:
@@ -199,16 +201,16 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
     }
 
 
-def _line(r: JsonObject) -> str:
-    turned = f"incidence {r['incidence']:<5g} " if r["incidence"] else ""
-    lifts, known = r["cl"] or r["cm"], r["cd_error_bound"] is not None
+def _line(r: JsonObject, lifts: bool) -> str:
+    """Return a row as text, with incidence, Cl and Cm if any row has them."""
+    turned = f"incidence {r['incidence']:<5g} " if lifts else ""
+    known = r["cd_error_bound"] is not None
     bounds = {load: f" +- {r[f'{load}_error_bound']:.2g}" if known else "" for load in LOADS}
     if known:
         bounds["cd"] = f" +- {100 * r['cd_error_bound']:.2g} %"
     loads = [load for load in LOADS if lifts or load == "cd"]
     words = (f"{load.capitalize()} {r[load]:.4f}{bounds[load]}" for load in loads)
     line = f"{turned}Re {r['reynolds']:<8g} {'  '.join(words)}"
-    line += "  (for 95 % of bodies)" if known else ""
     if "cd_flow" in r:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""

@@ -76,7 +76,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     work, seconds = ("" if f is None else f" (forecast {f:.0f})" for f in forecasts)
     text = (
         f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
-        f"{100 * result['drag_error_max']:.2f} % on {plan.held_out} unseen bodies after "
+        f"{100 * result['drag_error_max']:.2f} % on {surrogate.unseen} unseen bodies after "
         f"{result['green_applications']} convolutions{work}, "
         f"{record['setup_s'] + result['train_s']:.1f} s{seconds} and "
         f"{record.get('compile_s', 0.0):.1f} s of compiling -> {out}"

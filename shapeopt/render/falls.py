@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from shapeopt.fall import Fall
-from shapeopt.render.figures import INK, OPTIMUM, START, STYLE, plt, save_figure
+from shapeopt.render.figures import OPTIMUM, START, STYLE, plt, save_figure
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.incidence import rotate
@@ -47,19 +47,20 @@ def plot_fall(
             centre = np.array([found.x[k], found.z[k]])
             plane.fill(*(1e3 * (turned + centre)).T, color=OPTIMUM, alpha=0.8, lw=0)
         plane.set(xlabel="x, mm", ylabel="z, mm", aspect="equal")
-        room = max(np.ptp(found.x), np.ptp(found.z) / STEEPEST, 2 * size)
+        longest = np.linalg.norm(outline, axis=1).max()
+        room = max(np.ptp(found.x) + 2 * longest, np.ptp(found.z) / STEEPEST)
         middle = (found.x.max() + found.x.min()) / 2
-        plane.set_xlim(*(1e3 * (middle + side * 0.6 * room) for side in (-1, 1)))
+        plane.set_xlim(*(1e3 * (middle + side * 0.55 * room) for side in (-1, 1)))
         for row, values, label in (
             (0, found.reynolds, "Reynolds number"),
-            (1, np.unwrap(found.incidence, period=360), "incidence, degrees"),
+            (1, np.unwrap(found.incidence, period=360), "incidence to the velocity, degrees"),
         ):
             axis = figure.add_subplot(grid[row, 1])
             axis.plot(found.time, values, color=OPTIMUM, lw=1.8)
-            axis.axhline(0, color=INK, lw=0.6)
             axis.set(xlabel="time, s", ylabel=label)
         ratio, millimetres = particle.density_ratio, 1e3 * particle.size
-        title = f"Fall of a body of {millimetres:.3g} mm, density ratio {ratio:g}"
+        motion = "Fall" if found.z[-1] < found.z[0] else "Rise"
+        title = f"{motion} of a body of {millimetres:.3g} mm, density ratio {ratio:g}"
         title += f", drawn {size / particle.size:.2g} times as large"
         figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
         return save_figure(figure, path)

@@ -38,9 +38,8 @@ def plot_over_lift(
     left, right = min(lifts) - 0.08 * span, max(lifts) + 0.1 * span
     with plt.rc_context(STYLE):
         figure, axis = plt.subplots(figsize=SIZE, layout="constrained")
-        for lines, look in (([*rows, best], {"lw": 2}), (rows, {"marker": "o", "ms": 5, "lw": 0})):
-            points = sorted((row["cl"], row["cd"]) for row in lines)
-            axis.plot(*np.transpose(points), color=OPTIMUM, **look)
+        points = sorted((row["cl"], row["cd"]) for row in rows)
+        axis.plot(*np.transpose(points), color=OPTIMUM, lw=2, marker="o", ms=5)
         scale = _draw_bodies(axis, family, rows, WIDTH / (right - left))
         _draw_best(axis, scale * _contour(family, best), best)
         axis.set(

@@ -14,7 +14,7 @@ from surrogate.arrays import AnyArray
 from surrogate.summary import aligned, listed
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Design:
     """The best body that a search found, with the objective of the model that was searched.
 

@@ -14,7 +14,7 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Verified:
     """The objective of a body by the flow, the flows of all scenarios and the cylinder's drags.
 

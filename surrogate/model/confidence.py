@@ -112,6 +112,11 @@ def error_scales(
     return ratios[rank - 1]
 
 
+def coverage(bodies: int) -> float:
+    """Return the share of errors that ``error_scales`` of this many bodies cover."""
+    return min(COVERED, bodies / (bodies + 1))
+
+
 @jax.jit
 def _all_gradients(network, parameters, reynolds):
     """Gradients of all loads of some bodies in the weights, over Cd, a row for each."""

@@ -14,7 +14,7 @@ from surrogate.checks import check_batch, finite_number, real_numbers, shown, tr
 from surrogate.errors import InvalidInput
 from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.model.card import model_card
-from surrogate.model.confidence import Novelty
+from surrogate.model.confidence import Novelty, coverage
 from surrogate.model.evaluation import loads_or_nan, network_loads, novelty_of_loads
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import LOAD_NAMES, SYMBOLS
@@ -156,7 +156,8 @@ class Surrogate:
     def error_bounds(self, parameters: Bodies, reynolds: Numbers) -> Float[np.ndarray, "*batch 3"]:
         """Return bounds for the errors of Cd, Cl and Cm, over Cd, against the flow solver.
 
-        Each load's bound holds for 95 % of the bodies that ``Family.sample`` draws. It is
+        Each load's bound holds for 95 % of the bodies that ``Family.sample`` draws, with fewer
+        than 19 held-out bodies for fewer (``bound_coverage``). It is
         wider where the training samples say less of the answer (``Novelty``), and scaled on the
         held-out bodies. Outside the trained ranges nothing is known: bodies there are refused.
 
@@ -205,6 +206,15 @@ class Surrogate:
           InvalidInput: the record lacks the number of held-out bodies.
         """
         return self.recorded("held_out") - self.record.get("held_out_failed", 0)
+
+    @property
+    def bound_coverage(self) -> float:
+        """Share of bodies for which ``error_bounds`` hold: 0.95, less with few held-out bodies.
+
+        Raises:
+          InvalidInput: as ``unseen``.
+        """
+        return coverage(self.unseen)
 
     @property
     def ranges(self) -> TrainedRanges:

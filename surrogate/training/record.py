@@ -1,9 +1,7 @@
 """The record of a training, stored in the surrogate's folder."""
 
 import json
-import sys
 import zlib
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -21,6 +19,7 @@ from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.history import load_errors
 from surrogate.training.loop import TrainingResult, TrainingSetup
 from surrogate.training.plan import Plan
+from surrogate.versions import command_line
 
 SETTINGS = {  # of a plan and of a record, as messages call them
     "method": "method",
@@ -139,9 +138,3 @@ def _infill(positions):
     """The samples added by infill, in words; older records have none."""
     digest = zlib.crc32(json.dumps(list(positions)).encode())
     return f"{len(positions)} samples ({digest:08x})" if positions else "none"
-
-
-def command_line() -> str:
-    """Return the command that is running, as stored with its result."""
-    name = Path(sys.argv[0]).name
-    return " ".join([f"python scripts/{name}" if name.endswith(".py") else name, *sys.argv[1:]])

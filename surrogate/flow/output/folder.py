@@ -39,10 +39,12 @@ class StoredFlow(NamedTuple):
     def picture(self) -> Picture:
         """The flow as a picture to be drawn, with a title of its coefficients."""
         r = self.record
-        turned = f"    incidence {r['incidence']:g}" if r.get("incidence") else ""
-        title = f"Re {r['reynolds']:g}{turned}    Cd {r['cd']:.4f}"
+        turned = f"    incidence {r['incidence']:g}\N{DEGREE SIGN}" if r.get("incidence") else ""
+        walls = f"    tunnel {r['tunnel_height']:g} D high" if r.get("tunnel_height") else ""
+        title = f"Re {r['reynolds']:g}{turned}{walls}    Cd {r['cd']:.4f}"
         if r["cl"] or r["cm"]:
             title += f"    Cl {r['cl']:.4f}    Cm {r['cm']:.4f}"
+        title += "    (degraded)" if r.get("status") == "degraded" else ""
         return Picture(title, self.fields, self.contour[:, :2])
 
 

@@ -17,6 +17,7 @@ VIEW = (-1.6, 4.4, -1.4, 1.4)  # x and y range shown, in D
 MARGIN = 0.9  # D ahead of, behind and beside larger bodies
 INK, QUIET, BODY = "#1a1a1a", "#5f6368", "#f2efe6"
 DPI = 130
+MINUS = "\N{MINUS SIGN}"
 ROWS = 25  # streamlines that start upstream
 
 
@@ -57,12 +58,14 @@ def draw_flows(pictures: list[Picture], path: str | Path) -> Path:
         limit = np.sqrt(max(np.nanpercentile(np.abs(plane.vorticity[seen]), 99.5), 1e-6))
         top = max(np.nanpercentile(np.abs(plane.cp[seen]), 99.5), 1e-6)
         image = _panel(left, picture, plane, view, spin, limit)
-        bar = figure.colorbar(image, ax=left, pad=0.01, shrink=0.7)
+        beyond = {"extend": "both", "extendfrac": 0.03}  # as a few values are
+        bar = figure.colorbar(image, ax=left, pad=0.01, shrink=0.7, **beyond)
         ends = limit * np.linspace(-1, 1, 5)
-        bar.set_ticks(ends, labels=[f"{np.sign(e) * e * e:.3g}" for e in ends])
-        bar.set_label("vorticity, U / D")
+        values = (f"{np.sign(e) * e * e:.3g}" for e in ends)
+        bar.set_ticks(ends, labels=[value.replace("-", MINUS) for value in values])
+        bar.set_label("vorticity, U / D (square-root scale)")
         image = _panel(right, picture, plane, view, plane.cp, top)
-        figure.colorbar(image, ax=right, pad=0.01, shrink=0.7).set_label("pressure, Cp")
+        figure.colorbar(image, ax=right, pad=0.01, shrink=0.7, **beyond).set_label("pressure, Cp")
         left.set_title(picture.title, loc="left", fontsize=12, fontweight="bold", color=INK)
         left.set_ylabel("y / D" if len(picture.fields.axes) == 2 else "z / D")
     with whole_file(path) as part:
@@ -105,17 +108,18 @@ def _draw_eddies(axis: Axes, plane: _Plane, contour: np.ndarray, view: tuple) ->
     reversed_flow &= (y > view[2]) & (y < view[3])
     if not np.any(reversed_flow):
         return
-    for turning in (plane.vorticity < 0, plane.vorticity > 0):
-        places = np.argwhere(reversed_flow & turning)
+    for sense in (-1, 1):
+        places = np.argwhere(reversed_flow & (sense * plane.vorticity > 0))
         if len(places) < 4:
             continue
-        column = places[places[:, 0] == int(np.median(places[:, 0]))]
+        column = places[places[:, 0] == int(np.median(places[:, 0]))][::-sense]  # mirror images
         chosen = column[np.unique(np.linspace(0, len(column) - 1, 3).astype(int))]
         seeds = np.column_stack([plane.x[chosen[:, 0]], plane.y[chosen[:, 1]]])
         keep = (plane.x >= view[0]) & (plane.x <= view[1])
         axis.streamplot(
             plane.x[keep], plane.y, plane.u[keep].T, plane.v[keep].T, start_points=seeds,
             color=INK, linewidth=0.7, arrowsize=0.7, density=6, maxlength=1.5,
+            broken_streamlines=False,
         )  # fmt: skip
 
 
