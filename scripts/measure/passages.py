@@ -46,11 +46,11 @@ def payoff(result: Callable[[str], Result]) -> str:
     form = (
         "Means over {count} designs, each a local optimum of the flow; trainings on "
         "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
-        "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `dp` after {after[dp]:.0f}. Fitted to as many "
-        "flows, kriging errs by {off[gradient-enhanced kriging]} on average with gradients, by "
-        "{off[kriging]} without, a polynomial by {off[polynomial]}; as published SIP errs by "
-        "{off[sip, as published]:.3%}, HIG by {off[hig, as published]:.3%}, DP by "
-        "{off[dp, as published]:.3%}."
+        "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `dp` after "
+        "{after[dp]:.0f}. Fitted to as many flows, kriging errs by "
+        "{off[gradient-enhanced kriging]} on average with gradients, by {off[kriging]} without, a "
+        "polynomial by {off[polynomial]}; as published SIP errs by {off[sip, as published]:.3%}, "
+        "HIG by {off[hig, as published]:.3%}, DP by {off[dp, as published]:.3%}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}
