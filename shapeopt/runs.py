@@ -25,6 +25,7 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
+from surrogate.repeats import differences
 from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 from surrogate.versions import command_line
@@ -80,7 +81,8 @@ def save_run(
     expect("save_run", surrogate, Surrogate | None, "Surrogate")
     expect("save_run: name", name, str, "text")
     if surrogate is not None and surrogate.scene != design.problem.scene:
-        raise InvalidInput("save_run: design and surrogate are of different scenes")
+        found = differences(design.problem.scene.record, surrogate.scene.record)
+        raise InvalidInput(f"save_run: design and surrogate are of different scenes: {found}")
     check_run_folder(folder)
     folder, scene = Path(folder), design.problem.scene
     verified = design.verified if verify else None

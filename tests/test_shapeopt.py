@@ -207,7 +207,7 @@ def test_what_does_not_fit_the_scene_is_refused(pretrained, unchecked):
     elsewhere = dataclasses.replace(pretrained.scene, stream=Tunnel(16.0))
     with pytest.raises(InvalidInput, match="different scenes"):
         optimise(Problem(elsewhere, 20.0), pretrained)
-    with pytest.raises(InvalidInput, match="no drag model"):
+    with pytest.raises(InvalidInput, match="is no drag model"):
         optimise(Problem(pretrained.scene, 20.0), "pretrained")
     with pytest.raises(InvalidInput, match="'surrogate' or 'flow'"):
         optimise(Problem(pretrained.scene, 20.0), pretrained, until="dawn")

@@ -98,7 +98,7 @@ def _design(
         if on_flow:
 
             def report(body, flows):
-                state = f"{flows} flows: objective {body.value:.4f}, "
+                state = f"{flows} flows: {_objective(problem, body.value)}, "
                 state += f"KKT residual {body.kkt_residual:.1e}"
                 progress(0.5 - 0.45 / (1 + flows / 8), state)
 
@@ -106,10 +106,17 @@ def _design(
         else:
             design = optimise(problem, model)
         work = f"after {design.calls + design.flows} drags, to be verified"
-        progress(0.5, f"objective {design.objective:.4f} {work}")
+        progress(0.5, f"{_objective(problem, design.objective)} {work}")
         verified = design.verified
-        progress(1.0, f"objective {verified.objective:.4f} verified")
+        progress(1.0, f"{_objective(problem, verified.objective)} verified")
     return design
+
+
+def _objective(problem: Problem, value: float) -> str:
+    """The value of the objective in words: of glide, the ratio whose opposite is minimised."""
+    if bool(problem.scenarios.glide):
+        return f"glide ratio {-value:.4f}"
+    return f"objective {value:.4f}"
 
 
 def _within(file: str, folder: str) -> bool:

@@ -94,7 +94,8 @@ def _train(plan: Plan, out: Path, devices: Devices, overwrite: bool) -> Surrogat
             f"This training: about {foreseen.green_applications:,.0f} convolutions (G) and "
             f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows on one device, "
             f"{foreseen.network_s:.0f} s of network) on {devices.count} device"
-            f"{'' if devices.count == 1 else 's'}."
+            f"{'' if devices.count == 1 else 's'}; held-out flows and compilation (minutes for a "
+            "new kind of scene) come on top."
         )
     notes = {"foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
     return train_plan(plan, out, first(), devices, overwrite=overwrite, notes=notes)
@@ -110,7 +111,11 @@ def _parser() -> Parser:
     add("--infill-from", metavar="DIR", help=help)
     add("--held-out", type=int, help=f"unseen bodies that give the errors ({HELD_OUT_HELP})")
     add("--preset", default="quick", choices=list(PRESETS), help="samples and iterations (quick)")
-    add("--budget-seconds", type=float, help="train for this time instead, from 1 s")
+    add(
+        "--budget-seconds",
+        type=float,
+        help="train for this time instead, from 1 s; compilation and held-out flows come on top",
+    )
     add("--width", type=int, help="of both hidden layers of the network (20; with lift 32)")
     add("--published", action="store_true", help="the method as published, not at its best")
     add("--seed", type=int, default=0, help="of samples and weights, from 0 (0)")

@@ -37,6 +37,7 @@ from surrogate.devices import choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
+from surrogate.repeats import differences
 from surrogate.scene.scene import Scene
 
 DECREASE = 1e-4  # predicted relative decrease of the objective that is worth a flow
@@ -215,7 +216,8 @@ class Designer:
 def check_model(model: Surrogate | Flow) -> None:
     """Raise InvalidInput unless the model is a ``Surrogate`` or a ``Flow``."""
     if not isinstance(model, Surrogate | Flow):
-        raise InvalidInput(f"optimise: {model!r} is no drag model; load(name) or Flow(scene) is")
+        kind = type(model).__name__
+        raise InvalidInput(f"optimise: a {kind} is no drag model; load(name) or Flow(scene) is")
 
 
 def check_problem(problem: Problem, scene: Scene) -> None:
@@ -225,12 +227,13 @@ def check_problem(problem: Problem, scene: Scene) -> None:
     """
     expect("optimise", problem, Problem, "Problem")
     if problem.scene != scene:
-        raise InvalidInput("optimise: problem and model are of different scenes")
+        found = differences(problem.scene.record, scene.record)
+        raise InvalidInput(f"optimise: problem and model are of different scenes: {found}")
     family = scene.family
     if bool(problem.scenarios.relative) and not family.contains(family.ellipse(1.0)):
         raise InvalidInput(
             f"weighted drags are over the {family.round_body}'s, and this family lacks aspect 1; "
-            "those of a Robust objective (--spread) are not"
+            "those of a Robust objective (--spread of commands) are not"
         )
 
 

@@ -62,12 +62,13 @@ def train(
     Args:
       scene: stream, Reynolds numbers, fidelity and family of bodies; ``Scene()`` if None.
       method: "dp", "sip", "hig" or "supervised".
-      samples: number of training bodies, in place of the preset's.
-      held_out: number of held-out bodies, on which errors and their bounds are measured, in place
-        of the preset's (quick 48, full 128); bounds that cover 95 % take 19 at least.
+      samples: number of training bodies, from 4, in place of the preset's.
+      held_out: number of held-out bodies, from 4, on which errors and their bounds are measured, in
+        place of the preset's (quick 48, full 128); bounds that cover 95 % take 19 at least.
       preset: "quick" (64 bodies), the default, or "full" (256 bodies and more steps).
       seed: of samples, held-out bodies and initial weights.
-      budget_seconds: train for this many seconds, in place of the preset's steps.
+      budget_seconds: train for this many seconds, in place of the preset's steps; compilation,
+        set-up and held-out flows come on top.
       published: the method as published instead of at its best.
       out: folder to save to. If interrupted, the same call resumes from a checkpoint beside it; if
         finished, it returns the surrogate that is there; with another ``held_out`` its errors are
