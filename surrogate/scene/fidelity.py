@@ -48,7 +48,7 @@ class Fidelity:
       upstream: from the body's centroid to the inlet, in D.
       downstream: from the body's centroid to the outlet, in D.
       height: of the domain, in 3-D its width too, in D.
-      harmonics: highest harmonic of the traction on the body.
+      harmonics: highest harmonic of the traction on the body; bodies of high modes have more.
       wake: how much longer a domain a wake takes: it is lengthened where ``downstream`` is more
         than 2 D less than wake * Re * (height of the body / D)^2, up to 40 D; of one body by itself
         that is wider than long with the power 4. By default 0.2 in 2-D and 0 in 3-D.
