@@ -1,5 +1,6 @@
 """The bounds that a surrogate states for its errors."""
 
+import dataclasses
 import functools
 
 import jax
@@ -9,7 +10,7 @@ import pytest
 
 from surrogate import Flow, load
 from surrogate.errors import InvalidInput
-from surrogate.model.confidence import Novelty, error_scales
+from surrogate.model.confidence import Novelty, coverage, error_scales
 from surrogate.scene.samples import held_out_samples
 
 shipped = functools.cache(load)  # what the bounds are computed from is prepared once
@@ -21,6 +22,13 @@ def test_scales_are_the_conformal_quantile():
     # of 39 ratios the one of rank ceil(40 * 0.95) = 38
     np.testing.assert_allclose(error_scales(errors, novelty), [38.0, 19.0])
     np.testing.assert_allclose(error_scales(errors[:5], novelty[:5]), [5.0, 2.5])
+
+
+def test_few_held_out_bodies_cover_less_than_95_per_cent():
+    assert [coverage(count) for count in (4, 19, 128)] == [0.8, 0.95, 0.95]
+    surrogate = load("pretrained")
+    few = dataclasses.replace(surrogate, record=surrogate.record | {"held_out": 9})
+    assert [one.bound_coverage for one in (surrogate, few)] == [0.95, 0.9]
 
 
 @pytest.mark.parametrize("count", [5, 600], ids=["fewer than weights", "more than weights"])

@@ -76,7 +76,7 @@ def test_options_as_other_programs_call_them(option, meant):
         solve_drag.main(["--aspect", "2", option, "3"])
 
 
-def test_several_incidences_are_predicted_at_once():
+def test_several_incidences_are_predicted_at_once(capsys):
     words = [
         "--surrogate",
         "pretrained:lift",
@@ -87,6 +87,9 @@ def test_several_incidences_are_predicted_at_once():
         "--incidence",
     ]
     rows = predict_drag.main([*words, "0,4"])["results"]
+    printed = capsys.readouterr().out.splitlines()
+    assert printed[-1] == "+-: bounds for 95 % of bodies"
+    assert {line[:10] for line in printed[1:-1]} == {"incidence "}
     assert [(row["incidence"], row["reynolds"]) for row in rows] == [
         (0, 20),
         (0, 40),

@@ -19,6 +19,7 @@ from surrogate.scene.samples import held_out_samples
 from surrogate.training.loop import load_errors
 from surrogate.training.plan import METHODS, make_plan
 from surrogate.training.record import plan_differences
+from surrogate.versions import command_line
 
 BODY = np.array([2.0, 0.1, 0.0, 0.0])
 
@@ -310,3 +311,14 @@ def test_an_altered_scene_is_detected(folder):
     path.write_text(json.dumps(record | {"method": np.nan}))
     with pytest.raises(InvalidInput, match="unreadable"):
         load(folder)
+
+
+def test_the_command_of_a_record_can_be_run(monkeypatch):
+    """A script of one's own is not taken for one of the project."""
+    for given, stored in (
+        (["scripts/train_surrogate.py", "--json"], "python scripts/train_surrogate.py --json"),
+        (["/home/me/mine.py"], "python /home/me/mine.py"),
+        (["/usr/bin/drag-surrogates", "train"], "drag-surrogates train"),
+    ):
+        monkeypatch.setattr("sys.argv", given)
+        assert command_line() == stored
