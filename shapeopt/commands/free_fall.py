@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     sideways, axis = _rounded(horizontal, upward), _rounded(result["tilt"], 90)
     text = (
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
-        f"{'down' if upward < 0 else 'up'} and {sideways + 0.0:.4g} m/s sideways, axis {axis:.1f} "
+        f"{'down' if upward < 0 else 'up'} and {sideways:.4g} m/s sideways, axis {axis:.1f} "
         "degrees above the horizontal\nincidences that are stable at this Re, of either sign: "
         f"{', '.join(f'{degrees:.3g}' for degrees in stable) or 'none'}"
     )

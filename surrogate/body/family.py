@@ -93,7 +93,7 @@ class Family:
 
     @property
     def highest_mode(self) -> int:
-        """Highest mode that is not zero in every body; 1 of ellipses."""
+        """Highest mode that some body has; 1 of ellipses."""
         return self.body_class.highest_mode(self.bounds)
 
     def markers(

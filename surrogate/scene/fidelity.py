@@ -150,7 +150,7 @@ class Fidelity:
         ``harmonics``).
 
         Args:
-          highest: mode k of the bodies that is not zero, 1 of ellipses.
+          highest: greatest k of the modes that the bodies have, 1 of ellipses.
           lifting: whether flows have ``LIFTING_HARMONICS`` times the harmonics.
         """
         needed = (highest + MORE_HARMONICS) / (LIFTING_HARMONICS if lifting else 1)
