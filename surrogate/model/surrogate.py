@@ -13,7 +13,7 @@ from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.checks import check_batch, finite_number, real_numbers, shown, transformed
 from surrogate.errors import InvalidInput
 from surrogate.flow.forces import Conditions, Forces, forces_of
-from surrogate.model.card import model_card
+from surrogate.model.card import inaccuracy_of, model_card, unseen_bodies
 from surrogate.model.confidence import Novelty, coverage
 from surrogate.model.evaluation import loads_or_nan, network_loads, novelty_of_loads
 from surrogate.model.network import LoadNetwork
@@ -23,10 +23,6 @@ from surrogate.scene.limits import check_reynolds
 from surrogate.scene.samples import Samples, training_samples
 from surrogate.scene.scene import Scene
 from surrogate.summary import aligned
-
-# Errors of single held-out bodies scatter: in trainings whose mean is within the flow's tolerance
-# they are up to 15 times the mean (RESULTS.md, training).
-LARGEST_ERROR = 10  # over the flow's tolerance, of a held-out body, that is not large
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -205,7 +201,8 @@ class Surrogate:
         Raises:
           InvalidInput: the record lacks the number of held-out bodies.
         """
-        return self.recorded("held_out") - self.record.get("held_out_failed", 0)
+        self.recorded("held_out")
+        return unseen_bodies(self.record)
 
     @property
     def bound_coverage(self) -> float:
@@ -229,21 +226,7 @@ class Surrogate:
         flow, ``scene.fidelity.tolerance``, so that the network errs more than the flow that it
         stands for; or where its maximum exceeds 10 times that.
         """
-        tolerance = self.scene.fidelity.tolerance
-        mean, most = (
-            max(self.record.get(f"{name}_error_{key}", 0.0) for name in LOAD_NAMES)
-            for key in ("mean", "max")
-        )
-        if mean <= tolerance and most <= LARGEST_ERROR * tolerance:
-            return None
-        samples, budget = self.record.get("samples"), self.record.get("budget_s")
-        help = [f"a budget above {budget:g} s"] if budget else []
-        help.append(f"more samples than {samples}" if samples else "more samples")
-        return (
-            f"its loads are inaccurate: error on held-out bodies {mean:.2%} on average and "
-            f"{most:.2%} at most, the flow's tolerance is {tolerance:.2%}; "
-            f"{' or '.join(help)} would help"
-        )
+        return inaccuracy_of(self.scene, self.record)
 
     def recorded(self, key: str) -> Any:
         """Return the value of ``key`` in the record.

@@ -56,11 +56,13 @@ function type(slider) {
   const field = element(`${slider.id}-value`);
   const text = field.value.replace("\u2212", "-").replace(",", ".").replace("\u00b0", "").trim();
   const number = slider.id === "reynolds" ? Math.log(Number(text)) : Number(text);
-  if (text && !Number.isNaN(number)) {
-    slider.value = Math.min(Math.max(number, Number(slider.min)), Number(slider.max));
-  }
-  moves++;
-  update();
+  moveSlider(slider, text && !Number.isNaN(number) ? number : Number(slider.value));
+}
+
+// Set a slider to a value, or to the nearer end, as if it were dragged there.
+function moveSlider(slider, value) {
+  slider.value = Math.min(Math.max(value, Number(slider.min)), Number(slider.max));
+  slider.dispatchEvent(new Event("input"));
 }
 
 // The direction of a slider that lowers drag, and the change for a tenth of its range (first order).
@@ -108,14 +110,15 @@ function press(event) {
   const { target: slider } = event;
   const back = key === "Home" || way === "Down" || way === "Left";
   const [low, high] = [Number(slider.min), Number(slider.max)];
-  const moved = Number(slider.value) + (back ? -1 : 1) * STRIDES[key] * (high - low);
-  slider.value = Math.min(Math.max(moved, low), high);
-  slider.dispatchEvent(new Event("input"));
+  moveSlider(slider, Number(slider.value) + (back ? -1 : 1) * STRIDES[key] * (high - low));
 }
 
 [...sliders, element("reynolds")].forEach((slider) => {
   const field = element(`${slider.id}-value`);
-  field.addEventListener("change", () => (field.blur(), type(slider)));
+  field.addEventListener("change", () => {
+    field.blur(); // so that the value is shown as it was read
+    type(slider);
+  });
   slider.addEventListener("keydown", press);
   slider.addEventListener("input", () => {
     moves++;
