@@ -7,12 +7,15 @@ Ar = (rho_body / rho - 1) g D^3 / nu^2. The fastest body has the least drag at i
 """
 
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from shapeopt import Problem, optimise
 from shapeopt.commands.cli import Parser, emit, run
-from surrogate import InvalidInput, NotConverged, load
+from surrogate import InvalidInput, NotConverged, Surrogate, load
 from surrogate.checks import physical_number
 from surrogate.files import JsonObject
 
@@ -26,7 +29,7 @@ def fastest(archimedes: float) -> "om.Problem":
     """Return the solved problem, whose outputs are the shape, ``cd`` and ``reynolds``.
 
     Raises:
-      InvalidInput: OpenMDAO is not installed, or a body leaves the trained ranges.
+      InvalidInput: OpenMDAO is not installed, or bodies fall at Re outside the trained range.
       NotConverged: SLSQP found no optimum, or weight and drag do not balance.
     """
     try:
@@ -48,13 +51,26 @@ def fastest(archimedes: float) -> "om.Problem":
     problem.driver = om.ScipyOptimizeDriver(optimizer="SLSQP", tol=1e-9, disp=False)
     problem.setup()
     try:
-        found = problem.run_driver().success
-    except om.AnalysisError as reason:
-        raise InvalidInput(f"Archimedes number {archimedes:g}: {reason}") from None
+        with warnings.catch_warnings():  # that the cycle is solved as a whole, as it must be
+            warnings.simplefilter("ignore", om.OpenMDAOWarning)
+            found = problem.run_driver().success
+    except om.AnalysisError:
+        (low, high), (least, greatest) = surrogate.scene.reynolds, archimedes_range(surrogate)
+        raise InvalidInput(
+            f"Archimedes number {archimedes:g}: bodies fall at Re outside the trained {low:g} to "
+            f"{high:g}; about {least:.4g} to {greatest:.4g} are within it"
+        ) from None
     cd, reynolds = (problem.get_val(name).item() for name in ("cd", "reynolds"))
     if not found or abs(3 * cd * reynolds**2 / (4 * archimedes) - 1) > BALANCED:
         raise NotConverged(f"Archimedes number {archimedes:g}: no fastest body was found")
     return problem
+
+
+def archimedes_range(surrogate: Surrogate) -> tuple[float, float]:
+    """Return the Archimedes numbers at which the middle body falls at the trained Re's ends."""
+    middle = [(low + high) / 2 for _, (low, high) in surrogate.scene.family.ranges]
+    reynolds = np.array(surrogate.scene.reynolds)
+    return tuple((0.75 * surrogate.drag(middle, reynolds) * reynolds**2).tolist())
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:

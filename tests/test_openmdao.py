@@ -11,7 +11,7 @@ from shapeopt import Problem, optimise
 from surrogate import Family, Flow, InvalidInput, Scene, load
 
 om = pytest.importorskip("openmdao.api")
-from settling_speed import fastest  # noqa: E402
+from settling_speed import archimedes_range, fastest  # noqa: E402
 
 from shapeopt.openmdao import LoadsComponent  # noqa: E402
 
@@ -69,6 +69,17 @@ def test_coupled_with_its_weight_the_fastest_body_has_the_least_drag_at_its_own_
     assert cd * reynolds**2 == pytest.approx(4 / 3 * 1000.0, rel=1e-8)
     design = optimise(Problem(net.scene, reynolds), net)
     assert cd == pytest.approx(design.drag, rel=1e-5)
+
+
+@pytest.mark.parametrize("archimedes", [1e-3, 1e9])
+def test_bodies_that_fall_outside_the_trained_range_are_refused(archimedes):
+    """The message says which Archimedes numbers are within it; these are answered."""
+    with pytest.raises(InvalidInput, match="outside the trained") as refused:
+        fastest(archimedes)
+    assert "compute()" not in str(refused.value)
+    least, greatest = archimedes_range(load("pretrained:space"))
+    assert f"{least:.4g} to {greatest:.4g}" in str(refused.value)
+    assert 1e-3 < least < 1000.0 < greatest < 1e9
 
 
 def test_without_openmdao_the_command_names_the_extra(monkeypatch):
