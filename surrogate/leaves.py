@@ -54,7 +54,9 @@ def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
             if file.read(1):
                 raise ValueError("more than the arrays")
     except (OSError, ValueError, RuntimeError, EOFError, MemoryError):
-        raise InvalidInput(f"{what} {path}: damaged, or its arrays are of other shapes") from None
+        raise InvalidInput(
+            f"{what} {path}: damaged, or its arrays are of other shapes; remove it"
+        ) from None
     return tree
 
 

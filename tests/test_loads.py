@@ -55,7 +55,7 @@ def evaluate(domain):
         value = load(domain.modes, state.amplitude, operators.markers)
         found = load_gradients((load,), domain, operators, state, reynolds, (EFFORT,))
         derivatives = steady.stream_derivatives(domain, reynolds)
-        rest = by_stream(domain, operators, state, derivatives, found.adjoints)
+        rest = by_stream(domain, operators, state, derivatives, found.adjoints, (EFFORT,))
         by_parameters = jax.vjp(contour, parameters)[1](found.by_markers[0])[0]
         gradient = jnp.append(by_parameters, found.by_reynolds[0] + rest[0])
         return value, gradient, info.converged & found.work.converged

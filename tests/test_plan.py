@@ -49,6 +49,13 @@ def test_the_usual_width_of_the_layers_may_be_named(tiny_scene):
     assert make_plan(tiny_scene, "sip", width=7) != make_plan(tiny_scene, "sip")
 
 
+def test_held_out_flows_are_forecast_apart(tiny_scene):
+    """They come on top: the cost of the training itself does not depend on their number."""
+    few, many = (forecast(make_plan(tiny_scene, "sip", samples=8, held_out=n)) for n in (4, 40))
+    assert few.green_applications == many.green_applications
+    assert 0 < 2 * few.held_out_s < many.held_out_s
+
+
 def test_a_budget_bounds_the_forecast(tiny_scene):
     plan = make_plan(tiny_scene, "hig", samples=4, published=True, budget_seconds=20)
     foreseen = forecast(plan)

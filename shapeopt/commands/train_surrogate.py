@@ -89,13 +89,14 @@ def _train(plan: Plan, out: Path, devices: Devices, overwrite: bool) -> Surrogat
     foreseen = forecast(plan)
     seconds = plan.budget_s or foreseen.flow_s / devices.count + foreseen.network_s
     if first():
-        print_message(plan.scene.explain(plan.samples + plan.held_out))
+        print_message(plan.scene.explain(plan.samples))
         print_message(
             f"This training: about {foreseen.green_applications:,.0f} convolutions (G) and "
             f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows on one device, "
             f"{foreseen.network_s:.0f} s of network) on {devices.count} device"
-            f"{'' if devices.count == 1 else 's'}; held-out flows and compilation (minutes for a "
-            "new kind of scene) come on top."
+            f"{'' if devices.count == 1 else 's'}; {plan.held_out} held-out flows, about "
+            f"{foreseen.held_out_s / devices.count:.0f} s, and compilation (minutes for a new kind "
+            "of scene) come on top."
         )
     notes = {"foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
     return train_plan(plan, out, first(), devices, overwrite=overwrite, notes=notes)

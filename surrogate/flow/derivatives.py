@@ -121,7 +121,7 @@ def exact_gradients(
     efforts = (Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors),) * len(loads)
     found = programs.load_gradients(loads, domain, efforts, operators, state, reynolds)
     at = domain, parameters, reynolds, operators, state
-    by_re = _by_reynolds(*at, found) if by_reynolds else None
+    by_re = _by_reynolds(*at, found, efforts) if by_reynolds else None
     return _in_parameters(bodies, parameters, found.by_markers, by_re, found.work.converged)
 
 
@@ -134,10 +134,10 @@ def _second_derivatives(bodies, loads, by_reynolds, primals, tangents):
     )
 
 
-def _by_reynolds(domain, parameters, reynolds, operators, state, found):
+def _by_reynolds(domain, parameters, reynolds, operators, state, found, efforts):
     """Return dJ/dRe, by the operators of the body and of the stream."""
     derivatives = kept_derivatives(domain, reynolds, parameters)
-    by_stream = programs.by_stream(domain, operators, state, derivatives, found.adjoints)
+    by_stream = programs.by_stream(domain, operators, state, derivatives, found.adjoints, efforts)
     return found.by_reynolds + by_stream
 
 
@@ -198,7 +198,7 @@ def loads_and_gradients(
     operators, state, info = bodies.solved(parameters, reynolds)
     efforts = quick_efforts(bodies.loads)
     found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, reynolds)
-    by_re = _by_reynolds(domain, parameters, reynolds, operators, state, found)
+    by_re = _by_reynolds(domain, parameters, reynolds, operators, state, found, efforts)
     values = load_values(bodies.domain.modes, bodies.loads, state.amplitude, operators.markers)
     return _loads_and_gradients(
         bodies, parameters, values, info, found.by_markers, by_re, found.work

@@ -27,7 +27,7 @@ def _options(*arguments: Any) -> CompilerOptions:
 
 stream_operators = compiled("domain", options=_options)(steady.stream_operators)
 stream_derivatives = compiled("domain", options=_options)(steady.stream_derivatives)
-by_stream = compiled("domain", options=_options)(adjoint.by_stream)
+by_stream = compiled("domain", "efforts", options=_options)(adjoint.by_stream)
 
 
 @compiled("domain", options=_options)

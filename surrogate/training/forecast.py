@@ -23,18 +23,23 @@ EVALUATIONS_OF_A_LABEL = 3  # of a label by a few Newton steps each, until it ha
 
 
 class Forecast(NamedTuple):
-    """The cost of a training: convolutions, seconds of flows and of the network's updates.
+    """The cost of a training, without compilation.
 
-    Compilation is left out.
+    Attributes:
+      green_applications: convolutions with G of the training bodies' flows.
+      flow_s: seconds of these flows on one device.
+      network_s: seconds of the network's updates.
+      held_out_s: seconds of the held-out flows on one device, which come on top.
     """
 
     green_applications: float
     flow_s: float
     network_s: float
+    held_out_s: float
 
     @property
     def seconds(self) -> float:
-        """Seconds of the flows and the network's updates together."""
+        """Seconds of the training bodies' flows and the network's updates together."""
         return self.flow_s + self.network_s
 
 
@@ -55,7 +60,10 @@ def forecast(plan: Plan) -> Forecast:
     takes_s = seconds_per_convolution(lattice.shape, symmetric)
     most = math.inf if plan.budget_s is None else plan.budget_s
     return Forecast(
-        min(work, most / takes_s), min(work * takes_s, most), min(plan.iterations * each, most)
+        min(work, most / takes_s),
+        min(work * takes_s, most),
+        min(plan.iterations * each, most),
+        plan.held_out * takes.flow * takes_s,
     )
 
 

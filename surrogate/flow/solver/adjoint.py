@@ -46,6 +46,11 @@ class Effort(NamedTuple):
     max_vectors: int = 40
 
 
+def is_rough(efforts: tuple[Effort, ...]) -> bool:
+    """Return whether adjoints of these tolerances need no more than single precision."""
+    return all(one.tolerance >= SINGLE_SUFFICES for one in efforts)
+
+
 class Work(NamedTuple):
     """The work of linear solves: convolutions with G, and whether all reached their tolerance."""
 
@@ -69,6 +74,7 @@ class LoadGradients(NamedTuple):
     work: Work
 
 
+@full_single_precision
 def load_gradients(
     loads: tuple[Load, ...],
     domain: Domain,
@@ -104,11 +110,13 @@ def load_gradients(
     by_amplitude, explicit = jax.jacrev(values, (0, 1))(state.amplitude, operators.markers)
     solve = adjoint_solver(domain, operators, state, max(one.max_vectors for one in efforts))
     pull = jax.vjp(with_body, operators.markers, reynolds)[1]
+    rounded = single if is_rough(efforts) else lambda tree: tree
+    green = rounded(operators.green)
 
     def one_load(problem):
         adjoint, work = solve(*problem)
         adjoint = jax.tree.map(lambda leaf: leaf.astype(float), adjoint)
-        by_source = -operators.green.transposed(adjoint.velocity)
+        by_source = -green.transposed(rounded(adjoint.velocity)).astype(float)
         return *pull((by_source, adjoint.amplitude)), adjoint, work
 
     tolerances = jnp.array([one.tolerance for one in efforts])
@@ -118,12 +126,14 @@ def load_gradients(
     return LoadGradients(by_markers, by_re, adjoints, Work(convolutions, jnp.all(work.converged)))
 
 
+@full_single_precision
 def by_stream(
     domain: Domain,
     operators: Operators,
     state: FlowState,
     derivatives: StreamOperators,
     adjoints: FlowState,
+    efforts: tuple[Effort, ...],
 ) -> Float[Array, " loads"]:
     """Return the part of dJ/dRe of loads that comes from G and from the far field.
 
@@ -133,7 +143,10 @@ def by_stream(
       state: the converged body flow.
       derivatives: of the stream's operators in Re.
       adjoints: of the loads, as in ``LoadGradients``.
+      efforts: of the adjoints; where single precision suffices for them, it does here.
     """
+    if is_rough(efforts):
+        operators, state, derivatives = single((operators, state, derivatives))
 
     def with_stream(stream):
         moved = eqx.tree_at(lambda o: (o.green, o.far), operators, tuple(stream))
@@ -141,6 +154,7 @@ def by_stream(
 
     stream = StreamOperators(operators.green, operators.far)
     change = jax.jvp(with_stream, (stream,), (derivatives,))[1]
+    change = jax.tree.map(lambda leaf: leaf.astype(float), change)
     return jax.vmap(optax.tree.vdot, (0, None))(adjoints, change)
 
 

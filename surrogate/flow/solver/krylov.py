@@ -17,10 +17,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from surrogate.arrays import by_lapack, full_single_precision, with_batching
 
 ROWS = 7  # vectors that are projected out at once
-# Relative residual below which new vectors are projected twice; in a batch, that of any system.
-# Classical Gram-Schmidt leaves errors of orthogonality of about eps / residual^2 (Giraud et al.
-# 2005), here at most 1 % in single precision.
-SMALL = 3e-3
+# New vectors are projected again where the projection leaves less than this of their length, since
+# what cancels are the digits by which they are orthogonal (Daniel et al. 1976); in a batch, of any
+# system.
+CANCELLED = 0.4
 
 
 class KrylovResult(NamedTuple):
@@ -96,9 +96,7 @@ def _solve(product, b, tolerance, m):
         k, steps, basis, triangle, rotations, rhs, error = state
         active = error > tolerance
         w = product([jax.lax.dynamic_index_in_dim(each, k, -2, False) for each in basis])
-        passes = jnp.where(jnp.all((error > SMALL) | ~active), 1, 2)
-        w, column = _projected(w, basis, k // ROWS + 1, passes)
-        height = _norm(w)
+        w, column, height = _projected(w, basis, k // ROWS + 1, active)
         basis = _with_vector(basis, k + 1, w, height)
         column = _rotate(column.at[..., k + 1].set(height), rotations, k)
         radius = jnp.hypot(column[..., k], column[..., k + 1])
@@ -145,16 +143,16 @@ def _solve(product, b, tolerance, m):
     return KrylovResult(x, steps, error, error <= tolerance)
 
 
-def _projected(w, basis, blocks, passes):
-    """Return w without its part along the vectors, and the lengths along them.
+def _projected(w, basis, blocks, active):
+    """Return w without its part along the vectors, the lengths along them, and the length left.
 
     Classical Gram-Schmidt within a block of vectors, modified from block to block.
     """
     batch, rows = basis[0].shape[:-2], basis[0].shape[-2]
 
-    def project(index, carry):
+    def project(block, carry):
         w, column = carry
-        vectors, lengths = _block(basis, column, index % blocks)
+        vectors, lengths = _block(basis, column, block)
         overlap = sum(
             jnp.einsum("...kn,...n->...k", each, part)
             for each, part in zip(vectors, w, strict=True)
@@ -163,11 +161,22 @@ def _projected(w, basis, blocks, passes):
             part - jnp.einsum("...k,...kn->...n", overlap, each)
             for part, each in zip(w, vectors, strict=True)
         ]
-        start = index % blocks * ROWS
-        return w, jax.lax.dynamic_update_slice_in_dim(column, lengths + overlap, start, -1)
+        return w, jax.lax.dynamic_update_slice_in_dim(column, lengths + overlap, block * ROWS, -1)
 
-    start = w, jnp.zeros((*batch, rows), w[0].dtype)
-    return jax.lax.fori_loop(0, passes * blocks, project, start)
+    def unfinished(state):
+        _, _, before, left, passes = state
+        cancelled = jnp.any(active & (left < CANCELLED * before))
+        return (passes == 0) | ((passes == 1) & cancelled)
+
+    def once_more(state):
+        w, column, _, before, passes = state
+        w, column = jax.lax.fori_loop(0, blocks, project, (w, column))
+        return w, column, before, _norm(w), passes + 1
+
+    length = _norm(w)
+    start = w, jnp.zeros((*batch, rows), w[0].dtype), length, length, 0
+    w, column, _, left, _ = jax.lax.while_loop(unfinished, once_more, start)
+    return w, column, left
 
 
 def _block(basis, column, block):

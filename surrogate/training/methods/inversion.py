@@ -157,7 +157,7 @@ class Inversion(Evaluator):
             found = load_gradients(loads, sample.domain, operators, state, reynolds, efforts)
             derivatives = stream_derivatives(sample.domain, reynolds)
             by_re = found.by_reynolds + by_stream(
-                sample.domain, operators, state, derivatives, found.adjoints
+                sample.domain, operators, state, derivatives, found.adjoints, efforts
             )
             pull = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1]
             by_shape = jax.vmap(lambda one: pull(one)[0])(found.by_markers)
