@@ -137,7 +137,18 @@ class Weighted(Objective):
         return self.reynolds[int(np.argmax(self.weights))]
 
     def scenarios(self, scene: Scene) -> Scenarios:
-        """Return one scenario for each Reynolds number, with Cd over the cylinder's (sphere's)."""
+        """Return one scenario for each Reynolds number, with Cd over the cylinder's (sphere's).
+
+        Raises:
+          InvalidInput: Re is outside the scene's range, or its family lacks the cylinder (sphere).
+        """
+        family = scene.family
+        if not family.contains(family.ellipse(1.0)):
+            raise InvalidInput(
+                f"several Reynolds numbers: weighted drags are over the {family.round_body}'s, and "
+                "this family lacks aspect 1; those of a Robust objective (--spread of commands) "
+                "are not"
+            )
         reynolds = [scene.check_reynolds(value) for value in self.reynolds]
         weight = np.array(self.weights) / max(self.weights)
         return scenarios_of(scene, reynolds, weight / weight.sum(), relative=True)

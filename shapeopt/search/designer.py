@@ -221,20 +221,11 @@ def check_model(model: Surrogate | Flow) -> None:
 
 
 def check_problem(problem: Problem, scene: Scene) -> None:
-    """Raise InvalidInput unless the problem is of this scene.
-
-    Objectives relative to the cylinder need a family that contains it.
-    """
+    """Raise InvalidInput unless the problem is of this scene."""
     expect("optimise", problem, Problem, "Problem")
     if problem.scene != scene:
         found = differences(problem.scene.record, scene.record)
         raise InvalidInput(f"optimise: problem and model are of different scenes: {found}")
-    family = scene.family
-    if bool(problem.scenarios.relative) and not family.contains(family.ellipse(1.0)):
-        raise InvalidInput(
-            f"weighted drags are over the {family.round_body}'s, and this family lacks aspect 1; "
-            "those of a Robust objective (--spread of commands) are not"
-        )
 
 
 def _propose(

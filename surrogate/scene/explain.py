@@ -76,6 +76,10 @@ def explain_scene(
     training = bodies * (takes.flow + takes.renewal)
     design = takes.design_flows * (takes.flow + takes.adjoint)
 
+    aim = f"The tolerance of its drags is {100 * f.tolerance:g} %"
+    if f.name in NAMED[dimension]:
+        aim = f"Made for drags within {100 * f.tolerance:g} % over {words.tested}"
+
     def cost(work):
         return f"{work:,.0f} convolutions with G, {work * seconds:.2g} s"
 
@@ -87,9 +91,9 @@ def explain_scene(
             f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a domain "
             f"{sides} D ({cells} cells{f' in its {part}' if part else ''}), where "
             "the flow is non-linear; outside it are the Oseen Green's function G and the momentum "
-            "flux of the far field, a power series in the body's force. Made for drags within "
-            f"{100 * f.tolerance:g} % over {words.tested}; every solved flow says whether it meets "
-            "this, with its expected error and a bound that is made to cover 95 % of the errors.",
+            f"flux of the far field, a power series in the body's force. {aim}; every solved flow "
+            "says whether it meets this, with its expected error and a bound that is made to cover "
+            "95 % of the errors.",
             f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",

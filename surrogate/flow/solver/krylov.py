@@ -163,20 +163,19 @@ def _projected(w, basis, blocks, active):
         ]
         return w, jax.lax.dynamic_update_slice_in_dim(column, lengths + overlap, block * ROWS, -1)
 
-    def unfinished(state):
-        _, _, before, left, passes = state
-        cancelled = jnp.any(active & (left < CANCELLED * before))
-        return (passes == 0) | ((passes == 1) & cancelled)
+    def cancelled(state):
+        *_, left, passes = state
+        enough = left >= CANCELLED * length  # not where NaN
+        return (passes < 2) & jnp.any(active & ~enough)
 
     def once_more(state):
-        w, column, _, before, passes = state
+        w, column, _, passes = state
         w, column = jax.lax.fori_loop(0, blocks, project, (w, column))
-        return w, column, before, _norm(w), passes + 1
+        return w, column, _norm(w), passes + 1
 
     length = _norm(w)
-    start = w, jnp.zeros((*batch, rows), w[0].dtype), length, length, 0
-    w, column, _, left, _ = jax.lax.while_loop(unfinished, once_more, start)
-    return w, column, left
+    start = w, jnp.zeros((*batch, rows), w[0].dtype), jnp.zeros_like(length), 0
+    return jax.lax.while_loop(cancelled, once_more, start)[:3]
 
 
 def _block(basis, column, block):
