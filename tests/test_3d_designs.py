@@ -3,6 +3,7 @@
 import itertools
 
 import imageio.v3 as imageio
+import matplotlib as mpl
 import numpy as np
 import pytest
 from conftest import ROUGH_3D
@@ -10,7 +11,7 @@ from pictures import pixels
 
 from shapeopt import Problem, Settling, load_run, optimise, save_run
 from shapeopt.problem.conflicts import candidates
-from shapeopt.render.bodies_3d import TURNS, render_bodies, solved_panel
+from shapeopt.render.bodies_3d import FRICTION, PRESSURE, TURNS, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel
 from shapeopt.search.following import following
 from surrogate import Family, Flow, InvalidInput, Scene, load, train
@@ -183,3 +184,11 @@ def test_pictures_of_a_3d_run(network, slender, tmp_path):
     assert len(frames) == TURNS
     for one, other in itertools.pairwise(frames[:: TURNS // 4]):
         assert np.mean(one != other) > 0.02  # the body has turned
+
+
+def test_no_pressure_has_the_middle_colour_whatever_the_ends():
+    middle = mpl.colormaps[PRESSURE.colours](0.5)
+    for low, high in ((-0.5, 1.5), (-2.0, 0.5), (-1.0, 1.0)):
+        zero = PRESSURE.colour_map(low, high)(-low / (high - low))
+        assert zero == pytest.approx(middle, abs=0.02)
+    assert FRICTION.colour_map(0.5, 2.0) == mpl.colormaps[FRICTION.colours]

@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.colors import Colormap, ListedColormap
 
 from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
 from surrogate.files import whole_file
@@ -20,17 +22,30 @@ SEEDS = (0.05, 0.16, 0.3, 0.46, 0.66)  # distances from the axis where streamlin
 AROUND = 9  # streamlines at each distance
 LONGEST, SHORT = 12.0, 3.8  # lengths of streamlines in D; short ones leave a turntable's captions
 PERCENTILES = 2, 99.5  # of the surface values, ends of the colour scale
+COLOURS = 256
 
 
 class Load(NamedTuple):
-    """A quantity that colours a body: an array of its surface mesh, its title and a colour map."""
+    """A quantity that colours a body: an array of its surface mesh, its title and a colour map.
+
+    The middle colour of a ``diverging`` map is that of zero.
+    """
 
     array: str
     title: str
     colours: str
+    diverging: bool = False
+
+    def colour_map(self, low: float, high: float) -> Colormap:
+        """Return the colour map of values from ``low`` to ``high``."""
+        colours = mpl.colormaps[self.colours]
+        if not self.diverging:
+            return colours
+        ends = 0.5 + 0.5 * np.array([low, high]) / max(abs(low), abs(high))
+        return ListedColormap(colours(np.linspace(*ends, COLOURS)))
 
 
-PRESSURE = Load("Cp", "pressure coefficient", "coolwarm")
+PRESSURE = Load("Cp", "pressure coefficient", "coolwarm", diverging=True)
 FRICTION = Load("friction", "friction coefficient", "inferno")
 
 
@@ -165,7 +180,7 @@ def _draw_body(
     plotter.add_mesh(
         skin,
         scalars=load.array,
-        cmap=load.colours,
+        cmap=load.colour_map(*ends),
         clim=tuple(ends),
         smooth_shading=True,
         specular=0.35,
