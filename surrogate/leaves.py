@@ -35,7 +35,7 @@ def read_header(path: Path, what: str) -> Any:
         raise InvalidInput(f"{what} {path}: damaged; remove it") from None
 
 
-def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
+def read_leaves(path: Path, like: PyTree, what: str, remedy: str = "") -> PyTree:
     """Return the arrays of a file as a pytree with the structure of ``like``.
 
     Args:
@@ -43,6 +43,7 @@ def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
       like: pytree whose leaves are arrays of the same shapes and types, or their
         ShapeDtypeStructs.
       what: begins the message of an exception.
+      remedy: ends it.
 
     Raises:
       InvalidInput: the file is damaged, or its arrays have other shapes or types.
@@ -55,7 +56,7 @@ def read_leaves(path: Path, like: PyTree, what: str) -> PyTree:
                 raise ValueError("more than the arrays")
     except (OSError, ValueError, RuntimeError, EOFError, MemoryError):
         raise InvalidInput(
-            f"{what} {path}: damaged, or its arrays are of other shapes; remove it"
+            f"{what} {path}: damaged, or its arrays are of other shapes{remedy}"
         ) from None
     return tree
 

@@ -121,8 +121,8 @@ def expression(name):
 
 
 @functools.cache
-def visited(name):
-    """One visit in the browser: sliders moved, buttons clicked, keys pressed."""
+def used_page(name):
+    """Return what a browser shows of a page after sliders are moved, buttons and keys pressed."""
     if not browser.BROWSER:
         pytest.skip(f"none of {', '.join(browser.NAMES)} is installed to click in the page")
     family = surrogate_of(name).scene.family
@@ -147,7 +147,7 @@ def visited(name):
 def computed(name):
     """What the page's model says of the cases, in the browser or else in node."""
     if browser.BROWSER:
-        return visited(name)["computed"]
+        return used_page(name)["computed"]
     if not browser.NODE:
         pytest.skip("neither Chromium nor node is installed to run the page's script")
     return browser.compute(read(name).scripts, expression(name))

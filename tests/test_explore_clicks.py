@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from pages import NAMES, REYNOLDS, every, surrogate_of, visited
+from pages import NAMES, REYNOLDS, every, surrogate_of, used_page
 
 from shapeopt import Problem, optimise
 from shapeopt.render.page.page import reference_body
@@ -47,7 +47,7 @@ def number(text):
 @every
 def test_sliders_move_drag_shape_and_words(name):
     """Re speaks its number, not its logarithm."""
-    states = visited(name)["states"]
+    states = used_page(name)["states"]
     for before, after in (("opened", "moved"), ("moved", "faster")):
         assert states[before]["drag"] != states[after]["drag"]
     assert states["opened"]["reference"] == states["moved"]["reference"]
@@ -63,7 +63,7 @@ def test_sliders_move_drag_shape_and_words(name):
 @every
 def test_values_may_be_typed(name):
     """Decimal commas and minus signs as printed are read; ends hold, and words change nothing."""
-    states = visited(name)["states"]
+    states = used_page(name)["states"]
     reynolds = surrogate_of(name).scene.reynolds
     assert states["typed"]["values"]["aspect"] == 2.75
     assert np.exp(states["typed"]["values"]["reynolds"]) == pytest.approx(reynolds[1])
@@ -73,7 +73,7 @@ def test_values_may_be_typed(name):
 
 @every
 def test_least_drag_button_finds_the_optimum(name):
-    states, family = visited(name)["states"], surrogate_of(name).scene.family
+    states, family = used_page(name)["states"], surrogate_of(name).scene.family
     body = body_of(name, states["least"])
     assert family.contains(body)
     assert float(family.body_class.min_thickness_ratio(body)) >= CLEAR_THICKNESS_RATIO - 1e-9
@@ -85,9 +85,9 @@ def test_least_drag_button_finds_the_optimum(name):
 
 @every
 def test_contour_is_saved(name):
-    comment, head, *rows = visited(name)["saved"].strip().split("\n")
+    comment, head, *rows = used_page(name)["saved"].strip().split("\n")
     saved = np.array([[float(x) for x in row.split(",")] for row in rows])
-    body = body_of(name, visited(name)["states"]["least"])
+    body = body_of(name, used_page(name)["states"]["least"])
     contour = surrogate_of(name).scene.family.outline(jnp.asarray(body), 400)
     assert head == "x,y"
     named = re.findall(r"(\w+) (-?[\d.e-]+)(?:,|$)", comment)
@@ -100,7 +100,7 @@ def test_contour_is_saved(name):
 
 @every
 def test_body_that_crosses_itself_is_told(name):
-    crossed, back = (visited(name)["states"][key] for key in ("crossed", "round"))
+    crossed, back = (used_page(name)["states"][key] for key in ("crossed", "round"))
     if name == "at any angle":  # no body of this family crosses itself
         assert not crossed["warned"]
         return
@@ -111,7 +111,7 @@ def test_body_that_crosses_itself_is_told(name):
 
 @every
 def test_reference_button_returns_to_it(name):
-    state, family = visited(name)["states"]["round"], surrogate_of(name).scene.family
+    state, family = used_page(name)["states"]["round"], surrogate_of(name).scene.family
     np.testing.assert_array_equal(body_of(name, state), reference_body(family))
     assert state["drag"] == state["reference"]
     assert number(state["difference"]) == 0
@@ -120,7 +120,7 @@ def test_reference_button_returns_to_it(name):
 @every
 def test_reference_bodies_are_drawn_closed_and_to_scale(name):
     """In space spheres, by their outline as it is seen."""
-    drawn = visited(name)["states"]["round"]["shape"]
+    drawn = used_page(name)["states"]["round"]["shape"]
     x, y = np.array(re.findall(r"-?[\d.]+", drawn), float).reshape(-1, 2).T
     if reference_body(surrogate_of(name).scene.family)[0] == 1:
         np.testing.assert_allclose(np.hypot(x, y), 0.5, atol=2e-3)
@@ -131,7 +131,8 @@ def test_reference_bodies_are_drawn_closed_and_to_scale(name):
 @every
 def test_sliders_obey_the_keyboard(name):
     """A hundredth of the range an arrow, a tenth a page key, Home and End to its ends."""
-    before, stepped, ended = (visited(name)["states"][key] for key in ("round", "stepped", "ended"))
+    keys = "round", "stepped", "ended"
+    before, stepped, ended = (used_page(name)["states"][key] for key in keys)
     scene = surrogate_of(name).scene
     low, high = np.log(scene.reynolds)
     moved = stepped["values"]["reynolds"] - before["values"]["reynolds"]
@@ -146,7 +147,7 @@ def test_sliders_obey_the_keyboard(name):
 def test_only_pages_with_lift_show_it():
     for name in NAMES:
         lifts = name in ("with lift", "at any angle")
-        state = visited(name)["states"]["opened"]
+        state = used_page(name)["states"]["opened"]
         assert state["seen"] == (["cl", "glide", "lift"] if lifts else [])
         assert bool(state["force"]) == bool(state["best"]) == lifts
 
@@ -159,7 +160,7 @@ def loads_of(state):
 
 def test_sliders_move_lift_moment_and_the_force():
     """The arrow is as steep as the force; the incidence is told in degrees."""
-    states = visited("with lift")["states"]
+    states = used_page("with lift")["states"]
     for key in ("opened", "turned", "cambered"):
         state = states[key]
         cd, cl, cm = loads_of(state)
@@ -176,7 +177,7 @@ def test_sliders_move_lift_moment_and_the_force():
 
 def test_bodies_lie_at_their_incidence():
     """Drawn as they lie in the stream, saved as they are at zero incidence."""
-    state = visited("with lift")["states"]["cambered"]
+    state = used_page("with lift")["states"]["cambered"]
     points = np.array(re.findall(r"-?[\d.]+", state["shape"]), float).reshape(-1, 2) * [1, -1]
     family = surrogate_of("with lift").scene.family
     expected = family.markers(jnp.asarray(body_of("with lift", state)), 240)
@@ -185,7 +186,7 @@ def test_bodies_lie_at_their_incidence():
 
 def test_best_glide_button_finds_the_best_ratio():
     """Within the ranges, of a body that does not cross itself; no random draw has a better one."""
-    state, net = visited("with lift")["states"]["glide"], surrogate_of("with lift")
+    state, net = used_page("with lift")["states"]["glide"], surrogate_of("with lift")
     body, family = body_of("with lift", state), net.scene.family
     assert family.contains(body)
     assert float(family.body_class.min_thickness_ratio(body)) >= CLEAR_THICKNESS_RATIO - 1e-9
@@ -201,7 +202,7 @@ def test_best_glide_button_finds_the_best_ratio():
 
 def test_best_glide_over_the_incidence_is_marked():
     """It is that of the shape that is shown, at its Reynolds number."""
-    states, family = visited("with lift")["states"], surrogate_of("with lift").scene.family
+    states, family = used_page("with lift")["states"], surrogate_of("with lift").scene.family
     turns = np.linspace(*family.bounds[-1], 801)
     loads_of_all = jax.vmap(surrogate_of("with lift").network.loads, (0, None))
     for key in ("opened", "cambered", "glide"):
@@ -222,7 +223,7 @@ def test_best_glide_over_the_incidence_is_marked():
 def test_3d_bodies_are_drawn_at_their_incidence():
     """The outline is as wide and as high as that of the turned ellipsoid in the page's view."""
     name = "at any angle"
-    state, family = visited(name)["states"]["opened"], surrogate_of(name).scene.family
+    state, family = used_page(name)["states"]["opened"], surrogate_of(name).scene.family
     named = family.named(body_of(name, state))
     assert named["beta2"] == 0
     assert named["incidence"] > 1

@@ -152,6 +152,14 @@ def test_explain_says_what_is_modelled_and_what_it_costs(scene):
     assert ("unbounded stream" in words) == (scene.stream == Unbounded())
 
 
+def test_only_levels_are_said_to_be_made_for_an_error(tiny_scene):
+    """A custom fidelity states its tolerance."""
+    assert "Made for drags within 0.4 % over Re 0.5" in Scene().explain()
+    words = tiny_scene.explain()
+    assert "The tolerance of its drags is 1.5 %" in words
+    assert "Made for" not in words
+
+
 def test_explain_is_quick(compiled):
     scene = Scene()
     scene.explain()

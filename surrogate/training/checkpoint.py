@@ -85,7 +85,7 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
     if first():
         if found := checkpoint_differences(path, plan):
             raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
-        saved = read_leaves(path, shapes, "checkpoint")
+        saved = read_leaves(path, shapes, "checkpoint", "; remove it")
     else:
         saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
     saved = broadcast_from_first(saved)
