@@ -165,7 +165,7 @@ def run_body(record: dict[str, Any]) -> np.ndarray:
 
 
 def _search_record(design: Design) -> dict[str, Any]:
-    """Return the objective and the result of the search."""
+    """Return the objective, the constraints that are set, and the result of the search."""
     problem = design.problem
     return {
         "parameters": problem.scene.family.named(design.parameters),
@@ -176,6 +176,7 @@ def _search_record(design: Design) -> dict[str, Any]:
             "number_of_cases": len(problem.scenarios.weight),
             **problem.objective.record(problem.scene),
         },
+        "constraints": json.loads(json.dumps(problem.constraints)),  # tuples become lists
         "flows": design.flows,
         "green_applications": design.green_applications,
         "kkt_residual": design.kkt_residual,

@@ -318,6 +318,23 @@ def test_a_run_that_is_not_verified_has_the_surrogates_drag_and_no_flow(tmp_path
     assert load_run(tmp_path / "run")["reynolds"] == 40.0
 
 
+def test_a_run_has_the_constraints_that_are_set(tmp_path):
+    bounds = {
+        "max_length": 2.0,
+        "stations": [(0.3, 0.2)],
+        "lift": 0.1,
+        "within": {"aspect": (2, 3)},
+    }
+    scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))
+    problem = Problem(scene, 10.0, **bounds)
+    body = np.array([2.0, 0.1, 5.0])
+    design = Design(problem, body, 1.0, (2.0, 0.0, 0.0), 1e-4, 2.0, body[None], 0, 1, 100, 1.0)
+    record = save_run(tmp_path / "run", design, verify=False)
+    as_lists = {"stations": [[0.3, 0.2]], "within": {"aspect": [2.0, 3.0]}}
+    assert record["constraints"] == bounds | as_lists
+    assert load_run(tmp_path / "run") == record
+
+
 def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path):
     """Not those of one of the cases; each case says to which Re its flow is steady."""
     scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))

@@ -77,8 +77,9 @@ class Problem:
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
         object.__setattr__(self, "stations", tuple(map(_checked_station, self.stations)))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
-        if self.within is not None:  # a copy, as the caller may change theirs
-            object.__setattr__(self, "within", dict(self.within))
+        if self.within is not None:
+            ranges = {name: interval(f"range of {name}", x) for name, x in self.within.items()}
+            object.__setattr__(self, "within", ranges)
         for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_length(name, bound))
@@ -96,8 +97,7 @@ class Problem:
         self._check_ranges()
 
     def __str__(self) -> str:
-        values = ((field, getattr(self, field.name)) for field in dataclasses.fields(self)[2:])
-        bounds = (f"{field.name} {value}" for field, value in values if value != field.default)
+        bounds = (f"{name} {value}" for name, value in self.constraints.items())
         return ", ".join([str(self.objective), *bounds, f"in {self.scene}"])
 
     @property
@@ -105,6 +105,12 @@ class Problem:
         """The objective that is minimised: ``reynolds``, or Cd there where it is a number."""
         given = self.reynolds
         return given if isinstance(given, Objective) else AtReynolds(given)
+
+    @property
+    def constraints(self) -> dict[str, object]:
+        """The constraints that are set, by name: arguments of ``Problem`` after ``reynolds``."""
+        values = ((field, getattr(self, field.name)) for field in dataclasses.fields(self)[2:])
+        return {field.name: value for field, value in values if value != field.default}
 
     @functools.cached_property
     def scenarios(self) -> Scenarios:
@@ -171,7 +177,7 @@ class Problem:
             if name not in trained:
                 hint = did_you_mean(name, trained)
                 raise InvalidInput(f"range of {name}: the family has {', '.join(trained)}{hint}")
-            (least, most), (low, high) = interval(f"range of {name}", value), trained[name]
+            (least, most), (low, high) = value, trained[name]
             if not low - 1e-9 <= least <= most <= high + 1e-9:
                 raise InvalidInput(
                     f"range of {name} {least:g} to {most:g}: must lie within the family's, "
