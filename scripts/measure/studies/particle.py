@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -27,6 +28,7 @@ LOADS = ("cd", "cl", "cm")
 POLARS = cases(aspect=(2.5, 0.5), incidence=range(0, 91, 15))  # a prolate and an oblate spheroid
 POLAR_REYNOLDS = 20.0
 ORIENTED = cases(aspect=(0.5, 0.75, 1.6, 2.5, 3.8), reynolds=(1.0, 10.0, 80.0))
+ENDS = (0.1, 1.0, 10.0, 100.0)  # of ranges of Re
 ALIGNED = 5.0  # degrees from 0 and 90, within which lift and moment are too small to compare with
 LINES = (
     "-",
@@ -156,55 +158,57 @@ def _flow(tiny: bool) -> Flow:
 
 
 def text(result: Result) -> str:
-    """Return the mean and largest errors by kind of body, each correlation within its range."""
-    rows, parts = result["rows"], []
-    groups = [("all bodies", rows)]
-    groups += [(kind, [row for row in rows if row["kind"] == kind]) for kind in KINDS]
-    for name in ("surrogate", *AT_INCIDENCE):
-        words = []
-        for kind, group in groups:
-            said = []
-            for load_name, symbol in zip(LOADS, ("Cd", "Cl", "Cm"), strict=True):
-                errors = [row[name][load_name] for row in group]
-                errors = [error for error in errors if error is not None]
-                if errors:
-                    mean, most = mean_and_most(errors)
-                    said.append(f"{symbol} {mean:.2%} and {most:.2%}")
-            if said:
-                words.append(f"{kind} {', '.join(said)}")
-        parts.append(f"{name}: {'; '.join(words)}")
-    own = "; ".join(_of_itself(rows, *ends) for ends in ((0.0, 1.0), (1.0, 10.0), (10.0, np.inf)))
+    """Return tables of the errors by kind of body and by Re, and a sentence on random orientations.
+
+    Correlations are compared within their ranges.
+    """
+    rows = result["rows"]
+    groups = {"all": rows} | {k: [row for row in rows if row["kind"] == k] for k in KINDS}
+    by_kind = [
+        {"by": name, "bodies": kind} | _mean_and_largest(group, name)
+        for name in ("surrogate", *AT_INCIDENCE)
+        for kind, group in groups.items()
+        if any(row[name]["cd"] is not None for row in group)
+    ]
+    by_reynolds = [_over_themselves_between(rows, *ends) for ends in itertools.pairwise(ENDS)]
     means = [
         "{:.2%} on average and {:.2%} at most".format(
             *mean_and_most([row[name] for row in result["oriented"]])
         )
         for name in ("surrogate", "bagheri_bonadonna")
     ]
-    return (
-        f"Errors of the surrogate's Cl and Cm over these loads themselves, of bodies at more than "
-        f"{ALIGNED:g} degrees from the stream and from across it: {own}. "
+    parts = [
         f"The tables of Cd, Cl and Cm and the picture are polars at Re {POLAR_REYNOLDS:g}. Of "
-        "oblate spheroids no correlation here has lift or torque. "
-        "Errors over Cd by the flow, on average and at most, of bodies that no training has seen, "
-        f"each correlation within its range. {'. '.join(parts)}. Bagheri and Bonadonna's "
-        "correlation is of the mean over random orientations: in the last table the surrogate errs "
-        f"by {means[0]}, the correlation by {means[1]}."
-    )
+        "oblate spheroids no correlation here has lift or torque. Over random orientations the "
+        f"surrogate errs by {means[0]}, Bagheri and Bonadonna's correlation by {means[1]}.",
+        "Errors over Cd by the flow, mean and largest, of bodies that no training has seen, each "
+        "correlation within its range:",
+        BY_KIND(by_kind),
+        "Errors of the surrogate's Cl and Cm over these loads themselves, median and largest, of "
+        f"bodies at more than {ALIGNED:g} degrees from the stream and from across it:",
+        BY_REYNOLDS(by_reynolds),
+    ]
+    return "\n\n".join(parts)
 
 
-def _of_itself(rows, low, high):
+def _mean_and_largest(rows, name):
+    """Mean and largest errors over Cd of a model or correlation, for each load that it answers."""
+    found = {}
+    for key in LOADS:
+        errors = [row[name][key] for row in rows if row[name][key] is not None]
+        mean, most = mean_and_most(errors) if errors else (None, None)
+        found |= {key: mean, f"{key}_most": most}
+    return found
+
+
+def _over_themselves_between(rows, low, high):
     """Median and largest errors of Cl and Cm over themselves, between two Reynolds numbers."""
     some = [row for row in _inclined(rows) if low <= row["reynolds"] < high]
-    if not some:
-        return f"Re {low:g} to {high:g} none"
     errors = _over_themselves(some)
-    parts = [
-        f"{symbol} {np.median(errors[symbol]):.1%} and {max(errors[symbol]):.0%}"
-        for symbol in errors
-    ]
-    ends = f"below Re {high:g}" if low == 0 else f"Re {low:g} to {high:g}"
-    ends = f"above Re {low:g}" if high == np.inf else ends
-    return f"{ends} (median and largest of {len(some)} bodies) {', '.join(parts)}"
+    found = {"range": f"{low:g} to {high:g}", "bodies": len(some)}
+    for key, each in errors.items():
+        found |= {key: np.median(each) if each else None, f"{key}_most": max(each, default=None)}
+    return found
 
 
 def _inclined(rows):
@@ -240,6 +244,14 @@ def in_short(result: Result) -> str:
     )
 
 
+BY_KIND = columns(
+    "by {by} | bodies {bodies} | Cd: mean {cd:.2%} | largest {cd_most:.2%}"
+    " | Cl: mean {cl:.2%} | largest {cl_most:.2%} | Cm: mean {cm:.2%} | largest {cm_most:.2%}"
+)
+BY_REYNOLDS = columns(
+    "Re {range} | bodies {bodies} | Cl: median {Cl:.1%} | largest {Cl_most:.0%}"
+    " | Cm: median {Cm:.1%} | largest {Cm_most:.0%}"
+)
 COLUMNS = columns(
     "kind {kind} | body {parameters[aspect]:.2f}, {parameters[flatness]:.2f}, "
     "{parameters[beta2]:+.2f} | incidence {parameters[incidence]:.1f} | Re {reynolds:.3g}"
