@@ -44,3 +44,11 @@ def print_message(text: str) -> None:
     if sys.stderr is not None:
         with contextlib.suppress(OSError):
             print(text, file=sys.stderr, flush=True)
+
+
+def duration(seconds: float) -> str:
+    """Return a time to two digits, in milliseconds, seconds, minutes or hours."""
+    for limit, unit, name in ((0.1, 1e-3, "ms"), (100.0, 1.0, "s"), (6e3, 60.0, "min")):
+        if seconds < limit:
+            return f"{float(f'{seconds / unit:.2g}'):g} {name}"
+    return f"{float(f'{seconds / 3600:.2g}'):g} h"

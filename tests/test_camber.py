@@ -230,6 +230,7 @@ def test_a_scene_in_a_file(tmp_path):
     words = scene.explain()
     assert "family with camber and incidence" in words
     assert "incidence -4 to 12" in words
+    assert "Made for drags within 0.4 % over Re 1 to 200, aspect 1.5 to 6" in words
     assert f"({math.prod(Flow(scene).domain.lattice.shape)} cells)" in words
 
 

@@ -26,6 +26,7 @@ from surrogate import (
     family_shape,
 )
 from surrogate.body.parameters import PARAMETERS
+from surrogate.progress import duration
 from surrogate.scene.fidelity import LONGEST_DOWNSTREAM
 from surrogate.scene.limits import (
     ONSET_OF_INSTABILITY,
@@ -158,6 +159,12 @@ def test_only_levels_are_said_to_be_made_for_an_error(tiny_scene):
     words = tiny_scene.explain()
     assert "The tolerance of its drags is 1.5 %" in words
     assert "Made for" not in words
+
+
+def test_durations_have_the_unit_that_is_read_most_easily():
+    times = (0.0042, 1.234, 99.7, 110.0, 5400.0, 7000.0, 4e6)
+    texts = ["4.2 ms", "1.2 s", "100 s", "1.8 min", "90 min", "1.9 h", "1100 h"]
+    assert [duration(time) for time in times] == texts
 
 
 def test_explain_is_quick(compiled):

@@ -31,7 +31,7 @@ from surrogate.files import JsonObject
 from surrogate.model.store import load, warn_of_inaccuracy
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
-from surrogate.progress import print_message
+from surrogate.progress import duration, print_message
 from surrogate.scene.scene import Scene
 from surrogate.training.forecast import forecast
 from surrogate.training.plan import HELD_OUT_HELP, METHODS, PRESETS, SAMPLES_HELP, Plan, make_plan
@@ -92,11 +92,11 @@ def _train(plan: Plan, out: Path, devices: Devices, overwrite: bool) -> Surrogat
         print_message(plan.scene.explain(plan.samples))
         print_message(
             f"This training: about {foreseen.green_applications:,.0f} convolutions (G) and "
-            f"{seconds:.0f} s ({foreseen.flow_s:.0f} s of flows on one device, "
-            f"{foreseen.network_s:.0f} s of network) on {devices.count} device"
+            f"{duration(seconds)} ({duration(foreseen.flow_s)} of flows on one device, "
+            f"{duration(foreseen.network_s)} of network) on {devices.count} device"
             f"{'' if devices.count == 1 else 's'}; {plan.held_out} held-out flows, about "
-            f"{foreseen.held_out_s / devices.count:.0f} s, and compilation (minutes for a new kind "
-            "of scene) come on top."
+            f"{duration(foreseen.held_out_s / devices.count)}, and compilation (minutes for a new "
+            "kind of scene) come on top."
         )
     notes = {"foreseen_g": foreseen.green_applications, "foreseen_s": seconds}
     return train_plan(plan, out, first(), devices, overwrite=overwrite, notes=notes)

@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from surrogate.body.family import Family
+from surrogate.progress import duration
 from surrogate.scene.cost import convolutions, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
@@ -17,6 +18,7 @@ class Words(NamedTuple):
       part: the part of the domain that is gridded.
       without_mirror: the same for bodies with camber or incidence; "" for all of it.
       tested: the tested ranges.
+      tested_with_lift: those of bodies with camber or incidence.
       left_out: what is left out.
       unsteady: what instability does to the round body.
       others: when it happens to other bodies.
@@ -25,6 +27,7 @@ class Words(NamedTuple):
     part: str
     without_mirror: str
     tested: str
+    tested_with_lift: str
     left_out: str
     unsteady: str
     others: str
@@ -35,6 +38,7 @@ WORDS = {
         "upper half",
         "",
         "Re 0.5 to 45 and aspect 0.5 to 5; longer wakes get a longer domain",
+        "Re 1 to 200, aspect 1.5 to 6 and incidence -4 to 15",
         "the third dimension, ",
         "sheds vortices",
         "slender bodies do later, those wider than long sooner",
@@ -43,6 +47,7 @@ WORDS = {
         "quarter",
         "half",
         "Re 0.1 to 100 and aspect 0.5 to 4",
+        "Re 1 to 100, aspect 0.5 to 3 and incidence 20 to 90",
         "",
         "is unstable",
         "bodies wider than long sooner",
@@ -73,16 +78,18 @@ def explain_scene(
     sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
     takes = convolutions(dimension, symmetric)
-    training = bodies * (takes.flow + takes.renewal)
-    design = takes.design_flows * (takes.flow + takes.adjoint)
 
     aim = f"The tolerance of its drags is {100 * f.tolerance:g} %"
     if f.name in NAMED[dimension]:
-        aim = f"Made for drags within {100 * f.tolerance:g} % over {words.tested}"
+        tested = words.tested if symmetric else words.tested_with_lift
+        aim = f"Made for drags within {100 * f.tolerance:g} % over {tested}"
 
-    def cost(work):
-        return f"{work:,.0f} convolutions with G, {work * seconds:.2g} s"
-
+    costs = {
+        f"{bodies} bodies of a training": bodies * (takes.flow + takes.renewal),
+        "their shape gradients": bodies * takes.adjoint,
+        "a design by the flow's adjoint alone": takes.design_flows * (takes.flow + takes.adjoint),
+        "one flow to verify a surrogate's design": takes.flow,
+    }
     return "\n".join(
         [
             f"Steady laminar flow in {describe_stream(stream)}, "
@@ -97,12 +104,12 @@ def explain_scene(
             f"Left out: {words.left_out}unsteadiness (the {family.body_class.round_body} "
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
-            f"On this machine a convolution with G takes {1e3 * seconds:.2g} ms, a flow about "
-            f"{takes.flow:.0f} of them, so {bodies} bodies of a training cost {cost(training)}, "
-            "their shape gradients "
-            f"{cost(bodies * takes.adjoint)}; a design by the flow's adjoint alone {cost(design)}; "
-            f"one flow to verify a surrogate's design {cost(takes.flow)}. Compilation and the "
-            "network's own steps come on top.",
+            f"On this machine a convolution with G takes {duration(seconds)}, a flow about "
+            f"{takes.flow:.0f} of them. Compilation and the network's own steps come on top of:",
+            *(
+                f"- {what}: {work:,.0f} convolutions with G, {duration(work * seconds)}"
+                for what, work in costs.items()
+            ),
         ]
     )
 
