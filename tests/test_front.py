@@ -62,7 +62,7 @@ def test_a_solution_tells_loads_fields_and_work():
 
 
 ANSWERED = [(BODY, 20.0), (BODY + np.array([0.02, 0, 0, 0]), 10.0)]
-UNANSWERED = [(BODY, re) for re in (0.0, -1.0, np.nan, 60.0)]
+UNANSWERED = [(BODY, re) for re in (0.0, -1.0, np.nan, 0.01, 60.0)]
 UNANSWERED += [(body, 20.0) for body in ([2.0, 0.9, 0, 0], [9.0, 0, 0, 0], [np.nan, 0, 0, 0])]
 
 

@@ -97,6 +97,18 @@ def test_calls_for_one_and_many_refuse_the_unsteady_unless_asked():
     np.testing.assert_allclose(many.drag, float(one.drag), rtol=1e-5)
 
 
+def test_reynolds_numbers_below_those_of_the_far_field_are_refused():
+    """Convection is felt at distances of 1 / Re; a scene of lower Re has a larger far field."""
+    flow = Flow(Scene(reynolds=(1, 40), fidelity=TINY))
+    for call in (flow.drag, flow.loads_and_gradients, flow.solve):
+        with pytest.raises(InvalidInput, match=r"number 0\.1: .* far field .* from Re 0\.26 on"):
+            call(BODY, 0.1)
+    with pytest.raises(InvalidInput, match=r"number 0\.1: "):
+        flow.solve_all(np.array([BODY, BODY]), [20.0, 0.1])
+    for scene in (Scene(reynolds=(0.01, 1)), Scene(stream="tunnel:8", fidelity=TINY)):
+        assert Flow(scene).domain.least_reynolds <= 0.01
+
+
 @pytest.mark.parametrize("bad", [0, -1, "20", None, [10, 20], np.bool_(True), np.nan, 10**400])
 def test_invalid_reynolds_numbers_are_refused(net, bad, unchecked):
     with pytest.raises(InvalidInput):

@@ -31,9 +31,9 @@ def covers(
     """
     found = bodies.coverage(parameters)
     onset = jnp.inf if allow_unsteady else found.onset
-    lowest, highest = REYNOLDS[scene.dimension][0], scene.reynolds[1]
+    lowest = max(REYNOLDS[scene.dimension][0], bodies.domain.least_reynolds)
     body = is_valid(scene.family.body_class, parameters)
-    steady = reynolds <= jnp.minimum(highest, onset) * (1 + ROUNDING)
+    steady = reynolds <= jnp.minimum(scene.reynolds[1], onset) * (1 + ROUNDING)
     return body & found.fits & found.resolved & (reynolds >= lowest * (1 - ROUNDING)) & steady
 
 
@@ -53,13 +53,21 @@ def checked(
       InvalidInput: there is no such body or Reynolds number, or the grid does not cover it.
     """
     body = scene.family.check(parameters)
-    _check_within(scene, reynolds)
+    _check_within(scene, bodies, reynolds)
     onset = float(bodies.check(body[None]).onset[0])
     return body, check_reynolds(reynolds, allow_unsteady, scene.dimension, onset)
 
 
-def checked_numbers(scene: Scene, reynolds: Numbers, count: int) -> Float[np.ndarray, " bodies"]:
+def checked_numbers(
+    scene: Scene, bodies: DiscreteBodies, reynolds: Numbers, count: int
+) -> Float[np.ndarray, " bodies"]:
     """Return ``count`` Reynolds numbers that the scene covers, from as many or from one for all.
+
+    Args:
+      scene: of the flow.
+      bodies: the scene's class of bodies on its grid.
+      reynolds: U D / nu.
+      count: number of bodies.
 
     Raises:
       InvalidInput: there are neither as many nor one, or the scene does not cover one of them.
@@ -70,7 +78,7 @@ def checked_numbers(scene: Scene, reynolds: Numbers, count: int) -> Float[np.nda
             f"Reynolds numbers {shown(reynolds)}: {count} numbers are needed, or one for all"
         )
     for extreme in (given.min(), given.max()) if given.size else ():
-        _check_within(scene, extreme)
+        _check_within(scene, bodies, extreme)
     return np.broadcast_to(given, (count,))
 
 
@@ -84,12 +92,14 @@ def check_steady(
         check_reynolds(reynolds[first], False, dimension, float(onset[first]))
 
 
-def _check_within(scene, reynolds):
+def _check_within(scene, bodies, reynolds):
     """Raise InvalidInput unless a Reynolds number is one that the scene's grid is made for."""
     value = check_reynolds(reynolds, True, scene.dimension)
-    highest = scene.reynolds[1]
+    lowest, highest = bodies.domain.least_reynolds, scene.reynolds[1]
+    wider = "; a Scene with a wider range of Reynolds numbers would do"
     if value > highest * (1 + ROUNDING):
-        raise InvalidInput(
-            f"Reynolds number {value:g}: the scene's grid is made for wakes up to Re "
-            f"{highest:g}; a Scene with a wider range of Reynolds numbers would do"
-        )
+        made = f"the scene's grid is made for wakes up to Re {highest:g}"
+        raise InvalidInput(f"Reynolds number {value:g}: {made}{wider}")
+    if value < lowest * (1 - ROUNDING):
+        made = f"the scene's far field is large enough from Re {lowest:.2g} on"
+        raise InvalidInput(f"Reynolds number {value:g}: {made}{wider}")

@@ -227,7 +227,7 @@ class Flow:
           NotConverged: a flow did not converge, unless ``partial``.
         """
         parameters = self.scene.family.check_all(parameters)
-        reynolds = checked_numbers(self.scene, reynolds, len(parameters))
+        reynolds = checked_numbers(self.scene, self.bodies, reynolds, len(parameters))
         onset = self.bodies.check(parameters).onset
         if not allow_unsteady:
             check_steady(reynolds, onset, self.scene.dimension)

@@ -142,6 +142,11 @@ class Domain(abc.ABC):
         return False
 
     @property
+    def least_reynolds(self) -> float:
+        """The least U D / nu for which the far field's lattices are large enough."""
+        return 0.0
+
+    @property
     def far_order(self) -> int:
         """The order of the far field's momentum flux in the body's force."""
         return 2

@@ -151,6 +151,13 @@ class Domain2D(Domain):
         return self.modes.symmetric
 
     @property
+    def least_reynolds(self) -> float:
+        """The least U D / nu for which the far field's lattices are large enough."""
+        largest = self.far[-1]
+        extent = largest.shape[0] * largest.step[0]
+        return FAR_REYNOLDS / extent if self.height is None else 0.0
+
+    @property
     def far_combinations(self) -> int | None:
         """The number of combinations of modes far from a body; None, for all, if symmetric."""
         return None if self.modes.symmetric else FAR_COMBINATIONS
