@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 import render_shapes
 import solve_drag
-from conftest import ROUGH_3D
+from conftest import ROUGH_3D, TINY
 from matplotlib.figure import Figure
 from pictures import pixels
 from scipy.interpolate import RegularGridInterpolator
 
 from shapeopt.commands.cli import run
 from surrogate import Flow, InvalidInput, Scene, contour_shape, family_shape, load, naca4
+from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.output.folder import read_flow, read_surface
 from surrogate.flow.output.meshes import pv
 from surrogate.flow.output.picture import _draw_eddies, _Plane
+from surrogate.flow.surface.pressure import head_loss
 
 FILES = {"flow.json", "contour.csv", "contour.vtp", "fields.npz", "fields.vti", "flow.png"}
 
@@ -100,6 +102,27 @@ def test_pressure_of_slow_flow_is_that_of_stokes():
         point = np.array([[x, 0.3, -0.2]])
         expected = -0.75 * x / (0.01 * np.linalg.norm(point) ** 3)
         assert found(point)[0] == pytest.approx(expected, rel=0.05)
+
+
+def test_pressure_falls_along_a_tunnel_by_the_drag():
+    """In slow flow half of the fall is upstream: Cp ahead and behind add up to -Cd / height."""
+    flow = Flow(Scene(stream="tunnel:8", fidelity=TINY))
+    found = flow.solve(family_shape({"aspect": 1.0}), 0.01, estimate=False)
+    cp = found.surface(100).cp
+    assert 8 * (cp[0] + cp[50]) / found.drag == pytest.approx(-1, abs=0.03)
+    assert (cp[0] - cp[50]) / found.drag > 0.5
+
+
+@pytest.mark.parametrize("reynolds", [1e-3, 0.1, 1.0])
+def test_the_mean_head_upstream_in_a_tunnel_is_the_streams(reynolds, generator):
+    """Of any forces: its equation, averaged from wall to wall, has no source there."""
+    height = 4.0
+    lattice = Lattice((64, 32), (0.125, 0.125), 32, periodic=True)
+    forces = np.zeros((2, *lattice.shape))
+    forces[:, 28:36, 12:22] = generator.normal(1.0, 1.0, (2, 8, 10))
+    rows = (np.arange(32) + 0.51) * height / 32 - height / 2
+    losses = [head_loss(lattice, forces, (-2.03, y), reynolds, height) for y in rows]
+    assert abs(np.mean(losses)) < 5e-3 * np.ptp(losses)
 
 
 def test_a_flow_is_written_whole_and_read_back(cylinder, tmp_path):

@@ -5,6 +5,7 @@ extrapolated from the flow outside of the smeared layer.
 """
 
 import functools
+import math
 from collections.abc import Sequence
 
 import jax
@@ -20,6 +21,9 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.probes import PRESSURE_PROBES, extrapolation_weights
 
+IMAGES = 2  # of a body on either side that are mirrored in a tunnel's walls as they are
+DECAYED = 40.0  # exponent at which more distant images no longer count
+
 
 def pressure(
     domain: Domain, markers: Markers, state: FlowState, reynolds: float
@@ -29,7 +33,7 @@ def pressure(
     grad p is the body force minus the momentum equation's terms in the velocity. It has no curl on
     the grid, except for the interpolated far field, so any path of integration will do. The path
     starts in the middle of the inflow side, where the total head is the stream's but for
-    ``head_loss``, which matters at low Re. In a tunnel it is neglected.
+    ``head_loss``, which matters at low Re.
 
     Args:
       domain: the discrete problem.
@@ -50,13 +54,11 @@ def pressure(
         field += along - along[middle[axis]]
     entry = tuple(slice(index - 1, index + 1) for index in middle)
     change = [component[entry].mean() for component in velocity]
-    start = -change[0] - np.square(change).sum() / 2
-    if domain.height is None:
-        ends = zip(lattice.grid.domain, middle, lattice.step, strict=True)
-        point = [low + index * step for (low, _), index, step in ends]
-        forces = force + _lamb_vector(lattice, velocity)
-        start -= head_loss(lattice, forces, point, reynolds)
-    return field - field[entry].mean() + start
+    ends = zip(lattice.grid.domain, middle, lattice.step, strict=True)
+    point = [low + index * step for (low, _), index, step in ends]
+    forces = force + _lamb_vector(lattice, velocity)
+    loss = head_loss(lattice, forces, point, reynolds, domain.height)
+    return field - field[entry].mean() - change[0] - np.square(change).sum() / 2 - loss
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -75,42 +77,63 @@ def _lamb_vector(lattice, velocity):
 
 
 def head_loss(
-    lattice: Lattice, forces: Float[np.ndarray, "axes ..."], point: Sequence[float], reynolds: float
+    lattice: Lattice,
+    forces: Float[np.ndarray, "axes ..."],
+    point: Sequence[float],
+    reynolds: float,
+    height: float | None = None,
 ) -> float:
     """Return by how much the total head p + u^2 / 2 at a point is below the stream's.
 
     With forces f, and the Lamb vector u' x omega of the perturbation among them, the momentum
-    equation of an unbounded stream gives dH/dx - nu Lap H = f_x - nu div f for the head H. With
-    Green's function Re E of the left side, where k = Re / 2 and E = exp(k x) K0(k r) / (2 pi) in
-    2-D, exp(k (x - r)) / (4 pi r) in 3-D, H is the integral of Re E f_x - grad E . f. Upstream of
-    the body it falls off as exp(-Re r).
+    equation gives dH/dx - nu Lap H = f_x - nu div f for the head H, which is solved by the integral
+    of ``_head_of_unit_force``. In a tunnel the walls add mirror images of the forces; of those more
+    than ``IMAGES`` heights away the total force alone is counted.
 
     Args:
       lattice: whole grid.
       forces: on its faces, over rho U^2 / D.
       point: at which the head is wanted, not on a face.
       reynolds: U D / nu.
+      height: distance of the tunnel's walls, at y = +- height / 2; None for an unbounded stream.
     """
-    k, total = reynolds / 2, 0.0
+    images = [0] if height is None else range(-IMAGES, IMAGES + 1)
+    head = 0.0
     for axis, (face, force) in enumerate(zip(lattice.faces(), forces, strict=True)):
-        away = np.meshgrid(
-            *(end - start for end, start in zip(point, face, strict=True)),
-            indexing="ij",
-            sparse=True,
-        )
-        distance = np.sqrt(sum(side**2 for side in away))
-        decay = np.exp(k * (away[0] - distance))
-        if lattice.dimension == 2:
-            green = decay * kve(0, k * distance) / (2 * np.pi)
-            radial = -k * decay * kve(1, k * distance) / (2 * np.pi)
-        else:
-            green = decay / (4 * np.pi * distance)
-            radial = -(k + 1 / distance) * green
-        weight = -radial * away[axis] / distance
-        if axis == 0:
-            weight += (reynolds - k) * green
-        total += np.sum(weight * force)
-    return -float(total * np.prod(lattice.step))
+        for image in images:
+            places, sign = list(face), 1
+            if image:  # a wall turns y into height - y
+                sign = -1 if axis == 1 and image % 2 else 1
+                places[1] = image * height + (face[1] if image % 2 == 0 else -face[1])
+            away = [end - place for end, place in zip(point, places, strict=True)]
+            away = np.meshgrid(*away, indexing="ij", sparse=True)
+            head += sign * np.sum(_head_of_unit_force(away, axis, reynolds) * force)
+    if height is not None:
+        last = math.ceil(2 * DECAYED / (reynolds * height))
+        beyond = np.arange(IMAGES + 1, last + 1)
+        rows = point[1] - height * np.concatenate([-beyond, beyond])
+        of_images = _head_of_unit_force([np.full_like(rows, point[0]), rows], 0, reynolds)
+        head += np.sum(of_images) * np.sum(forces[0])
+    return -float(head * np.prod(lattice.step))
+
+
+def _head_of_unit_force(away, axis, reynolds):
+    """Return the head due to a unit force along an axis, at a vector ``away`` from it.
+
+    It is Re E in the direction of the stream, less dE / dx_axis, with k = Re / 2 and
+    E = exp(k x) K0(k r) / (2 pi) in 2-D, exp(k (x - r)) / (4 pi r) in 3-D. Upstream it falls off as
+    exp(-Re r).
+    """
+    k, distance = reynolds / 2, np.sqrt(sum(side**2 for side in away))
+    decay = np.exp(k * (away[0] - distance))
+    if len(away) == 2:
+        green = decay * kve(0, k * distance) / (2 * np.pi)
+        radial = -k * decay * kve(1, k * distance) / (2 * np.pi)
+    else:
+        green = decay / (4 * np.pi * distance)
+        radial = -(k + 1 / distance) * green
+    across = -radial * away[axis] / distance
+    return across + (reynolds - k) * green if axis == 0 else across
 
 
 def surface_pressure(
