@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from surrogate import Family, InvalidInput, contour_shape, family_shape, naca4, read_contour
-from surrogate.body.contour import crosses_itself, smooth_contour
+from surrogate.body.contour import crosses_itself
 from surrogate.body.incidence import rotate
 from surrogate.body.measures import AREA, mean_thickness, moments
 from surrogate.body.parameters import PARAMETERS
@@ -147,9 +147,9 @@ def test_a_name_that_is_not_the_familys_is_refused():
         FAMILY.parameters({"aspect": 2.0, "beta7": 0.1})
 
 
-def test_exact_smooth_contour_of_an_ellipse():
+def test_exact_contour_of_an_ellipse():
     angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-    markers = smooth_contour(np.stack([3 * np.cos(angle), 1.5 * np.sin(angle)], axis=1), 128)
+    markers = contour_shape(np.stack([3 * np.cos(angle), 1.5 * np.sin(angle)], axis=1)).draw(128)
     a, b = np.sqrt(0.5), np.sqrt(0.125)
     level = (markers[:, 0] / a) ** 2 + (markers[:, 1] / b) ** 2
     assert np.abs(level - 1).max() < 0.01
@@ -158,8 +158,8 @@ def test_exact_smooth_contour_of_an_ellipse():
 
 def test_contour_orientation_and_start_do_not_matter():
     points = naca4("2412")
-    a = smooth_contour(points, 200)
-    b = smooth_contour(np.roll(points[::-1], 31, axis=0), 200)
+    a = contour_shape(points).draw(200)
+    b = contour_shape(np.roll(points[::-1], 31, axis=0)).draw(200)
     assert np.abs(a - b).max() < 1e-9
 
 
@@ -201,13 +201,13 @@ def test_crossing_flat_and_short_contours_are_refused():
     castle = [(0, 0), (0, 2), (1, 2), (1, 1), (2, 1), (2, 2), (3, 2), (3, 0)]
     assert not crosses_itself(np.array(castle, float))
     with pytest.raises(InvalidInput, match="crosses"):
-        smooth_contour(eight + 0.01, 100)
+        contour_shape(eight + 0.01)
     with pytest.raises(InvalidInput, match="at least 8"):
-        smooth_contour(eight[:5], 100)
+        contour_shape(eight[:5])
     with pytest.raises(InvalidInput, match="no area"):
-        smooth_contour(np.stack([np.linspace(0, 1, 20), np.zeros(20)], axis=1), 100)
+        contour_shape(np.stack([np.linspace(0, 1, 20), np.zeros(20)], axis=1))
     with pytest.raises(InvalidInput, match="its size is"):
-        smooth_contour(1e-200 * naca4("0012"), 100)
+        contour_shape(1e-200 * naca4("0012"))
 
 
 @pytest.mark.parametrize("points", [200, 4000])

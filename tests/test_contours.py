@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from surrogate import InvalidInput, contour_shape, naca4, read_contour
-from surrogate.body.contour import smooth_contour
 
 T = np.linspace(0, 2 * np.pi, 80, endpoint=False)
 ROUND = np.stack([np.cos(T), 0.5 * np.sin(T)], axis=1)
@@ -14,8 +13,8 @@ ROUND = np.stack([np.cos(T), 0.5 * np.sin(T)], axis=1)
 def test_contours_of_many_points(count):
     t = np.linspace(0, 2 * np.pi, count, endpoint=False)
     points = np.stack([2 * np.cos(t), np.sin(t)], axis=1)
-    few = smooth_contour(ROUND, 200)
-    assert np.abs(smooth_contour(points, 200) - few).max() < 0.01
+    few = contour_shape(ROUND).draw(200)
+    assert np.abs(contour_shape(points).draw(200) - few).max() < 0.01
 
 
 def test_a_contour_that_smoothing_would_remove_is_refused():
@@ -58,8 +57,8 @@ FORMATS = {
 @pytest.mark.parametrize("form", FORMATS)
 def test_contours_of_every_usual_format_are_read(tmp_path, form):
     (tmp_path / "c.dat").write_text(FORMATS[form])
-    found = smooth_contour(read_contour(tmp_path / "c.dat"), 200)
-    assert np.abs(found - smooth_contour(SECTION, 200)).max() < 2e-3
+    found = contour_shape(read_contour(tmp_path / "c.dat")).draw(200)
+    assert np.abs(found - contour_shape(SECTION).draw(200)).max() < 2e-3
 
 
 @pytest.mark.parametrize(
@@ -108,9 +107,9 @@ def test_a_first_point_is_not_taken_for_counts_of_points(tmp_path):
     np.testing.assert_allclose(read_contour(tmp_path / "c.dat")[1:], rest, atol=1e-5)
 
 
-@pytest.mark.parametrize("nodes", [100, 101])
+@pytest.mark.parametrize("nodes", [100, 101, 5000, 8192])
 def test_smoothing_keeps_the_size_and_gives_as_many_points_as_asked_for(nodes):
     t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
-    found = smooth_contour(np.stack([np.cos(t), np.sin(t)], axis=1) / 2, nodes, keep_size=True)
+    found = contour_shape(np.stack([np.cos(t), np.sin(t)], axis=1) / 2, keep_size=True).draw(nodes)
     assert found.shape == (nodes, 2)
     np.testing.assert_allclose(np.hypot(*found.T), 0.5, atol=1e-4)

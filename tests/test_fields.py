@@ -16,7 +16,7 @@ from pictures import pixels
 from scipy.interpolate import RegularGridInterpolator
 
 from shapeopt.commands.cli import run
-from surrogate import Flow, InvalidInput, Scene, contour_shape, family_shape, load, naca4
+from surrogate import Fidelity, Flow, InvalidInput, Scene, contour_shape, family_shape, load, naca4
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.output.folder import read_flow, read_surface
 from surrogate.flow.output.meshes import pv
@@ -102,6 +102,16 @@ def test_pressure_of_slow_flow_is_that_of_stokes():
         point = np.array([[x, 0.3, -0.2]])
         expected = -0.75 * x / (0.01 * np.linalg.norm(point) ** 3)
         assert found(point)[0] == pytest.approx(expected, rel=0.05)
+
+
+def test_few_points_of_a_surface_are_those_of_many():
+    """Of a section, whose contour is smoothed the more the fewer markers it has."""
+    section = contour_shape(naca4("0012"))
+    flow = Flow(Scene(reynolds=(1, 60), fidelity=Fidelity("coarse", 12, 4, 6, 6)))
+    found = flow.solve(section, 20.0, estimate=False)
+    few, many = (found.surface(points) for points in (16, 4096))
+    for one, other in zip(few[:3], many[:3], strict=True):
+        np.testing.assert_allclose(one, other[::256], atol=0.01 * np.ptp(other))
 
 
 def test_pressure_falls_along_a_tunnel_by_the_drag():

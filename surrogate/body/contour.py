@@ -16,6 +16,7 @@ from surrogate.errors import InvalidInput
 
 FINE = 4096  # points of the intermediate resampling: far more than markers
 LEAST_WAVE = 0.03  # of a contour's first harmonic: waves that take more harmonics of the traction
+FEWEST = 200  # markers on a contour: of more, less is lost to smoothing
 LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which it is refused
 
 
@@ -64,24 +65,56 @@ def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
     return np.concatenate([upper, lower[-2:0:-1]])
 
 
-def smooth_contour(
-    points: Float[AnyArray, "points 2"], nodes: int, keep_size: bool = False
-) -> Float[AnyArray, "nodes 2"]:
-    """Return a smoothed contour: markers clockwise from the nose, centroid at 0, area pi/4.
+def contour_curve(
+    points: Float[AnyArray, "points 2"], keep_size: bool = False
+) -> Float[np.ndarray, "fine 2"]:
+    """Return a contour as a fine curve: clockwise from the nose, centroid at 0, area pi/4.
 
-    The parameter t runs faster where the contour bends less, ds/dt ~ curvature^(-1/3): on an
-    ellipse that is its own angle, so noses and tails get the markers they need. Corners are
-    rounded by the truncated Fourier series.
+    Its points are equidistant in a parameter t that runs faster where the contour bends less,
+    ds/dt ~ curvature^(-1/3): on an ellipse that is its own angle, so noses and tails get the
+    markers they need.
 
     Args:
       points: x and y once around, in order.
-      nodes: number of markers.
       keep_size: keep the area that was given.
 
     Raises:
       InvalidInput: fewer than 8 finite points, no area, a size that cannot be scaled, the contour
         crosses or touches itself, or smoothing would move it by more than 0.2 D.
     """
+    points, area, centroid = _checked(points)
+    points = points if area > 0 else points[::-1]
+    points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
+    points = np.roll(points, -int(np.argmin(points[:, 0])), axis=0)
+    curve = _by_bend(_by_length(points, FINE))
+    off = _farthest(curve, _fourier(curve, FEWEST))
+    if off > LARGEST_LOSS:
+        length = np.ptp(points[:, 0])
+        given = f" ({length:.3g} D long as given; without keep_size its area is scaled)"
+        raise InvalidInput(
+            f"contour: {off:.2g} D of it would be lost to smoothing{given if keep_size else ''}; "
+            "fewer, larger waves are kept"
+        )
+    return curve
+
+
+def smoothed(
+    curve: Float[np.ndarray, "fine 2"], nodes: int, keep_size: bool = False
+) -> Float[np.ndarray, "nodes 2"]:
+    """Return markers at equidistant t on a curve whose corners a Fourier series rounds.
+
+    Args:
+      curve: from ``contour_curve``.
+      nodes: number of markers; harmonics above an eighth of it fade out.
+      keep_size: keep the area that was given, else it is pi/4.
+    """
+    smooth = _fourier(curve, nodes)
+    area, centroid = (np.asarray(value) for value in moments(smooth))
+    return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
+
+
+def _checked(points):
+    """Return distinct points as floats, their area (negative if anticlockwise) and centroid."""
     if np.ma.is_masked(points):
         raise InvalidInput("contour: some of its points are masked; leave them out")
     try:
@@ -111,25 +144,11 @@ def smooth_contour(
     area, centroid = (np.asarray(value) for value in moments(points))
     if not abs(area) > 1e-9 * size**2:
         raise InvalidInput("contour: it encloses no area")
-    points = points if area > 0 else points[::-1]
-    points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
-    points = np.roll(points, -int(np.argmin(points[:, 0])), axis=0)
-    dense = _by_length(points, FINE)
-    smooth = _fourier(_by_bend(dense), nodes)
-    off = _farthest(dense, smooth)
-    if off > LARGEST_LOSS:
-        length = np.ptp(points[:, 0])
-        given = f" ({length:.3g} D long as given; without keep_size its area is scaled)"
-        raise InvalidInput(
-            f"contour: {off:.2g} D of it would be lost to smoothing{given if keep_size else ''}; "
-            "fewer, larger waves are kept"
-        )
-    area, centroid = (np.asarray(value) for value in moments(smooth))
-    return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
+    return points, area, centroid
 
 
 def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool = False) -> float:
-    """Return the extent along x in D of a valid contour, scaled as by ``smooth_contour``."""
+    """Return the extent along x in D of a valid contour, scaled as by ``contour_curve``."""
     points = np.asarray(points, float)
     area, _ = moments(points - points.mean(axis=0))
     scale = 1.0 if keep_size else np.sqrt(AREA / abs(float(area)))
@@ -190,7 +209,8 @@ def _fourier(points, nodes):
     """Low-pass Fourier series at ``nodes`` points; harmonics above nodes / 8 fade out."""
     wave = np.fft.fftfreq(len(points), 1 / len(points))
     spectrum = np.fft.fft(points, axis=0) * np.exp(-((wave / (nodes / 8)) ** 4))[:, None]
-    fastest = np.zeros((1 - nodes % 2, 2))  # of an even number of nodes there is one of no sign
-    ahead, behind = spectrum[: (nodes + 1) // 2], spectrum[len(points) - (nodes - 1) // 2 :]
-    kept = np.concatenate([ahead, fastest, behind])
+    known = min(nodes, len(points))
+    ahead, behind = spectrum[: (known + 1) // 2], spectrum[len(points) - (known - 1) // 2 :]
+    between = np.zeros((nodes - len(ahead) - len(behind), 2))
+    kept = np.concatenate([ahead, between, behind])
     return np.fft.ifft(kept, axis=0).real * nodes / len(points)

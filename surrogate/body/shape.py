@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass, drawn_contour
-from surrogate.body.contour import contour_length, highest_harmonic, smooth_contour
+from surrogate.body.contour import contour_curve, contour_length, highest_harmonic, smoothed
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.nose import nose_of_contour
 from surrogate.body.registry import body_class
@@ -186,12 +186,10 @@ def contour_shape(
       keep_size: keep the area that was given.
 
     Raises:
-      InvalidInput: as ``smooth_contour``, or the incidence is not from -180 to 180 degrees.
+      InvalidInput: as ``contour_curve``, or the incidence is not from -180 to 180 degrees.
     """
-    smooth_contour(points, 200, keep_size)
-    points = np.array(points, float)  # a copy, as the caller may change theirs
-    incidence = check_incidence(incidence)
-    draw = functools.partial(_draw_contour, points, keep_size, incidence)
+    curve, incidence = contour_curve(points, keep_size), check_incidence(incidence)
+    draw = functools.partial(_draw_contour, curve, keep_size, incidence)
     length = contour_length(points, keep_size)
     return Shape(draw, symmetric=False, length=length, incidence=incidence)
 
@@ -200,8 +198,8 @@ def _draw_family_body(body_class, parameters, nodes):
     return np.asarray(drawn_contour(body_class, parameters, nodes))
 
 
-def _draw_contour(points, keep_size, incidence, nodes):
-    return rotate(smooth_contour(points, nodes, keep_size), incidence)
+def _draw_contour(curve, keep_size, incidence, nodes):
+    return rotate(smoothed(curve, nodes, keep_size), incidence)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 2))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -271,7 +272,7 @@ class Solution:
         if self.shape.dimension == 3:
             raise InvalidInput("surface: is for 2-D bodies; skin_loads is for 3-D ones")
         points = whole_number("surface points", points, 16, 8192)
-        contour: AnyArray = self.shape.draw(points)
+        every = math.ceil(self.domain.nodes / points)  # as fine as the contour that was solved
         flow = self.state.velocity, self._pressure
-        found = surface_of(self.domain, *flow, contour, self.reynolds)
-        return found._replace(incidence=self.shape.incidence)
+        found = surface_of(self.domain, *flow, self.shape.draw(every * points), self.reynolds)
+        return Surface(*(part[::every] for part in found[:3]), self.shape.incidence)
