@@ -67,8 +67,7 @@ class LoadsComponent(om.ExplicitComponent):
             start = np.sqrt(low * high) if name == REYNOLDS else (low + high) / 2
             about = f"{meaning}; {low:g} to {high:g}"
             self.add_input(name, val=float(start), units=units, desc=about)
-        symmetric = model.scene.family.body_class.symmetric
-        self._load_names = list(LOADS)[: 1 if symmetric else None]
+        self._load_names = list(LOADS)[: None if model.scene.family.has_lift else 1]
         for name in self._load_names:
             self.add_output(name, val=1.0 if name == "cd" else 0.0, desc=MEANINGS[name])
         self.declare_partials("*", "*")

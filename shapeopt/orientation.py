@@ -5,7 +5,6 @@ import functools
 import math
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import brentq
 
@@ -47,7 +46,7 @@ def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> lis
       InvalidInput: an argument is invalid or outside the trained ranges.
     """
     body, body_class = checked_body(surrogate, parameters), surrogate.scene.family.body_class
-    surrogate.loads(jnp.asarray(body), reynolds)  # refuses other Reynolds numbers
+    reynolds = surrogate.scene.check_reynolds(reynolds)
 
     def moment(degrees):
         loads = loads_at(surrogate.network, body_class, body, np.deg2rad(degrees), reynolds)

@@ -209,7 +209,7 @@ def _verification_record(
         drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
     if verified is not None:
         rows = zip(
-            *(scenarios.shift, scenarios.weight, verified.cylinder, drags, verified.solutions),
+            *(scenarios.shift, scenarios.weight, verified.round_drags, drags, verified.solutions),
             strict=True,
         )
         cases = [
@@ -217,7 +217,7 @@ def _verification_record(
                 "parameters": (design.parameters + shift).tolist(),
                 "reynolds": case.reynolds,
                 "weight": float(weight),
-                "cd_start": cylinder,
+                "cd_start": round_drag,
                 "cd_surrogate": drag,
                 "cd_verified": case.drag,
                 "cl_verified": case.lift,
@@ -227,10 +227,10 @@ def _verification_record(
                 "expected_error": case.expected_error,
                 "estimated_error": case.estimated_error,
             }
-            for shift, weight, cylinder, drag, case in rows
+            for shift, weight, round_drag, drag, case in rows
         ]
         record |= {
-            "cd_start": verified.cylinder_objective,
+            "cd_start": verified.round_objective,
             "cd_verified": verified.objective,
             "cl_verified": solution and solution.lift,
             "cm_verified": solution and solution.moment,

@@ -1,10 +1,9 @@
 """Laminar aerodynamic surrogates: a flow solver on jax-cfd, and networks trained through it.
 
 This is the public API. ``Flow`` and ``Surrogate`` are the two models of the loads, with the same
-``drag(parameters, reynolds)``. Dependencies go one way: scene -> body -> flow -> training -> model
--> exports.
-Importing the package switches JAX to 64-bit numbers and its compilation cache on (``cache.py``),
-and lets idle threads of OpenBLAS sleep (``blas.py``).
+``drag(parameters, reynolds)``. Dependencies go one way: body -> scene -> flow -> model ->
+training, exports. Importing the package switches JAX to 64-bit numbers and its compilation cache on
+(``cache.py``), and lets idle threads of OpenBLAS sleep (``blas.py``).
 """
 
 import jax

@@ -127,7 +127,7 @@ def whole_number(name: str, value: object, low: int, high: int) -> int:
     """
     number = finite_number(name, value)
     if number != round(number) or not low <= number <= high:
-        raise InvalidInput(f"{name} {value}: a whole number from {low} to {high} is needed")
+        raise InvalidInput(f"{name} {number:.12g}: a whole number from {low} to {high} is needed")
     return round(number)
 
 

@@ -301,8 +301,11 @@ def test_what_fits_no_designer_is_refused(tiny_scene, pretrained, tmp_path, unch
     with pytest.raises(InvalidInput, match=r"must name a file that ends in \.json"):
         Designer(Flow(tiny_scene), tmp_path / "flows.txt")
     slender = dataclasses.replace(tiny_scene, family=Family(aspect=(2, 4), beta2=(-0.1, 0.1)))
-    with pytest.raises(InvalidInput, match="over the cylinder's"):
+    with pytest.raises(InvalidInput, match=r"over the cylinder's, .* lacks aspect 1; "):
         optimise(Problem(slender, Weighted((5.0, 20.0), (1.0, 1.0))), Flow(slender))
+    thick = dataclasses.replace(tiny_scene, family=Family(aspect=(0.5, 3), beta2=(0.1, 0.3)))
+    with pytest.raises(InvalidInput, match="this family lacks beta2 0; "):
+        optimise(Problem(thick, [5.0, 20.0]), Flow(thick))
 
 
 @pytest.mark.slow

@@ -112,6 +112,12 @@ def test_a_body_turns_to_its_stable_orientation():
     assert stable == {0.0: True, 90.0: False, 180.0: True}
 
 
+def test_orientations_are_of_one_reynolds_number_that_is_trained(unchecked):
+    for reynolds, reason in (([1.0, 10.0], "must be one number"), (300.0, "the scene covers 0.1")):
+        with pytest.raises(InvalidInput, match=reason):
+            orientations(surrogate(1.0), SPINDLE, reynolds)
+
+
 def test_heavy_bodies_swing_and_light_ones_do_not():
     """The linear frequency is that of the last swings of the fall itself."""
     light = dataclasses.replace(SMALL, size=20 * SMALL.size)

@@ -75,6 +75,8 @@ def test_fields_are_symmetric_and_rest_on_the_body(cylinder):
     assert s.u[0].mean() == pytest.approx(1.0, abs=0.08)
     with pytest.raises(AttributeError, match="2-D flow has none"):
         _ = s.w
+    with pytest.raises(InvalidInput, match="surface is for 2-D ones"):
+        s.skin_loads(np.zeros((1, 3)), np.ones((1, 3)))
 
 
 def test_pressure_agrees_with_the_surface_and_with_bernoulli(cylinder):

@@ -161,6 +161,19 @@ def test_only_levels_are_said_to_be_made_for_an_error(tiny_scene):
     assert "Made for" not in words
 
 
+def test_a_level_with_other_numbers_is_no_level():
+    words = Scene(fidelity=Fidelity("standard", 4, 2, 3, 3)).explain()
+    assert "The tolerance of its drags is 1.5 %" in words
+    assert "Made for" not in words
+
+
+def test_explain_refuses_grids_that_memory_is_too_small_for():
+    """As the flow does, before a benchmark would allocate arrays of this size."""
+    scene = Scene(dimension=3, fidelity=Fidelity("huge", 96, 6, 6, 12))
+    with pytest.raises(InvalidInput, match=r"fidelity huge: 382\.2 million cells .* up to 4 are"):
+        scene.explain()
+
+
 def test_durations_have_the_unit_that_is_read_most_easily():
     times = (0.0042, 1.234, 99.7, 110.0, 5400.0, 7000.0, 4e6)
     texts = ["4.2 ms", "1.2 s", "100 s", "1.8 min", "90 min", "1.9 h", "1100 h"]
@@ -200,7 +213,7 @@ BAD = {
     ),
     "too flat": ("dimension = 3\n[family]\naspect = [1, 2]\nflatness = [1, 9]", "from 0.2 to 5"),
     "stream": ("stream = 'river'", "'unbounded' or 'tunnel:H'"),
-    "narrow": ("stream = 'tunnel:0.5'", "'unbounded' or 'tunnel:H' with H from 1"),
+    "narrow": ("stream = 'tunnel:0.5'", "'unbounded' or 'tunnel:H' with H above 1"),
     "nan wide": ("stream = 'tunnel:nan'", "'unbounded' or 'tunnel:H'"),
     "stream number": ("stream = 12", "'unbounded' or 'tunnel:H'"),
     "no family": ("family = 'wings'", "family: must be a table of ranges"),
@@ -214,11 +227,17 @@ BAD = {
     "family number": ("[family]\naspect = 2", "must be two numbers, low and high"),
     "family reversed": ("[family]\naspect = [5, 1]", "low must not be above high"),
     "family nan": ("[family]\naspect = [1, nan]", "must be a finite number"),
-    "no width": ("[family]\naspect = [2, 2]", "leave a width"),
+    "no width": ("[family]\naspect = [2, 2]", "2 to 2: low must be below high"),
     "fidelity": ("fidelity = 'perfect'", "one of draft, standard, fine"),
     "fidelity number": ("fidelity = 16", "one of draft, standard, fine"),
-    "fidelity key": ("[fidelity]\nmesh = 3", "a table of name, cells"),
-    "fidelity without": ("[fidelity]\ncells = 8", "a table of name, cells"),
+    "fidelity key": (
+        "[fidelity]\ncels = 3",
+        "has 'cels'; did you mean cells?; a name",
+    ),
+    "fidelity without": (
+        "[fidelity]\ncells = 8",
+        "lacks upstream; a name, or a table of",
+    ),
     "half cells": (
         "[fidelity]\ncells = 8.5\nupstream = 4\ndownstream = 8\nheight = 8",
         "a whole number from 3 to 128 is needed",

@@ -34,7 +34,7 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values
 from shapeopt.search.designer import Designer
 from shapeopt.search.evaluated import EvaluatedDesign, best_design
-from shapeopt.search.verify import cylinder_drags
+from shapeopt.search.verify import drags_of_round_body
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, Tunnel, load
 
 LIFTING = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
@@ -90,7 +90,7 @@ def test_a_design_is_verified_where_the_cylinders_flow_does_not_converge(tiny_sc
 
     monkeypatch.setattr(Flow, "solve", solve_slender)
     found = verify(Problem(tiny_scene, 20.0), [2.0, 0.0, 0.0, 0.0])
-    assert (found.cylinder, found.cylinder_objective) == ((None,), None)
+    assert (found.round_drags, found.round_objective) == ((None,), None)
     assert found.objective == found.solutions[0].drag > 0
     with pytest.raises(NotConverged, match="Re 10"):
         verify(Problem(tiny_scene, Weighted((10, 20), (1, 1))), [2.0, 0.0, 0.0, 0.0])
@@ -99,7 +99,7 @@ def test_a_design_is_verified_where_the_cylinders_flow_does_not_converge(tiny_sc
 def test_problems_about_lift_are_not_compared_with_the_cylinder():
     scene = Scene(family=LIFTING, fidelity=TINY)
     for problem in (Problem(scene, Glide(10.0)), Problem(scene, 10.0, max_moment=0.1)):
-        assert cylinder_drags(problem) == (None,)
+        assert drags_of_round_body(problem) == (None,)
     assert not Problem(scene, 10.0).is_about_lift
 
 
@@ -238,7 +238,7 @@ def test_an_optimum_carries_the_flows_status_and_estimated_error(designed):
     assert verified.accuracy.startswith("does not meet 1.5 % (expected ")
     assert verified.estimated_error == max(s.estimated_error for s in verified.solutions)
     assert verified.expected_error < verified.estimated_error
-    assert verified.cylinder_objective > verified.objective
+    assert verified.round_objective > verified.objective
     assert design.drag == pytest.approx(
         float(Flow(design.problem.scene).drag(design.parameters, 20.0))
     )

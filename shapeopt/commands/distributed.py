@@ -63,7 +63,7 @@ def needs_supervision(arguments: argparse.Namespace) -> bool:
       InvalidInput: --processes or --process is given without --coordinator.
     """
     many = arguments.coordinator is not None or scheduled()
-    if not many and (arguments.processes or arguments.process):
+    if not many and (arguments.processes is not None or arguments.process is not None):
         raise InvalidInput("--processes and --process: go with --coordinator HOST:PORT")
     return many and CHILD not in os.environ
 

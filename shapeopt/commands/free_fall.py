@@ -11,15 +11,15 @@ tail is ahead.
 
 from collections.abc import Sequence
 
+from shapeopt.commands.arguments import add_family_arguments
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.ranges import numbers
-from shapeopt.commands.sweep import write_table
+from shapeopt.commands.ranges import few_numbers
+from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.fall import Fall, fall
 from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.render.falls import plot_fall
-from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
-from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, check_file
+from surrogate.body.parameters import INCIDENCE, PARAMETERS
+from surrogate.files import JsonObject
 from surrogate.flow.settling import Particle
 from surrogate.model.store import load
 
@@ -30,14 +30,10 @@ NAMES = [name for name, p in PARAMETERS.items() if p.keeps_mirror_plane]
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, integrate the fall and report it."""
     arguments = _parser().parse_args(argv)
-    values = numbers(arguments.particle, "--particle", "1.2,1e-6,5e-4")
-    if len(values) != 3:
-        raise InvalidInput(f"--particle {arguments.particle}: density ratio,viscosity,size")
-    if arguments.table:
-        check_file(arguments.table, ".csv")
-    if arguments.plot:
-        check_file(arguments.plot, ".png", ".svg", ".pdf")
-    surrogate, particle = load(arguments.surrogate), Particle(*values)
+    form = "density ratio,viscosity,size, as 1.2,1e-6,5e-4"
+    particle = Particle(*few_numbers(arguments.particle, "--particle", form, 3))
+    check_outputs(arguments.table, arguments.plot)
+    surrogate = load(arguments.surrogate)
     given = {name: getattr(arguments, name) for name in NAMES}
     named = {name: value for name, value in given.items() if value is not None}
     body = surrogate.scene.family.parameters(named | {INCIDENCE.name: 0.0})
@@ -95,9 +91,7 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     models = "folder, or pretrained:particle (the default); of 3-D bodies at 0 to 90 degrees"
     parser.add_argument("--surrogate", default="pretrained:particle", help=models)
-    group = parser.add_argument_group("body of the family", FAMILY)
-    for p in map(PARAMETERS.__getitem__, NAMES):
-        group.add_argument(f"--{p.name}", type=float, required=p.name == "aspect", help=p.meaning)
+    add_family_arguments(parser, NAMES)
     add = parser.add_argument
     particle = (
         "density over the fluid's,viscosity in m^2/s,size in m: the diameter of the sphere of its "

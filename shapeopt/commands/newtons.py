@@ -3,8 +3,7 @@
 import dataclasses
 
 from shapeopt.commands.cli import Parser
-from shapeopt.commands.ranges import numbers
-from surrogate.errors import InvalidInput
+from shapeopt.commands.ranges import few_numbers
 from surrogate.files import JsonObject
 from surrogate.flow.forces import Conditions, Forces
 
@@ -29,13 +28,7 @@ def conditions_of(text: str | None) -> Conditions | None:
     """
     if text is None:
         return None
-    try:
-        values = numbers(text, "--fluid", EXAMPLE)
-    except InvalidInput:
-        values = []
-    if len(values) not in (3, 4):
-        raise InvalidInput(f"--fluid {text!r}: {FORMS}")
-    return Conditions(*values)
+    return Conditions(*few_numbers(text, "--fluid", FORMS, 3, 4))
 
 
 def force_entries(

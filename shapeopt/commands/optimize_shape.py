@@ -125,7 +125,7 @@ def _within(file: str, folder: str) -> bool:
 
 def _text(r: JsonObject, problem: Problem, out: str) -> str:
     """The result for a person."""
-    lifting = not problem.scene.family.body_class.symmetric
+    lifting = problem.scene.family.has_lift
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"

@@ -39,6 +39,7 @@ from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import print_message, progress_bar
 from surrogate.repeats import differences, refusal
+from surrogate.scene.samples import LARGEST_SEED
 from surrogate.scene.scene import Scene
 from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
 from surrogate.training.train import train_all
@@ -54,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = _parser().parse_args(argv)
     devices = choose_devices(use_devices(arguments.devices))
     seeds = whole_number("--seeds", arguments.seeds, 1, 20)
+    whole_number("--seed", arguments.seed, 0, LARGEST_SEED - seeds)
     out, preset = Path(arguments.out), arguments.preset
     check_target(out, RECORD, ("payoff", "queries"), _own_names(arguments))
     for k in (0, PLAIN[preset] - 1):

@@ -135,7 +135,7 @@ def _predict(
     return {
         **reference_record(reynolds, chord, reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
-        "gradient": gradients["cd"] if family.body_class.symmetric else gradients,
+        "gradient": gradients if family.has_lift else gradients["cd"],
         **_error_bounds(surrogate, parameters, reynolds, loads[0] * by / units, bool(outside)),
         "in_trained_range": not outside,
         "confidence": confidence,

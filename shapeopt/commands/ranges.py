@@ -45,6 +45,27 @@ def numbers(
     return values
 
 
+def few_numbers(text: str, name: str, form: str, *counts: int) -> list[float]:
+    """Parse as many comma-separated numbers as an option takes.
+
+    Args:
+      text: as '0.3,0.001,1.2'.
+      name: of the option, which begins messages.
+      form: what the numbers are, for messages.
+      counts: how many there may be.
+
+    Raises:
+      InvalidInput: a word is no number, or there are more or fewer.
+    """
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts:
+        raise InvalidInput(f"{name} {text!r}: {form}")
+    return values
+
+
 def _values(parts: Sequence[str], given: str, logarithmic: bool) -> list[float]:
     """The numbers of one word; ValueError if it is none."""
     if len(parts) == 1:

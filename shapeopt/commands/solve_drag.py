@@ -25,7 +25,7 @@ from shapeopt.commands.arguments import (
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.kept_flows import add_kept_arguments, kept_flows
 from shapeopt.commands.newtons import forces_line
-from shapeopt.commands.ranges import numbers
+from shapeopt.commands.ranges import few_numbers
 from shapeopt.commands.reference import (
     CHORD,
     add_reference_argument,
@@ -36,11 +36,19 @@ from shapeopt.commands.reference import (
     reynolds_of,
     unsteady_remark,
 )
-from shapeopt.commands.sweep import Case, check_converged, solve_cases, text_table, write_table
+from shapeopt.commands.sweep import (
+    Case,
+    check_converged,
+    check_outputs,
+    solve_cases,
+    text_table,
+    write_table,
+)
 from shapeopt.render.polar import plot_polar
 from surrogate.body.family import Family
+from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, check_file
+from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.settling import RANGE, Particle, settle
@@ -100,12 +108,9 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
             raise InvalidInput("--gradient: needs a family body (--aspect)")
         if arguments.reference == CHORD:
             raise InvalidInput("--reference chord: goes without --gradient, which is by D")
-    if arguments.table:
-        check_file(arguments.table, ".csv")
-    if arguments.plot:
-        check_file(arguments.plot, ".png", ".svg", ".pdf")
-        if len(cases) < 2:
-            raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
+    check_outputs(arguments.table, arguments.plot)
+    if arguments.plot and len(cases) < 2:
+        raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
     scene = _scene(arguments, reynolds)
     for incidence, shape in shapes.items():
         which = f"--incidence {incidence:g}: " if len(shapes) > 1 else ""
@@ -137,10 +142,8 @@ def _check_settling(arguments: argparse.Namespace) -> None:
 
 def _settling(arguments: argparse.Namespace) -> JsonObject:
     """Report the terminal velocity of a particle, and its flow there."""
-    values = numbers(arguments.settling, "--settling", "2.65,1e-6,2e-4")
-    if len(values) != 3:
-        raise InvalidInput(f"--settling {arguments.settling}: density ratio,viscosity,size")
-    particle = Particle(*values)
+    form = "density ratio,viscosity,size, as 2.65,1e-6,2e-4"
+    particle = Particle(*few_numbers(arguments.settling, "--settling", form, 3))
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
     held = shape.incidence
@@ -154,7 +157,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     verb = "falls" if particle.density_ratio > 1 else "rises"
     way = f"{held:g} degrees off" if held else "along"
     text = f"{verb} {way} its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
-    text += f"Cd {drag:.5g} ({settled.flows} flow{'s'[: settled.flows - 1]})\n{_line(row)}"
+    text += f"Cd {drag:.5g} ({settled.flows} flow{'' if settled.flows == 1 else 's'})\n{_line(row)}"
     if turns:
         kept = f"drifting {settled.drift:.1f} degrees from the vertical" if held else "vertical"
         text += f"\nwith its axis held {kept}; a free body turns its broad side to its fall"
@@ -164,11 +167,8 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
 def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
     fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
-        if not 4 <= arguments.cells <= MOST_CELLS:
-            raise InvalidInput(
-                f"--cells {arguments.cells}: a whole number from 4 to {MOST_CELLS} is needed"
-            )
-        fidelity = dataclasses.replace(fidelity, cells=arguments.cells)
+        cells = whole_number("--cells", arguments.cells, 4, MOST_CELLS)
+        fidelity = dataclasses.replace(fidelity, cells=cells)
     stream = parse_stream(arguments.stream)
     family = Family(dimension=arguments.dimension)
     return Scene(stream, (min(reynolds), max(reynolds)), family, fidelity)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from shapeopt.commands.reference import DIAMETER, reference_record
 from surrogate.body.shape import Shape
 from surrogate.errors import NotConverged
-from surrogate.files import JsonObject, whole_file
+from surrogate.files import JsonObject, check_file, whole_file
 from surrogate.progress import progress_bar
 
 COLUMNS = {  # of the text: key in a row, head and format
@@ -111,6 +111,14 @@ def text_table(rows: Sequence[JsonObject]) -> str:
         "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
         for line in lines
     )
+
+
+def check_outputs(table: str | None, plot: str | None) -> None:
+    """Raise InvalidInput unless the files of --table and --plot, where given, can be written."""
+    if table:
+        check_file(table, ".csv")
+    if plot:
+        check_file(plot, ".png", ".svg", ".pdf")
 
 
 def write_table(rows: Sequence[JsonObject], path: str | Path) -> None:

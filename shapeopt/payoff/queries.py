@@ -30,8 +30,8 @@ def plain_queries(scene: Scene, count: int) -> list[Problem]:
     """
     numbers = [float(f"{value:.2g}") for value in np.geomspace(*scene.reynolds, count)]
     numbers = [float(np.clip(value, *scene.reynolds)) for value in numbers]
-    symmetric = scene.family.body_class.symmetric
-    return [Problem(scene, re if symmetric else Glide(re)) for re in numbers]
+    has_lift = scene.family.has_lift
+    return [Problem(scene, Glide(re) if has_lift else re) for re in numbers]
 
 
 def robust_objective(scene: Scene) -> Robust:
@@ -70,7 +70,7 @@ def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
         elif has_thickness < 0.5:
             bounds["min_thickness"] = _between(THICKNESSES, thickness)
         reynolds = float(np.exp(low + place * (high - low)))
-        if not scene.family.body_class.symmetric:
+        if scene.family.has_lift:
             glide, more = _with_lift(scene, jax.random.fold_in(drawing, 1))
             reynolds = Glide(reynolds) if glide else reynolds
             bounds |= more

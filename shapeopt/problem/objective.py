@@ -97,7 +97,7 @@ class Glide(AtReynolds):
         Raises:
           InvalidInput: the scene's bodies have no lift, or Re is outside its range.
         """
-        if scene.family.body_class.symmetric:
+        if not scene.family.has_lift:
             raise InvalidInput(f"glide: {NO_LIFT}")
         return scenarios_of(scene, [scene.check_reynolds(self.reynolds)], [1.0], glide=True)
 
@@ -144,10 +144,12 @@ class Weighted(Objective):
         """
         family = scene.family
         if not family.contains(family.ellipse(1.0)):
+            values = zip(family.ranges, family.ellipse(1.0).tolist(), strict=True)
+            lacks = [f"{name} {x:g}" for (name, (low, high)), x in values if not low <= x <= high]
             raise InvalidInput(
                 f"several Reynolds numbers: weighted drags are over the {family.round_body}'s, and "
-                "this family lacks aspect 1; those of a Robust objective (--spread of commands) "
-                "are not"
+                f"this family lacks {', '.join(lacks)}; those of a Robust objective (--spread of "
+                "commands) are not"
             )
         reynolds = [scene.check_reynolds(value) for value in self.reynolds]
         weight = np.array(self.weights) / max(self.weights)

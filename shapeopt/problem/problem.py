@@ -116,7 +116,7 @@ class Problem:
     def scenarios(self) -> Scenarios:
         """The scenarios of the objective, with the bounds on loads, as arrays."""
         scenarios = self.objective.scenarios(self.scene)
-        if self.scene.family.body_class.symmetric:
+        if not self.scene.family.has_lift:
             return scenarios
         bounds = {
             name: -bound.sense * UNBOUNDED if getattr(self, name) is None else getattr(self, name)
@@ -206,7 +206,7 @@ def _checked_station(given: object) -> Station:
 
 def _checked_load(scene: Scene, name: str, given: object) -> float:
     text = name.replace("_", " ")
-    if scene.family.body_class.symmetric:
+    if not scene.family.has_lift:
         raise InvalidInput(f"{text}: {NO_LIFT}")
     value = finite_number(text, given)
     if not abs(value) < UNBOUNDED:

@@ -48,7 +48,7 @@ LOAD_BOUNDS = {
     "min_moment": LoadBound(2, 1, "Cm"),
     "max_moment": LoadBound(2, -1, "Cm"),
 }
-UNBOUNDED = 1e3  # magnitude of a bound that every load satisfies
+UNBOUNDED = 1e5  # magnitude of a bound that every load satisfies: at Re 0.001 Cd is about 3e4
 
 
 class Scenarios(NamedTuple):

@@ -37,8 +37,8 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
             names = reference_name(record), "optimum"
             for surface, name, look in zip(surfaces, names, LOOKS, strict=True):
-                symmetric = run_scene(record).family.body_class.symmetric
-                side = slice(0, len(surface.cp) // 2 + 1) if symmetric else slice(None)
+                lifting = run_scene(record).family.has_lift
+                side = slice(None) if lifting else slice(0, len(surface.cp) // 2 + 1)
                 for axis, loads in ((pressure, surface.cp), (friction, surface.cf)):
                     axis.plot(surface.station[side], loads[side], lw=2.2, label=name, **look)
             for axis, label, title in (

@@ -53,7 +53,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
       NotConverged: a flow did not converge.
     """
     reference, optimum = solve_run(record)
-    reynolds, lifting = f"Re {record['reynolds']:.4g}", not has_no_lift(record)
+    reynolds, lifting = f"Re {record['reynolds']:.4g}", run_scene(record).family.has_lift
     before = [reynolds, reference_name(record), *_coefficients(reference, lifting)]
     after = [reynolds, "optimum", *_coefficients(optimum, lifting)]
     if is_compared(record):
@@ -63,11 +63,6 @@ def before_and_after(record: JsonObject) -> list[Panel]:
         Panel(reference, before, f"{'loads' if lifting else 'drag'} by the flow solver"),
         Panel(optimum, after, f"{origin(record)}, {standing(record)}"),
     ]
-
-
-def has_no_lift(record: JsonObject) -> bool:
-    """Return whether the bodies of a run's scene are all symmetric."""
-    return run_scene(record).family.body_class.symmetric
 
 
 def is_compared(record: JsonObject) -> bool:
@@ -82,7 +77,7 @@ def is_about_lift(record: JsonObject) -> bool:
     Its drag over the reference body's then says little. Where the bodies have lift and the run's
     settings are unknown it is taken for one.
     """
-    if has_no_lift(record):
+    if not run_scene(record).family.has_lift:
         return False
     settings = record.get("settings")
     if settings is None or record.get("objective", {}).get("kind") == "Glide":

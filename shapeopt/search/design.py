@@ -48,13 +48,13 @@ class Design:
     seconds: float
 
     def __repr__(self) -> str:
-        lift = f"Cl {self.lift:.4f}, " if self.has_lift else ""
+        lift = f"Cl {self.lift:.4f}, " if self._has_lift else ""
         work = f"{self.flows} flows, KKT residual {self.kkt_residual:.0e}"
         return f"Design({listed(self._named)}: Cd {self.drag:.4f}, {lift}{work})"
 
     def summary(self) -> str:
         """Return the body, and how it was found, as lines of text."""
-        lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self.has_lift else {}
+        lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self._has_lift else {}
         return aligned(
             {
                 "body": listed(self._named),
@@ -85,9 +85,8 @@ class Design:
         return self.loads[2]
 
     @property
-    def has_lift(self) -> bool:
-        """Whether bodies of the problem's scene have lift."""
-        return not self.problem.scene.family.body_class.symmetric
+    def _has_lift(self):
+        return self.problem.scene.family.has_lift
 
     @property
     def _named(self):

@@ -16,17 +16,17 @@ from surrogate.flow.solution import Solution
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Verified:
-    """The objective of a body by the flow, the flows of all scenarios and the cylinder's drags.
+    """The objective of a body by the flow, the flows of all scenarios, and the round body's drags.
 
-    In 3-D the sphere stands for the cylinder. ``cylinder`` holds its Cd at the Reynolds number of
-    every scenario, and ``cylinder_objective`` is the objective of these drags; they are None as
-    ``cylinder_drags`` says.
+    ``round_drags`` holds Cd of the cylinder (in 3-D the sphere) at the Reynolds number of every
+    scenario, and ``round_objective`` is the objective of these drags; they are None as
+    ``drags_of_round_body`` says.
     """
 
     objective: float
-    cylinder_objective: float | None
+    round_objective: float | None
     solutions: tuple[Solution, ...]
-    cylinder: tuple[float | None, ...]
+    round_drags: tuple[float | None, ...]
 
     def __repr__(self) -> str:
         flows = ", ".join(f"Cd {one.drag:.4f} at Re {one.reynolds:g}" for one in self.solutions[:3])
@@ -83,22 +83,22 @@ def verify(problem: Problem, parameters: Body) -> Verified:
     expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
     parameters = problem.scene.family.check(parameters)
-    cylinder = cylinder_drags(problem)
+    known = drags_of_round_body(problem)
     solutions = tuple(
         flow.solve(parameters + shift, reynolds, allow_unsteady=True)
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
     loads = np.array([[one.drag, one.lift, one.moment] for one in solutions], float)
-    if None in cylinder:  # then the objective does not depend on it
+    if None in known:  # then the objective does not depend on them
         own = combine(loads, np.ones(len(loads)), scenarios)
-        return Verified(float(own), None, solutions, cylinder)
-    drags = np.array(cylinder)
-    of_cylinder = np.pad(drags[:, None], ((0, 0), (0, 2)))  # neither lift nor moment
-    own, others = (combine(of, drags, scenarios) for of in (loads, of_cylinder))
-    return Verified(float(own), float(others), solutions, cylinder)
+        return Verified(float(own), None, solutions, known)
+    drags = np.array(known)
+    of_round_body = np.pad(drags[:, None], ((0, 0), (0, 2)))  # neither lift nor moment
+    own, others = (combine(of, drags, scenarios) for of in (loads, of_round_body))
+    return Verified(float(own), float(others), solutions, known)
 
 
-def cylinder_drags(problem: Problem) -> tuple[float | None, ...]:
+def drags_of_round_body(problem: Problem) -> tuple[float | None, ...]:
     """Return Cd of the cylinder (in 3-D the sphere) at the Reynolds number of every scenario.
 
     It is None where the problem is about lift, of which the cylinder has none, and where its flow

@@ -119,6 +119,11 @@ class Family:
         return self.body_class.ellipse(aspect)
 
     @property
+    def has_lift(self) -> bool:
+        """Whether bodies may have lift, as camber or incidence is among the parameters."""
+        return not self.body_class.symmetric
+
+    @property
     def round_body(self) -> str:
         """Name of the body of aspect 1 without modes: "cylinder", in 3-D "sphere"."""
         return self.body_class.round_body
@@ -284,7 +289,7 @@ def _range(name, given):
     low, high = interval(f"range of {name}", given)
     least, most = PARAMETERS[name].widest_range
     if low == high:
-        raise InvalidInput(f"range of {name}: {low:g} alone is none; leave a width")
+        raise InvalidInput(f"range of {name}: {low:g} to {high:g}: low must be below high")
     if not least <= low <= high <= most:
         raise InvalidInput(f"range of {name} {low:g} to {high:g}: from {least:g} to {most:g}")
     return low, high

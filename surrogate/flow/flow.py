@@ -259,7 +259,7 @@ class Flow:
         parameters, reynolds = self._checked(body, reynolds, allow_unsteady)
         named = self.scene.family.named(parameters)
         shape = family_shape(named, dimension=self.scene.dimension)
-        if not self.scene.family.body_class.symmetric:
+        if self.scene.family.has_lift:
             # as the domain is, also where camber and incidence are 0
             shape = shape.differentiable()
         return shape, reynolds, self.domain, self.scene.fidelity_for_bodies

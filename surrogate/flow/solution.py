@@ -245,7 +245,13 @@ class Solution:
     def skin_loads(
         self, points: Float[AnyArray, "points 3"], areas: Float[AnyArray, "points 3"]
     ) -> SkinLoads:
-        """Return Cp and friction at points of a 3-D body's skin, given with their area vectors."""
+        """Return Cp and friction at points of a 3-D body's skin, given with their area vectors.
+
+        Raises:
+          InvalidInput: the body is 2-D, where ``surface`` has them.
+        """
+        if self.shape.dimension == 2:
+            raise InvalidInput("skin_loads: is for 3-D bodies; surface is for 2-D ones")
         flow = self.state.velocity, self._pressure, self.reynolds
         return skin_loads(self.domain, *flow, points, areas)
 

@@ -27,7 +27,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
       scene: on which it was trained.
       record: of its training.
     """
-    planar, lifting = scene.dimension == 2, not scene.family.body_class.symmetric
+    planar, lifting = scene.dimension == 2, scene.family.has_lift
     method, fidelity = str(record.get("method")), scene.fidelity
     low, high = scene.reynolds
     ranges = "; ".join(

@@ -249,7 +249,7 @@ def _fitted_trends(inputs, z, outputs):
 
 def default_width(scene: Scene) -> int:
     """Return the width of both hidden layers of a scene's network, unless another is asked for."""
-    return WIDTH if scene.family.body_class.symmetric else LIFTING_WIDTH
+    return LIFTING_WIDTH if scene.family.has_lift else WIDTH
 
 
 def blank_network(scene: Scene, hidden: tuple[int, ...], key: jax.Array) -> LoadNetwork:

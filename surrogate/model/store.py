@@ -28,6 +28,7 @@ from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import LoadNetwork, blank_network, head_count
 from surrogate.model.outputs import LOAD_NAMES
 from surrogate.model.surrogate import Surrogate
+from surrogate.scene.samples import LARGEST_SEED
 from surrogate.scene.scene import Scene
 from surrogate.versions import versions
 
@@ -40,7 +41,7 @@ MAX_WIDTH, MAX_DEPTH = 4096, 8  # of a network that is read: bounds what a damag
 MAX_RECORD = 1 << 24  # bytes
 ERRORS = "mean", "p95", "max", "scale"
 MOST = 10**6  # samples or held-out bodies
-COUNTS = {"seed": 2**31 - 1, "samples": MOST, "held_out": MOST, "held_out_failed": MOST}
+COUNTS = {"seed": LARGEST_SEED, "samples": MOST, "held_out": MOST, "held_out_failed": MOST}
 
 
 def save(folder: str | Path, surrogate: Surrogate) -> None:

@@ -255,7 +255,7 @@ class Surrogate:
         Raises:
           InvalidInput: the record lacks them, which older trainings did not write.
         """
-        known = LOAD_NAMES[:1] if self.scene.family.body_class.symmetric else LOAD_NAMES
+        known = LOAD_NAMES if self.scene.family.has_lift else LOAD_NAMES[:1]
         return np.array([self.recorded(f"{name}_error_scale") for name in known])
 
     @functools.cached_property

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from surrogate.body.family import Family
 from surrogate.progress import duration
 from surrogate.scene.cost import convolutions, seconds_per_convolution
-from surrogate.scene.fidelity import NAMED, Fidelity
+from surrogate.scene.fidelity import NAMED, Fidelity, check_cells
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
 from surrogate.scene.stream import Stream, describe_stream, domain_height
 
@@ -56,7 +56,12 @@ WORDS = {
 
 
 def explain_scene(
-    stream: Stream, reynolds: tuple[float, float], family: Family, f: Fidelity, bodies: int
+    stream: Stream,
+    reynolds: tuple[float, float],
+    family: Family,
+    fidelity: Fidelity,
+    f: Fidelity,
+    bodies: int,
 ) -> str:
     """Return the text of ``Scene.explain``.
 
@@ -64,14 +69,19 @@ def explain_scene(
       stream: in which the bodies are.
       reynolds: least and greatest U D / nu.
       family: of the bodies.
-      f: the fidelity with its longest domain.
+      fidelity: of the scene.
+      f: the same with its longest domain and its smallest cells.
       bodies: number of bodies of a training.
+
+    Raises:
+      InvalidInput: the grid has more cells than memory is likely to hold.
     """
     dimension, words = family.dimension, WORDS[family.dimension]
     symmetric, height = family.body_class.symmetric, domain_height(stream, f.height)
     rows = round(height * f.cells / 2)
     last = rows if symmetric else 2 * rows
     shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 2), last
+    check_cells(f, shape)
     cells = math.prod(shape)
     part = words.part if symmetric else words.without_mirror
     seconds = seconds_per_convolution(shape, symmetric)
@@ -80,7 +90,7 @@ def explain_scene(
     takes = convolutions(dimension, symmetric)
 
     aim = f"The tolerance of its drags is {100 * f.tolerance:g} %"
-    if f.name in NAMED[dimension]:
+    if NAMED[dimension].get(fidelity.name) == fidelity:
         tested = words.tested if symmetric else words.tested_with_lift
         aim = f"Made for drags within {100 * f.tolerance:g} % over {tested}"
 
@@ -95,7 +105,7 @@ def explain_scene(
             f"Steady laminar flow in {describe_stream(stream)}, "
             f"Re {reynolds[0]:g} to {reynolds[1]:g}.",
             f"Bodies: {_kind(family)}, {family.body_class.size}, {ranges}.",
-            f"Grid ({f.name}{_refined(f, dimension)}): {f.cells} cells per D on a domain "
+            f"Grid ({f.name}{_refined(f, fidelity)}): {f.cells} cells per D on a domain "
             f"{sides} D ({cells} cells{f' in its {part}' if part else ''}), where "
             "the flow is non-linear; outside it are the Oseen Green's function G and the momentum "
             f"flux of the far field, a power series in the body's force. {aim}; every solved flow "
@@ -114,9 +124,9 @@ def explain_scene(
     )
 
 
-def _refined(f, dimension):
+def _refined(f, fidelity):
     """What is said of a grid whose cells follow thin boundary layers."""
-    usual = NAMED[dimension].get(f.name, f).cells
+    usual = fidelity.cells
     return f", finer than its {usual} for thin boundary layers" if f.cells > usual else ""
 
 

@@ -13,6 +13,7 @@ FEWEST_CELLS = 6  # per D, if possible: fewer do not resolve bodies of usual thi
 LONGEST = 2 * LONGEST_DOWNSTREAM  # D, any side of a domain
 COARSER = 0.9  # of the cells, at most, that a coarser grid has
 MOST_CELLS, MOST_IN_DOMAIN = 128, 16e6  # per D, and in a 2-D domain
+MOST_IN_SPACE = 4e6  # in the part of a 3-D domain that is gridded, which takes several gigabytes
 WAKE = {2: 0.2, 3: 0.0}  # default of ``wake`` by dimension: that of the standard fidelity
 REFINEMENT = {2: 3.0, 3: 1.0}  # default of ``refinement`` by dimension
 # ``inverse_layer`` in 1 / D up to which the levels' cells suffice (study ``lift``): that of aspect
@@ -211,6 +212,20 @@ NAMED = {dimension: {f.name: f for f in levels} for dimension, levels in LEVELS.
 FIDELITIES, SPACE_FIDELITIES = NAMED[2], NAMED[3]
 
 
+def check_cells(fidelity: Fidelity, shape: tuple[int, ...]) -> None:
+    """Raise InvalidInput if a 3-D grid of this shape has more cells than memory is likely to hold.
+
+    Args:
+      fidelity: of the grid.
+      shape: cells along each axis, of the part of the domain that is gridded.
+    """
+    if len(shape) == 3 and (count := math.prod(shape)) > MOST_IN_SPACE:
+        raise InvalidInput(
+            f"fidelity {fidelity.name}: {count / 1e6:.1f} million cells in the part of the domain "
+            f"that is gridded; up to {MOST_IN_SPACE / 1e6:g} are solved; fewer per D would do"
+        )
+
+
 def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
     """Return a fidelity given by its name, by a table of its numbers, or as it is.
 
@@ -220,11 +235,14 @@ def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
       InvalidInput: there is none of this name, or a number is missing or out of range.
     """
     if isinstance(value, Mapping):
-        try:
-            value = Fidelity(**{"name": "custom", **value})
-        except TypeError:
-            fields = ", ".join(field.name for field in dataclasses.fields(Fidelity))
-            raise InvalidInput(f"fidelity: a name, or a table of {fields}") from None
+        names = [field.name for field in dataclasses.fields(Fidelity)]
+        needed = "cells", "upstream", "downstream", "height"
+        wrong = [f"lacks {name}" for name in needed if name not in value]
+        unknown = (name for name in value if name not in names)
+        wrong = [f"has {name!r}{did_you_mean(name, names)}" for name in unknown] + wrong
+        if wrong:
+            raise InvalidInput(f"fidelity: {wrong[0]}; a name, or a table of {', '.join(names)}")
+        value = Fidelity(**{"name": "custom", **value})
     if isinstance(value, Fidelity):
         defaults = {"wake": WAKE[dimension], "refinement": REFINEMENT[dimension]}
         missing = {name: n for name, n in defaults.items() if getattr(value, name) is None}

@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.scene.scene import Scene
 
+LARGEST_SEED = 2**31 - 1
 MIN_DRAW = 128  # Sobol points at a time: enough to find out that all bodies cross themselves
 
 

@@ -164,7 +164,7 @@ class Scene:
         reynolds, height = self.reynolds[1], max(self.extent[1:])
         nose = nose_of_ellipse(self.family.chord)
         fidelity = self.fidelity.for_layers(reynolds, nose).for_wake(reynolds, height)
-        lifting = self.dimension == 2 and not self.family.body_class.symmetric
+        lifting = self.dimension == 2 and self.family.has_lift
         return fidelity.for_modes(self.family.highest_mode, lifting)
 
     def check_reynolds(self, reynolds: object) -> float:
@@ -184,7 +184,10 @@ class Scene:
 
         Args:
           bodies: number of bodies of a training.
+
+        Raises:
+          InvalidInput: ``bodies`` is no number of them, or memory is likely too small for the grid.
         """
         bodies = whole_number("bodies", bodies, 1, 10**9)
-        modelled = self.stream, self.reynolds, self.family, self.fidelity_for_bodies
-        return explain_scene(*modelled, bodies)
+        modelled = self.stream, self.reynolds, self.family, self.fidelity
+        return explain_scene(*modelled, self.fidelity_for_bodies, bodies)

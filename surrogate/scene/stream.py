@@ -1,7 +1,6 @@
 """Streams past a body: unbounded, or between the walls of a tunnel."""
 
 import dataclasses
-import math
 
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
@@ -24,7 +23,7 @@ class Tunnel:
     def __post_init__(self):
         height = finite_number("tunnel height", self.height)
         if not 1 < height <= 1000:
-            raise InvalidInput(f"tunnel height {height:g}: from 1 to 1000 D")
+            raise InvalidInput(f"tunnel height {height:g}: above 1 and up to 1000 D")
         object.__setattr__(self, "height", height)
 
     def __str__(self) -> str:
@@ -40,16 +39,14 @@ def parse_stream(text: object) -> Stream:
     Raises:
       InvalidInput: it is neither.
     """
-    if text == "unbounded":
-        return Unbounded()
     kind, _, value = str(text).partition(":")
+    if (kind, value) == ("unbounded", ""):
+        return Unbounded()
     try:
-        height = float(value)
-    except ValueError:
-        height = math.nan
-    if kind != "tunnel" or not 1 < height <= 1000:
-        raise InvalidInput(f"stream {text!r}: 'unbounded' or 'tunnel:H' with H from 1 to 1000 D")
-    return Tunnel(height)
+        return Tunnel(float(value if kind == "tunnel" else ""))
+    except (ValueError, InvalidInput):
+        wanted = "'unbounded' or 'tunnel:H' with H above 1 and up to 1000 D"
+        raise InvalidInput(f"stream {text!r}: {wanted}") from None
 
 
 def domain_height(stream: Stream, usual: float) -> float:

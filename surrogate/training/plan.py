@@ -10,6 +10,7 @@ from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.model.network import default_width
 from surrogate.model.surrogate import Surrogate
+from surrogate.scene.samples import LARGEST_SEED
 from surrogate.scene.scene import Scene
 from surrogate.training.infill import infill_positions
 from surrogate.training.methods.dp import DifferentiablePhysics, PublishedDifferentiablePhysics
@@ -167,12 +168,12 @@ def make_plan(
             raise InvalidInput(f"budget {budget_seconds:g} s: from 1 to below 1e6")
     scene = Scene() if scene is None else scene
     iterations = ((published and chosen.published) or chosen.iterations)[method]
-    if not scene.family.body_class.symmetric:
+    if scene.family.has_lift:
         iterations *= LIFTING_STEPS
     samples = whole_number("samples", chosen.samples if samples is None else samples, 4, 10**6)
     held_out = chosen.held_out if held_out is None else held_out
     held_out = whole_number("held-out bodies", held_out, 4, 10**6)
-    seed = whole_number("seed", seed, 0, 2**31 - 1)
+    seed = whole_number("seed", seed, 0, LARGEST_SEED)
     width = None if width is None else whole_number("width", width, 1, WIDEST)
     infill, earlier = (), 0
     if infill_from is not None:

@@ -49,7 +49,7 @@ def write_page(surrogate: Surrogate, path: str | Path) -> Path:
 def page(surrogate: Surrogate) -> str:
     """Return the page as HTML text."""
     scene, name = surrogate.scene, reference_name(surrogate.scene.family)
-    lifting = not scene.family.body_class.symmetric
+    lifting = scene.family.has_lift
     return Template(_text("page.html")).substitute(
         {part: "\n".join(map(_text, files)) for part, files in SCRIPTS.items()},
         style=_text("style.css"),
@@ -108,10 +108,10 @@ def _frame(family: Family) -> dict[str, str]:
     """SVG attributes: the view box, and the path of three arrows of the stream at its left."""
     length, height = family.extent[0], max(family.extent[1:])
     least = float(family.body_class.aspect(family.bounds.T)[0])
-    if family.body_class.symmetric:
-        height = min(height, TALLEST / math.sqrt(least))  # taller ones mostly cross
-    else:
+    if family.has_lift:
         height = max(height, ROOM_FOR_LIFT)
+    else:
+        height = min(height, TALLEST / math.sqrt(least))  # taller ones mostly cross
     left, top = -length / 2 - 0.55, -height / 2 - 0.12
     dart = "h.3m-.08 -.05l.08 .05l-.08 .05"
     return {
@@ -157,7 +157,7 @@ def _provenance(surrogate: Surrogate) -> str:
         area = f"\N{GREEK SMALL LETTER PI}D{square} / 8"
         over = f"drag over {rho}{area}, D the diameter of the sphere of the same volume"
         reference = "\N{GREEK SMALL LETTER PI}D\N{SUPERSCRIPT THREE} / 8"
-    if not scene.family.body_class.symmetric:
+    if scene.family.has_lift:
         over += f"; lift likewise; moment about the centroid, nose up, over {rho}{reference}"
     return (
         f"Steady laminar flow in {describe_stream(scene.stream)}; {over}, "

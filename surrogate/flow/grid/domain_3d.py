@@ -14,19 +14,17 @@ from surrogate.arrays import AnyArray
 from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
 from surrogate.body.skin import HALVES, QUARTERS, Skin, SkinNodes
-from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import Domain, box_around
 from surrogate.flow.grid.immersed import Spreading, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import FORCE_UNIT, Modes3D
 from surrogate.flow.grid.oseen_3d import SpaceKernel, space_kernel
 from surrogate.flow.grid.wall_3d import wall_3d
-from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.fidelity import Fidelity, check_cells
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
 FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, as in 2-D
-MAX_CELLS = 4_000_000  # of the part that is gridded, which takes several gigabytes
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
 ORDERS = 3  # highest order of the modes of bodies at incidence
 NUMBERS_AT_ONCE = 100_000  # in the velocities of modes that are computed at once
@@ -95,12 +93,7 @@ class Domain3D(Domain):
             return Lattice(shape, (1 / per_d,) * 3, round(before * per_d), folded=folded)
 
         lattice = grid(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
-        if (count := math.prod(lattice.shape)) > MAX_CELLS:
-            raise InvalidInput(
-                f"fidelity {fidelity.name}: {'a quarter' if modes.symmetric else 'half'} of the "
-                f"domain has {count / 1e6:.1f} million cells; up to {MAX_CELLS / 1e6:g} are "
-                "solved, so fewer cells per D would do"
-            )
+        check_cells(fidelity, lattice.shape)
         far = tuple(grid(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
         along, across = (
             largest * math.pi * cells / MARKER_SPACING for largest in (max(extent), max(extent[1:]))

@@ -91,8 +91,8 @@ def read_flow(folder: str | Path) -> StoredFlow:
     folder = path_of(folder)
     try:
         record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
-        if not set(KEYS) <= set(record):
-            raise ValueError
+        if missing := sorted(set(KEYS) - set(record)):
+            raise ValueError(f"{RECORD} lacks {missing[0]}")
         names = "xyz"[: record["dimension"]]
         with np.load(folder / "fields.npz") as file:
             axes = tuple(file[name] for name in names)

@@ -93,7 +93,7 @@ def fields_mesh(fields: Fields) -> pv.ImageData:
 
 
 def compact(values: np.ndarray) -> np.ndarray:
-    """Return 3-D fields in single precision, in which they are a third as large as their grid."""
+    """Return 3-D fields in single precision, which halves their files, and 2-D ones unchanged."""
     single = values.ndim > 2 and values.dtype == float
     return values.astype(np.float32) if single else values
 

@@ -30,7 +30,7 @@ class Picture(NamedTuple):
 
 
 class _Plane(NamedTuple):
-    """A plane of a flow: coordinates, velocity in it, vorticity across it, Cp; NaN in the body."""
+    """A plane of a flow: coordinates, velocity in it (NaN in the body), vorticity across it, Cp."""
 
     x: np.ndarray
     y: np.ndarray
