@@ -9,10 +9,9 @@ import numpy as np
 
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import RECORD, check_run_folder, is_whole, load_run
-from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, path_of, target_of
 from surrogate.model.surrogate import Surrogate
-from surrogate.repeats import differences, refusal
+from surrogate.repeats import check_settings
 
 NO_CONSTRAINTS = ("scene", "reynolds")  # fields of a problem
 
@@ -57,10 +56,7 @@ def stored_run(folder: str | Path, settings: JsonObject, overwrite: bool) -> Jso
     if overwrite or not (folder / RECORD).is_file():
         return None
     record = load_run(folder)
-    known = record.get("settings")
-    found = differences(known, settings) if isinstance(known, dict) else "of unknown settings"
-    if found:
-        raise InvalidInput(refusal(folder, "design", found))
+    check_settings(folder, "design", record.get("settings"), settings)
     return record | {"contour": str(folder / "contour.csv")} if is_whole(folder, record) else None
 
 

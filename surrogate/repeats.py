@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from surrogate.checks import shown
+from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 
 MOST_NAMED = 3  # differences in a message
@@ -33,6 +34,20 @@ def refusal(folder: object, what: str, found: str) -> str:
         f"{folder}: holds another {what} ({found}); overwrite (--overwrite) replaces it, or choose "
         "another folder"
     )
+
+
+def check_settings(folder: object, what: str, stored: object, asked: JsonObject) -> None:
+    """Raise InvalidInput if a folder holds a result of other settings than those asked for.
+
+    Args:
+      folder: that holds it.
+      what: kind of result, as "design".
+      stored: settings in its record, if there are any.
+      asked: settings of what is asked for.
+    """
+    found = differences(stored, asked) if isinstance(stored, dict) else "of unknown settings"
+    if found:
+        raise InvalidInput(refusal(folder, what, found))
 
 
 def _flat(table: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:

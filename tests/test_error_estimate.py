@@ -27,7 +27,7 @@ from surrogate.flow.check.error_estimate import (
 from surrogate.flow.check.error_model import ERROR_MODELS, Loads
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.retraction import offset_correction, retraction
-from surrogate.scene.fidelity import NAMED, SPACE_FIDELITIES
+from surrogate.scene.fidelity import NAMED
 
 DRAFT = FIDELITIES["draft"]
 MODEL = ERROR_MODELS[2]
@@ -219,7 +219,7 @@ def test_lift_and_moment_of_symmetric_flows_are_exact_but_for_the_solver(noise):
 
 def test_bounds_are_at_least_the_expected_errors():
     """In 3-D at high Re, where the margin is larger than the safety factor."""
-    fine = SPACE_FIDELITIES["fine"]
+    fine = NAMED[3]["fine"]
 
     def solve(fidelity):
         error = (10 / fidelity.cells) ** 2

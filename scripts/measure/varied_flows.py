@@ -28,10 +28,10 @@ from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver import steady
 from surrogate.flow.surface import forces_2d, pressure
 from surrogate.flow.surface.surface import surface_of
-from surrogate.scene.fidelity import NAMED, SPACE_FIDELITIES
+from surrogate.scene.fidelity import NAMED
 
 PRESSURE, FRICTION = 5.22, 5.11  # parts of the cylinder's Cd at Re 1, body-fitted elements
-COARSE_3D = dataclasses.replace(SPACE_FIDELITIES["standard"], cells=12)
+COARSE_3D = dataclasses.replace(NAMED[3]["standard"], cells=12)
 Body = tuple[tuple[str, float], ...]
 ROUND: Body = (("aspect", 1.0),)
 WALL = ("THIN_LAYER_RE", "RETRACTED_SHARE", "SECOND_ORDER")

@@ -144,8 +144,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
-    known = [case for case in r["cases"] if "onset" in case]  # older runs do not have it
-    if late := [case for case in known if case["reynolds"] > case["onset"]]:
+    if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
         wider = "surrogates and scenes of wider ranges may have better"

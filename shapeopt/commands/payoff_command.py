@@ -38,7 +38,7 @@ from surrogate.files import JsonObject, check_target, strict_json, whole_file
 from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import print_message, progress_bar
-from surrogate.repeats import differences, refusal
+from surrogate.repeats import check_settings
 from surrogate.scene.samples import LARGEST_SEED
 from surrogate.scene.scene import Scene
 from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
@@ -140,10 +140,7 @@ def _stored(out: Path, settings: JsonObject, overwrite: bool) -> JsonObject | No
     if overwrite or not (out / RECORD).is_file():
         return None
     stored = strict_json((out / RECORD).read_text(encoding="utf-8"))
-    known = stored.get("settings")
-    found = differences(known, settings) if isinstance(known, dict) else "of unknown settings"
-    if found:
-        raise InvalidInput(refusal(out, "payoff", found))
+    check_settings(out, "payoff", stored.get("settings"), settings)
     places = {name: str(out / f) for name, f in zip(("plot", "shapes"), PICTURES, strict=True)}
     return stored | places if all((out / name).is_file() for name in PICTURES) else None
 

@@ -11,9 +11,9 @@ from shapeopt.problem.objective import AtReynolds, Objective, scenarios_of
 from shapeopt.problem.scenarios import Scenarios
 from surrogate.arrays import AnyArray
 from surrogate.body.parameters import INCIDENCE, QUARTER_TURN
-from surrogate.checks import finite_number
+from surrogate.checks import SMALLEST, finite_number
 from surrogate.errors import InvalidInput
-from surrogate.flow.settling import BALANCED, SMALLEST, sphere_reynolds
+from surrogate.flow.settling import BALANCED, sphere_reynolds
 from surrogate.scene.scene import Scene
 
 FLATNESS = "flatness"

@@ -180,12 +180,10 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
 
 def _rows(record, flow):
     """Return the observations of a file's record; ValueError, KeyError or TypeError if damaged."""
-    digest = json_digest(record["flows"])
-    if record.get("sha256", digest) != digest:  # files of older versions have none
+    if record["sha256"] != json_digest(record["flows"]):
         raise ValueError
     rows = [
-        # files of older versions have Cd alone
-        Observation(np.array(p), re, np.atleast_1d(loads), np.atleast_2d(slopes))
+        Observation(np.array(p), re, np.array(loads), np.array(slopes))
         for p, re, loads, slopes in record["flows"]
     ]
     count = len(flow.bodies.loads)

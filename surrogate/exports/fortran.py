@@ -31,7 +31,8 @@ def fortran_file(plain: PlainNetwork, card: str, precision: Precision, prefix: s
     Raises:
       InvalidInput: the module itself uses a name like the prefix.
     """
-    if prefix.lower() in NAME.findall(_data(plain, precision) + template_text("network.f90")):
+    code = _data(plain, precision) + re.sub(r"!.*|\$\{?\w+", "", template_text("network.f90"))
+    if prefix.lower() in NAME.findall(code):
         raise InvalidInput(
             f"prefix {prefix!r}: is a name that the Fortran code itself uses; {prefix}_net would do"
         )

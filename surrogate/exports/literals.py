@@ -11,6 +11,8 @@ from jaxtyping import Float
 
 from surrogate.exports.plain import PlainNetwork
 
+WIDTH = 100  # letters of a line
+
 
 @dataclasses.dataclass(frozen=True)
 class Precision:
@@ -72,7 +74,7 @@ def flat(arrays: Iterable[Float[np.ndarray, "..."]]) -> Float[np.ndarray, " _"]:
     return np.concatenate([array.ravel() for array in arrays])
 
 
-def wrapped(texts: list[str], indent: str = "    ", width: int = 100) -> str:
-    """Return the texts joined by commas and wrapped to indented lines of at most ``width``."""
-    lines = textwrap.wrap(", ".join(texts), width - len(indent), break_on_hyphens=False)
+def wrapped(texts: list[str], indent: str = "    ") -> str:
+    """Return the texts joined by commas and wrapped to indented lines of at most ``WIDTH``."""
+    lines = textwrap.wrap(", ".join(texts), WIDTH - len(indent), break_on_hyphens=False)
     return "\n".join(indent + line for line in lines)

@@ -127,8 +127,7 @@ def read_surrogate(name: str | Path) -> Surrogate:
     network = read_leaves(folder / WEIGHTS, blank, "surrogate")
     if file_digest(folder / WEIGHTS) != record.get("weights_sha256"):
         raise InvalidInput(f"{what}: damaged, {WEIGHTS} is not what was saved")
-    saved = json_digest(record["scene"])
-    if record.get("scene_sha256", saved) != saved:  # older records have none
+    if record.get("scene_sha256") != json_digest(record["scene"]):
         raise InvalidInput(f"{what}: damaged, its scene is not what was saved")
     _check_numbers(network, scene, what)
     return Surrogate(network, scene, record)

@@ -196,20 +196,23 @@ class Fidelity:
         return dataclasses.replace(self, **scaled)
 
 
-LEVELS = {
-    2: (
+def _by_name(*levels):
+    return {level.name: level for level in levels}
+
+
+NAMED = {
+    2: _by_name(
         Fidelity("draft", 10, 4, 8, 8, wake=0.15, tolerance=0.015, refinement=3.0),
         Fidelity("standard", 16, 6, 12, 8, wake=0.2, tolerance=0.004, refinement=3.0),
         Fidelity("fine", 32, 8, 20, 12, wake=0.3, tolerance=0.001, refinement=3.0),
     ),
-    3: (
+    3: _by_name(
         Fidelity("draft", 8, 3, 6, 4, wake=0.0, tolerance=0.02, refinement=1.0),
         Fidelity("standard", 16, 3, 6, 4, wake=0.0, tolerance=0.005, refinement=1.0),
         Fidelity("fine", 24, 4, 8, 6, wake=0.0, tolerance=0.001, refinement=1.0),
     ),
 }
-NAMED = {dimension: {f.name: f for f in levels} for dimension, levels in LEVELS.items()}
-FIDELITIES, SPACE_FIDELITIES = NAMED[2], NAMED[3]
+FIDELITIES = NAMED[2]
 
 
 def check_cells(fidelity: Fidelity, shape: tuple[int, ...]) -> None:

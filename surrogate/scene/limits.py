@@ -93,36 +93,29 @@ def onset_of_instability(
 
 
 def onset_in_3d(
-    extent: Float[AnyArray, " axes"],
-    contour: Float[AnyArray, "nodes 2"],
-    rule: OnsetRule3D = RULE_3D,
-    plane: OnsetRule2D = RULE_2D,
+    extent: Float[AnyArray, " axes"], contour: Float[AnyArray, "nodes 2"]
 ) -> Float[Array, ""]:
     """Return the onset of instability of a 3-D body by ``OnsetRule3D``.
 
     Args:
       extent: length, width and height in D, each twice the farthest from the centroid.
       contour: of the section by the plane of symmetry, as it lies in the stream.
-      rule: constants of the rule.
-      plane: constants of the rule of cylinders.
     """
     length, height, thickness, *_ = streamwise_profile(contour)
     narrow, broad = jnp.minimum(extent[1], height), jnp.maximum(extent[1], height)
     slenderness = length * thickness / height / narrow
-    compact = jnp.hypot(rule.plate, rule.slope * slenderness)
-    long = plane.by_height(slenderness)
-    onset = (long + (compact - long) * (narrow / broad) ** rule.power) / narrow
+    compact = jnp.hypot(RULE_3D.plate, RULE_3D.slope * slenderness)
+    long = RULE_2D.by_height(slenderness)
+    onset = (long + (compact - long) * (narrow / broad) ** RULE_3D.power) / narrow
     return jnp.minimum(onset, ONSET_OF_INSTABILITY[3])
 
 
-def onset_in_2d(
-    contour: Float[AnyArray, "nodes 2"], rule: OnsetRule2D = RULE_2D
-) -> Float[Array, ""]:
+def onset_in_2d(contour: Float[AnyArray, "nodes 2"]) -> Float[Array, ""]:
     """Return the onset of shedding of a 2-D body with this contour as it lies in the stream."""
     length, height, thickness, rise, front = streamwise_profile(contour)
-    height = jnp.maximum(height, jnp.hypot(thickness, rule.lean * rise))
-    slenderness = length * jnp.minimum(front, 1.0) ** rule.nose / height
-    return rule.by_height(slenderness) / height
+    height = jnp.maximum(height, jnp.hypot(thickness, RULE_2D.lean * rise))
+    slenderness = length * jnp.minimum(front, 1.0) ** RULE_2D.nose / height
+    return RULE_2D.by_height(slenderness) / height
 
 
 def onset_of(shape: Shape) -> float:

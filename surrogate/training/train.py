@@ -14,7 +14,7 @@ from surrogate.scene.scene import Scene
 from surrogate.training.history import HistoryPoint
 from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
 from surrogate.training.methods.labels import TrainingLabels
-from surrogate.training.methods.method import LabelStore, Method
+from surrogate.training.methods.method import LabelStore
 from surrogate.training.plan import Plan, make_plan
 from surrogate.training.record import measured_anew, surrogate_of
 from surrogate.training.stored import checkpoint_path, stored_training
@@ -234,7 +234,6 @@ def train_with_bar(
     plan: Plan,
     setup: TrainingSetup,
     checkpoint: Path | None = None,
-    method: Method | None = None,
     title: str | None = None,
     progress: bool = True,
 ) -> TrainingResult:
@@ -244,7 +243,6 @@ def train_with_bar(
       plan: as for ``run_training``.
       setup: as for ``run_training``.
       checkpoint: as for ``run_training``.
-      method: as for ``run_training``.
       title: of the progress bar; by default the method's name.
       progress: whether to show progress.
     """
@@ -261,9 +259,7 @@ def train_with_bar(
             if isinstance(labels, TrainingLabels):
                 update(done, labels.progress)
 
-        trained = run_training(
-            plan, setup, checkpoint, report, method=method, evaluating=evaluating
-        )
+        trained = run_training(plan, setup, checkpoint, report, evaluating=evaluating)
         if trained.stopped:
             update(1.0, f"{trained.stopped}; the last good weights are kept")
         elif trained.unsolved:

@@ -31,7 +31,7 @@ from surrogate.flow.check.error_model import ERROR_MODELS, ErrorModel2D, ErrorMo
 from surrogate.flow.grid.discretise import DOMAINS
 from surrogate.flow.solver import steady
 from surrogate.flow.surface import forces_2d, pressure
-from surrogate.scene.fidelity import SPACE_FIDELITIES
+from surrogate.scene.fidelity import NAMED
 
 WALL = {
     "THIN_LAYER_RE": (20.0, 40.0, 80.0),
@@ -134,7 +134,7 @@ def accurate_errors(run: Run, value: float) -> Iterator[float]:
     """Yield errors of 3-D draft flows called accurate, over the error tolerance."""
     for row in (row for row in known_errors(3) if row["fidelity"] == "draft"):
         with mock.patch.object(ErrorModel3D, "FEW_CELLS", value):
-            margin = ERROR_MODELS[3].margin(SPACE_FIDELITIES["draft"].cells, row["reynolds"])
+            margin = ERROR_MODELS[3].margin(NAMED[3]["draft"].cells, row["reynolds"])
         if margin * row["likely"] <= row["tolerance"]:
             yield abs(row["error"]) / row["tolerance"]
 

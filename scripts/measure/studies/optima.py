@@ -27,7 +27,7 @@ from shapeopt.render.bodies_3d import (
 from shapeopt.render.pictures import Panel
 from surrogate import Family, Fidelity, Flow, NotConverged, Scene, Solution, Tunnel, family_shape
 from surrogate.flow.check.error_model import ERROR_MODELS
-from surrogate.scene.fidelity import SPACE_FIDELITIES
+from surrogate.scene.fidelity import NAMED
 
 # Chen, Cakal, Hu, Thuerey (J. Fluid Mech. 919, 2021), Re 1 in a finite domain: pressure, friction
 ASPECT, CYLINDER, LENS = 2.5, (5.33, 5.36), (2.60, 7.54)
@@ -158,7 +158,7 @@ def tunnel_with_drag(fidelity: Fidelity, reynolds: float, target: float) -> Tunn
 
 def optima(run: Run) -> Iterator[Row]:
     """Yield the cases over Re and cells; a tiny run has the optimum at Re 40."""
-    level = run.pick(TINY, SPACE_FIDELITIES["standard"])
+    level = run.pick(TINY, NAMED[3]["standard"])
     numbers, grids = run.pick(((40.0,), (5,)), (tuple(THEORY), CELLS))
     for n, reynolds in itertools.product(grids, numbers):
         fidelity, family = dataclasses.replace(level, cells=n), run.pick(TINY_RANGES, None)
@@ -169,7 +169,7 @@ def optima(run: Run) -> Iterator[Row]:
 
 def bounded(run: Run) -> Iterator[Row]:
     """Yield the cases at Re 40 under a bound on the height."""
-    level = run.pick(TINY, SPACE_FIDELITIES["standard"])
+    level = run.pick(TINY, NAMED[3]["standard"])
     tiny = {"flattened": Family(**TINY_RANGES, flatness=(1, 2.5))}
     for name, family in run.pick(tiny, BOUNDED).items():
         scene = Scene(reynolds=(40.0, 40.0), family=family, fidelity=level)
@@ -251,7 +251,7 @@ def _panels(reynolds: float, bodies: dict[str, Row]) -> list[BodyPanel]:
     """The sphere and other bodies in their flows."""
     panels, sphere = [], None
     for name, body in {"sphere": {"aspect": 1.0}, **bodies}.items():
-        found = solved(body, reynolds, SPACE_FIDELITIES["standard"], 3)
+        found = solved(body, reynolds, NAMED[3]["standard"], 3)
         sphere = sphere or found.drag
         change = "" if name == "sphere" else f"    {100 * (found.drag / sphere - 1):+.1f} %"
         title = f"Re {reynolds:g}    {name}    Cd {found.drag:.4g}{change}"

@@ -31,7 +31,7 @@ from surrogate import (
     naca4,
 )
 from surrogate.flow.check.error_model import ERROR_MODELS, Loads
-from surrogate.scene.fidelity import SPACE_FIDELITIES
+from surrogate.scene.fidelity import NAMED
 
 SCENE = "symmetric, on a scene's grid"  # which is larger than one for the body alone
 FLOOR = 5e-4  # smaller errors count as this one, the uncertainty of fine grids
@@ -114,7 +114,7 @@ def estimate_3d(run, fidelity, reynolds, stream, shape, **_) -> Row:
       shape: The body.
       **_: The rest of the case.
     """
-    draft, standard, fine = SPACE_FIDELITIES.values()
+    draft, standard, fine = NAMED[3].values()
     pair = run.pick((TINY, TINY), (draft, standard) if fidelity == "draft" else (standard, fine))
     return compared(shape, reynolds, stream, *pair, extrapolated=fidelity == "standard")
 

@@ -15,6 +15,8 @@ os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")  # no d
 
 import pyvista as pv
 
+RINGS, AZIMUTHS = 96, 96  # of a skin: intervals in t from nose to tail, and points around the axis
+
 
 def outline(markers: Float[AnyArray, "nodes 2"], height: float = 0.0) -> pv.PolyData:
     """Return the contour of a 2-D body as a closed line at the height z = ``height``."""
@@ -22,27 +24,23 @@ def outline(markers: Float[AnyArray, "nodes 2"], height: float = 0.0) -> pv.Poly
     return pv.lines_from_points(points, close=True)
 
 
-def skin_mesh(
-    shape: FamilyShape, rings: int = 96, azimuths: int = 96
-) -> tuple[pv.PolyData, np.ndarray]:
+def skin_mesh(shape: FamilyShape) -> tuple[pv.PolyData, np.ndarray]:
     """Return the surface of a 3-D body as a closed mesh of triangles with outward normals.
 
     Args:
       shape: the body.
-      rings: number of intervals in t from nose to tail.
-      azimuths: number of points around the axis.
 
     Returns:
       The mesh, and area vectors at its points, shape (points, 3), for ``Solution.skin_loads``.
     """
-    t = np.pi * np.arange(1, rings) / rings
-    around = 2 * np.pi * np.arange(azimuths) / azimuths
+    t = np.pi * np.arange(1, RINGS) / RINGS
+    around = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
     mu, phi = (grid.ravel() for grid in np.meshgrid(np.cos(t), around, indexing="ij"))
     mu, phi = np.concatenate([[1.0], mu, [-1.0]]), np.concatenate([[0.0], phi, [0.0]])
     points, areas = map(np.asarray, shape.body_class.skin_at(shape.values, mu, phi))
-    ring = 1 + np.arange((rings - 1) * azimuths).reshape(rings - 1, azimuths)
+    ring = 1 + np.arange((RINGS - 1) * AZIMUTHS).reshape(RINGS - 1, AZIMUTHS)
     here, there = ring, np.roll(ring, -1, axis=1)
-    nose, tail = np.zeros(azimuths, int), np.full(azimuths, len(points) - 1)
+    nose, tail = np.zeros(AZIMUTHS, int), np.full(AZIMUTHS, len(points) - 1)
     triangles = [
         np.stack([nose, there[0], here[0]], axis=1),
         np.stack([here[:-1], there[:-1], there[1:]], axis=2).reshape(-1, 3),
