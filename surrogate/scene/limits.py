@@ -32,7 +32,7 @@ class OnsetRule2D(NamedTuple):
     sqrt(thickness^2 + (lean rise)^2).
 
     Attributes:
-      plate: onset, by the height, of a plate across the stream.
+      plate: onset, by the height, of a plate across the stream, extrapolated from aspect 0.3.
       slope: about what slenderness adds to the onset by the height.
       power: of the slenderness.
       lean: weight of the rise of the mean line, by incidence or camber.
