@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import re
 
 import jax
 import jax.numpy as jnp
@@ -188,7 +187,7 @@ class Flow:
           NotConverged: the flow, or the adjoint that the gradient needs, did not converge.
         """
         if isinstance(body, str):
-            body = contour_shape(naca4(re.sub("^naca *", "", body.lower())))
+            body = contour_shape(naca4(body))
         if isinstance(body, Shape):
             body = body.differentiable() if gradient else body
             on_grid = self._on_its_own_grid(body, reynolds, allow_unsteady)

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax_cfd.base import (
     advection,
-    boundaries,
     diffusion,
     equations,
     grids,
@@ -143,7 +142,7 @@ def march(
     advance = _navier_stokes(box, marcher.reynolds)
 
     def one(velocity, _):
-        velocity = _hold_flux(_arrays(advance(_variables(box, velocity))), 1.0)
+        velocity = _hold_flux(_arrays(advance(box.lattice.variables(velocity))), 1.0)
         amplitude = -marcher.inverse @ marcher.body.slip(velocity)
         velocity += jnp.tensordot(amplitude, marcher.impulse, axes=1)
         at = box.modes, amplitude / box.step, marcher.markers
@@ -199,20 +198,11 @@ def _sponge(box, x):
 
 def _project(box, velocity, flux=0.0):
     """Return the divergence-free part; a uniform pressure gradient holds the mean of u."""
-    return _hold_flux(_arrays(pressure.projection(_variables(box, velocity))), flux)
+    return _hold_flux(_arrays(pressure.projection(box.lattice.variables(velocity))), flux)
 
 
 def _hold_flux(velocity, flux):
     return velocity.at[0].add(flux - jnp.mean(velocity[0]))
-
-
-def _variables(box, velocity):
-    bc = boundaries.periodic_boundary_conditions(2)
-    grid = box.lattice.grid
-    return tuple(
-        grids.GridVariable(grids.GridArray(component, offset, grid), bc)
-        for component, offset in zip(velocity, grid.cell_faces, strict=True)
-    )
 
 
 def _arrays(variables):

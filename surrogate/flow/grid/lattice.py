@@ -148,6 +148,14 @@ class Lattice:
         s = np.clip(distance / band, 0, 1)
         return s**3 * (10 - 15 * s + 6 * s**2)
 
+    def variables(self, velocity: Float[AnyArray, "axes ..."]) -> tuple[grids.GridVariable, ...]:
+        """Return the components of a face velocity as jax-cfd describes them, periodic."""
+        bc = boundaries.periodic_boundary_conditions(self.dimension)
+        return tuple(
+            grids.GridVariable(grids.GridArray(component, offset, self.grid), bc)
+            for component, offset in zip(velocity, self.grid.cell_faces, strict=True)
+        )
+
     @functools.partial(jax.jit, static_argnums=0, inline=True)
     def convect(self, velocity: Float[AnyArray, "axes ..."]) -> Float[Array, "axes ..."]:
         """Return -div(u u) of a face velocity that vanishes at the edges, by jax-cfd.
@@ -156,12 +164,7 @@ class Lattice:
         the top row stands for v = 0 on the centre line or the lower wall, and no flux of u
         crosses either.
         """
-        bc = boundaries.periodic_boundary_conditions(self.dimension)
-        variables = tuple(
-            grids.GridVariable(grids.GridArray(component, offset, self.grid), bc)
-            for component, offset in zip(velocity, self.grid.cell_faces, strict=True)
-        )
-        terms = [term.data for term in advection.convect_linear(variables)]
+        terms = [term.data for term in advection.convect_linear(self.variables(velocity))]
         for axis in range(1, self.dimension):
             if axis in self.folded or self.periodic:
                 terms[axis] = terms[axis].at[(slice(None),) * axis + (-1,)].set(0.0)
