@@ -180,7 +180,7 @@ class Solution:
 
     @property
     def p(self) -> Float[np.ndarray, "..."]:
-        """The pressure over rho U^2 at the cell centres, zero far away; Cp is twice that."""
+        """The pressure over rho U^2 at the cell centres, zero far upstream; Cp is twice that."""
         return self.fields.p
 
     @property
@@ -211,7 +211,7 @@ class Solution:
     def write(self, folder: str | Path) -> Path:
         """Write contour with Cp and Cf, fields (.vti, .npz), a picture and a record to a folder.
 
-        The folder must be new, empty or of an earlier flow; other files in it stay. Returns it.
+        The contour is that of the body as it lies, turned by its incidence. The folder must be new, empty or of an earlier flow; other files in it stay. Returns it.
 
         Raises:
           InvalidInput: the folder holds something else, or is not writable.

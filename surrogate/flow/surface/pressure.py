@@ -28,7 +28,7 @@ DECAYED = 40.0  # exponent at which more distant images no longer count
 def pressure(
     domain: Domain, markers: Markers, state: FlowState, reynolds: float
 ) -> Float[np.ndarray, "..."]:
-    """Return p / rho U^2 in the cells of the whole domain, zero far away.
+    """Return p / rho U^2 in the cells of the whole domain, zero far upstream.
 
     grad p is the body force minus the momentum equation's terms in the velocity. It has no curl on
     the grid, except for the interpolated far field, so any path of integration will do. The path
