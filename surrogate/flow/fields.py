@@ -30,7 +30,7 @@ class Fields:
     Attributes:
       axes: coordinates x, y(, z) of the centres in D, one array for each axis.
       velocity: u, v(, w) over U, the stream included.
-      p: pressure over rho U^2, zero far away; Cp is twice that.
+      p: pressure over rho U^2, zero far upstream; Cp is twice that.
       vorticity: over U / D; in 2-D its one component, positive anticlockwise, in 3-D all three.
       inside: whether a cell's centre lies inside the body.
     """

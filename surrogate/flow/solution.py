@@ -211,7 +211,8 @@ class Solution:
     def write(self, folder: str | Path) -> Path:
         """Write contour with Cp and Cf, fields (.vti, .npz), a picture and a record to a folder.
 
-        The contour is that of the body as it lies, turned by its incidence. The folder must be new, empty or of an earlier flow; other files in it stay. Returns it.
+        The contour is that of the body as it lies, turned by its incidence. The folder, which is
+        returned, must be new, empty or of an earlier flow; other files in it stay.
 
         Raises:
           InvalidInput: the folder holds something else, or is not writable.
