@@ -336,14 +336,19 @@ def measured_onsets():
     record = json.loads((RESULTS / "onset_2d.json").read_text())
     for row in record["result"]["rows"]:
         if row["onset"] is not None and row["onset"] < REYNOLDS[2][1]:
-            yield row["parameters"], row["onset"]
+            error = onset_of(shape_of(row["parameters"])) / row["onset"] - 1
+            yield ("beyond" if row["fitted"] is None else "within"), error
 
 
 def test_the_onset_of_shedding_is_that_of_linear_stability():
-    errors = [onset_of(shape_of(body)) / onset - 1 for body, onset in measured_onsets()]
-    assert len(errors) > 20
-    assert np.abs(errors).max() < 0.051
-    assert np.sqrt(np.mean(np.square(errors))) < 0.026
+    """Within 9 % of it for bodies that are wider, or lie steeper, than those it was fitted to."""
+    errors = {"within": [], "beyond": []}
+    for kind, error in measured_onsets():
+        errors[kind].append(error)
+    assert len(errors["within"]) > 20
+    assert np.abs(errors["within"]).max() < 0.051
+    assert np.sqrt(np.mean(np.square(errors["within"]))) < 0.026
+    assert np.abs(errors["beyond"]).max() < 0.09
 
 
 def test_the_onset_in_3d_is_that_of_linear_stability():

@@ -59,6 +59,12 @@ HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 2.0, "beta2": -0.2, "beta3": 0.1},
     {"aspect": 1.5, "beta2": 0.15, "gamma2": 0.2, "gamma3": -0.1, "incidence": -10.0},
 )
+BEYOND: tuple[dict[str, Any], ...] = (  # wider than all that the rule is fitted to, or steeper
+    {"aspect": 0.2},
+    {"aspect": 3.0, "incidence": 75.0},
+    {"aspect": 0.15},
+    {"aspect": 5.0, "incidence": 60.0},
+)
 MESH = Elements(order=2, box=30.0, wall=0.06, near=0.15, wake=0.5)
 COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
 START = 0.867, 0.8  # 1 / Re times the guess: Re 1.15 and 1.25 times the guess, where modes grow
@@ -74,14 +80,14 @@ DURATION, KICK = 100.0, 0.002  # D / U, and U: so little that the lift stays pro
 TOLERANCE = 1e-5  # of eigenvalues, relative to their distance from the shift
 
 
-def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool) -> Row:
+def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool | None) -> Row:
     """Return the critical Re and pulsation, or None where the search fails, and the body's sides.
 
     Args:
       run: How the study is run.
       body: Its name.
       parameters: As for ``shape_of``.
-      fitted: Whether the rule is fitted to it.
+      fitted: Whether the rule is fitted to it; None of one beyond those to which it is fitted.
     """
     shape, onset = shape_of(parameters), None
     length, height = np.ptp(shape.draw(400), axis=0)
@@ -245,7 +251,7 @@ def text(result: Result) -> str:
     )
 
 
-USES = {True: "fitted", False: "held out"}
+USES = {True: "fitted", False: "held out", None: "extrapolated"}
 COLUMNS = columns(
     "body {body} | length {length:.2f} | height {height:.2f} | critical Re {onset:.1f}"
     " | omega h / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%} | {use}"
@@ -256,7 +262,7 @@ MARCHES = columns(
 )
 CASES = [
     {"body": name_of(body, ""), "parameters": body, "fitted": fitted}
-    for bodies, fitted in ((FITTED, True), (HELD_OUT, False))
+    for bodies, fitted in ((FITTED, True), (HELD_OUT, False), (BEYOND, None))
     for body in bodies
 ]
 BESIDE = [
