@@ -274,9 +274,9 @@ def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
 
     Elsewhere the ellipse of the optimum's aspect is drawn beside it.
     """
-    drag = {"objective": {"kind": "AtReynolds"}, "settings": {"lift": None, "max_length": 2.0}}
-    glide = {"objective": {"kind": "Glide"}, "settings": {}}
-    bound = drag | {"settings": {"lift": 0.2}}
+    drag = {"objective": {"kind": "AtReynolds"}, "constraints": {"max_length": 2.0}}
+    glide = {"objective": {"kind": "Glide"}, "constraints": {}}
+    bound = drag | {"constraints": {"lift": 0.2}}
     flows, titles = solve_run(lifting([2.0, 0.1, 10.0])), {}
     monkeypatch.setattr("shapeopt.render.sheets.solve_run", lambda record: flows)
     for name, more in {"drag": drag, "glide": glide, "bound": bound, "unknown": {}}.items():

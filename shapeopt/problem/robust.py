@@ -11,6 +11,7 @@ from shapeopt.problem.scenarios import Scenarios
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.checks import expect, finite_number, real_numbers, whole_number
 from surrogate.errors import InvalidInput
+from surrogate.scene.samples import LARGEST_SEED
 from surrogate.scene.scene import Scene
 
 # The normal changes of shape are truncated here, in standard deviations, so that they are bounded
@@ -57,7 +58,7 @@ class Robust(Objective):
             raise InvalidInput(f"CVaR level {self.level:g}: from 0 (the mean) to below 1")
         if not 0 <= self.tolerance <= 0.1:
             raise InvalidInput(f"tolerance {self.tolerance:g}: from 0 to 0.1 of a range's width")
-        for name, low, high in (("cases", 2, 4096), ("seed", 0, 2**31 - 1)):
+        for name, low, high in (("cases", 2, 4096), ("seed", 0, LARGEST_SEED)):
             object.__setattr__(self, name, whole_number(name, getattr(self, name), low, high))
 
     @property

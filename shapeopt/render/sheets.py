@@ -75,14 +75,14 @@ def is_about_lift(record: JsonObject) -> bool:
     """Return whether a run was for the glide ratio, or under bounds on lift or moment.
 
     Its drag over the reference body's then says little. Where the bodies have lift and the run's
-    settings are unknown it is taken for one.
+    constraints are unknown it is taken for one.
     """
     if not run_scene(record).family.has_lift:
         return False
-    settings = record.get("settings")
-    if settings is None or record.get("objective", {}).get("kind") == "Glide":
+    known = record.get("constraints", record.get("settings"))
+    if known is None or record.get("objective", {}).get("kind") == "Glide":
         return True
-    return any(settings.get(name) is not None for name in LOAD_BOUNDS)
+    return any(known.get(name) is not None for name in LOAD_BOUNDS)
 
 
 def _coefficients(solution: Solution, lifting: bool) -> list[str]:

@@ -16,7 +16,7 @@ from surrogate.errors import InvalidInput
 
 FINE = 4096  # points of the intermediate resampling: far more than markers
 LEAST_WAVE = 0.03  # of a contour's first harmonic: waves that take more harmonics of the traction
-FEWEST = 200  # markers on a contour: of more, less is lost to smoothing
+JUDGED = 200  # markers by which the loss to smoothing is judged; coarse grids have some 100
 LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which it is refused
 
 
@@ -38,11 +38,11 @@ def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
     if not re.fullmatch(r"[0-9]{4}", digits) or digits.endswith("00"):
         hint = "; contour_shape(read_contour(file)) makes a body of a file" if "." in digits else ""
         raise InvalidInput(
-            f"NACA {code}: four digits with a thickness above 00 are needed, as 0012{hint}"
+            f"NACA {digits}: four digits with a thickness above 00 are needed, as 0012{hint}"
         )
     camber, position, thickness = int(digits[0]) / 100, int(digits[1]) / 10, int(digits[2:]) / 100
     if (camber > 0) != (position > 0):
-        raise InvalidInput(f"NACA {code}: camber and its position must both be zero or neither")
+        raise InvalidInput(f"NACA {digits}: camber and its position must both be zero or neither")
     x = (1 - np.cos(np.linspace(0, np.pi, points // 2 + 1))) / 2
     half = (
         5
@@ -87,7 +87,7 @@ def contour_curve(
     points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
     points = np.roll(points, -int(np.argmin(points[:, 0])), axis=0)
     curve = _by_bend(_by_length(points, FINE))
-    off = _farthest(curve, _fourier(curve, FEWEST))
+    off = _farthest(curve, _fourier(curve, JUDGED))
     if off > LARGEST_LOSS:
         length = np.ptp(points[:, 0])
         given = f" ({length:.3g} D long as given; without keep_size its area is scaled)"

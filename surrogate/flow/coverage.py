@@ -101,5 +101,5 @@ def _check_within(scene, bodies, reynolds):
         made = f"the scene's grid is made for wakes up to Re {highest:g}"
         raise InvalidInput(f"Reynolds number {value:g}: {made}{wider}")
     if value < lowest * (1 - ROUNDING):
-        made = f"the scene's far field is large enough from Re {lowest:.2g} on"
+        made = f"the scene's far field is large enough from Re {lowest:.4g} on"
         raise InvalidInput(f"Reynolds number {value:g}: {made}{wider}")

@@ -59,7 +59,7 @@ class Fidelity:
       tolerance: relative error tolerance of the drag: ``Solution.status`` is "accurate" where the
         expected error is below it, and those of Cl and Cm, over Cd, are below 2.5 times it. Levels
         are made for it at Re 0.5 to 45 and aspect 0.5 to 5 in 2-D, at Re 0.1 to 100 and aspect 0.5
-        to 4 in 3-D.
+        to 4 in 3-D; of bodies with lift at Re 1 to 200 and 1 to 100.
     """
 
     name: str

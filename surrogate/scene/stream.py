@@ -39,9 +39,9 @@ def parse_stream(text: object) -> Stream:
     Raises:
       InvalidInput: it is neither.
     """
-    kind, _, value = str(text).partition(":")
-    if (kind, value) == ("unbounded", ""):
+    if str(text) == "unbounded":
         return Unbounded()
+    kind, _, value = str(text).partition(":")
     try:
         return Tunnel(float(value if kind == "tunnel" else ""))
     except (ValueError, InvalidInput):

@@ -22,7 +22,7 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.probes import PRESSURE_PROBES, extrapolation_weights
 
 IMAGES = 2  # of a body on either side that are mirrored in a tunnel's walls as they are
-DECAYED = 40.0  # exponent at which more distant images no longer count
+DECAYED = 30.0  # exponent by which more distant images no longer count
 
 
 def pressure(
@@ -87,8 +87,8 @@ def head_loss(
 
     With forces f, and the Lamb vector u' x omega of the perturbation among them, the momentum
     equation gives dH/dx - nu Lap H = f_x - nu div f for the head H, which is solved by the integral
-    of ``_head_of_unit_force``. In a tunnel the walls add mirror images of the forces; of those more
-    than ``IMAGES`` heights away the total force alone is counted.
+    of ``_head_of_unit_force``. In a tunnel the walls add mirror images of the forces; those more
+    than ``IMAGES`` heights away are each taken for one force at a centre.
 
     Args:
       lattice: whole grid.
@@ -97,8 +97,8 @@ def head_loss(
       reynolds: U D / nu.
       height: distance of the tunnel's walls, at y = +- height / 2; None for an unbounded stream.
     """
-    images = [0] if height is None else range(-IMAGES, IMAGES + 1)
-    head = 0.0
+    last = 0 if height is None else math.floor(2 * DECAYED / (reynolds * height) + 0.5)
+    images, head = range(-min(last, IMAGES), min(last, IMAGES) + 1), 0.0
     for axis, (face, force) in enumerate(zip(lattice.faces(), forces, strict=True)):
         for image in images:
             places, sign = list(face), 1
@@ -108,12 +108,14 @@ def head_loss(
             away = [end - place for end, place in zip(point, places, strict=True)]
             away = np.meshgrid(*away, indexing="ij", sparse=True)
             head += sign * np.sum(_head_of_unit_force(away, axis, reynolds) * force)
-    if height is not None:
-        last = math.ceil(2 * DECAYED / (reynolds * height))
-        beyond = np.arange(IMAGES + 1, last + 1)
+    if last > IMAGES:
+        total, beyond = np.sum(forces[0]), np.arange(IMAGES + 1, last + 1)
+        # The moments of x f_x and y f_y count with opposite signs, as E_yy is -E_xx far away.
+        (x, _), (_, y) = lattice.faces()
+        centre = (np.sum(x @ forces[0]) - np.sum(forces[1] @ y)) / total
         rows = point[1] - height * np.concatenate([-beyond, beyond])
-        of_images = _head_of_unit_force([np.full_like(rows, point[0]), rows], 0, reynolds)
-        head += np.sum(of_images) * np.sum(forces[0])
+        away = [np.full_like(rows, point[0] - centre), rows]
+        head += np.sum(_head_of_unit_force(away, 0, reynolds)) * total
     return -float(head * np.prod(lattice.step))
 
 
