@@ -13,7 +13,11 @@ from shapeopt.payoff.slsqp import minimise_slsqp
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values, satisfied
 from shapeopt.problem.feasible import drawn_bodies
-from shapeopt.problem.scenarios import conditional_value_at_risk, model_objective
+from shapeopt.problem.scenarios import (
+    conditional_value_at_risk,
+    load_constraints,
+    model_objective,
+)
 from shapeopt.search.qp import solve_relaxed_qp
 from shapeopt.search.sqp import minimise_sqp
 from surrogate import Family, Flow, InvalidInput, Scene, load
@@ -369,3 +373,11 @@ def test_problems_that_make_no_sense_are_refused(pretrained, change, message, un
 @pytest.mark.parametrize("number", [np.float32(20), np.int64(20), 20, np.asarray(20.0)])
 def test_every_kind_of_number_is_a_number(pretrained, number, unchecked):
     assert Problem(pretrained.scene, number).objective.nominal == 20.0
+
+
+def test_loads_without_bounds_are_free_in_slow_flow_too():
+    """Where coefficients are large: these are about those of a disc at 45 degrees at Re 0.001."""
+    family = Family(dimension=3, aspect=(0.1, 0.4), incidence=(0, 90))
+    problem = Problem(Scene(dimension=3, reynolds=(0.001, 1), family=family), 0.001)
+    loads = np.array([[3e4, -6e3, -5e3]])
+    assert np.all(np.asarray(load_constraints(loads, problem.scenarios)) > 0)
