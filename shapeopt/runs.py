@@ -61,8 +61,9 @@ def save_run(
     Returns:
       The record, as in run.json. "constraints" are those that the problem sets. cd_* are values of
       the problem's objective: Cd where that is the drag at one Reynolds number; of the glide ratio
-      and of a settling speed Cd itself, and the ratio is under "glide". cd_start is that of the cylinder (sphere) in the same scenarios, None
-      where it is not known; it is not where the search began. cl_verified and cm_verified are those
+      and of a settling speed Cd itself, and the ratio is under "glide". cd_start is that of the
+      cylinder (sphere) in the same scenarios, None where it is not known; it is not where the
+      search began. cl_verified and cm_verified are those
       of the body itself at the nominal Reynolds number, None where that flow does not converge.
 
     Raises:
