@@ -43,7 +43,7 @@ def print_message(text: str) -> None:
     """Print a line to stderr; it is lost where stderr is closed or its disk is full."""
     if sys.stderr is not None:
         with contextlib.suppress(OSError):
-            print(text, file=sys.stderr, flush=True)
+            print(f"{text}\n", end="", file=sys.stderr, flush=True)  # in one piece
 
 
 def duration(seconds: float) -> str:

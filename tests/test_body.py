@@ -114,7 +114,7 @@ def test_a_family_is_the_same_whatever_the_order_of_its_names():
         ({"beta2": (0, 0.1)}, "aspect needs a range"),
         ({"aspect": (1, 2), "beta13": (0, 0.1)}, "no parameter 'beta13'"),
         ({"aspect": (3, 1)}, "low must not be above high"),
-        ({"aspect": (2, 2)}, "leave a width"),
+        ({"aspect": (2, 2)}, "low must be below high"),
         ({"aspect": (0.01, 2)}, "from 0.1 to 20"),
         ({"aspect": (1, np.nan)}, "finite number"),
         ({"aspect": "1 to 5"}, "two numbers"),

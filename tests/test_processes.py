@@ -65,7 +65,7 @@ def test_a_terminated_training_ends_with_status_130_and_one_line(tmp_path):
     words += ["--scene", str(scene), "--out", str(tmp_path / "hig")]
     process = started("train_surrogate.py", *words)
     for line in process.stderr:
-        if "step" in line:
+        if " step " in line:
             break
     while process.poll() is None:  # Python drops signals that arrive in some callbacks
         process.terminate()

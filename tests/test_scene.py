@@ -170,7 +170,7 @@ def test_a_level_with_other_numbers_is_no_level():
 def test_explain_refuses_grids_that_memory_is_too_small_for():
     """As the flow does, before a benchmark would allocate arrays of this size."""
     scene = Scene(dimension=3, fidelity=Fidelity("huge", 96, 6, 6, 12))
-    with pytest.raises(InvalidInput, match=r"fidelity huge: 382\.2 million cells .* up to 4 are"):
+    with pytest.raises(InvalidInput, match=r"huge: a quarter of the domain has 382\.2 million"):
         scene.explain()
 
 

@@ -81,7 +81,7 @@ def explain_scene(
     rows = round(height * f.cells / 2)
     last = rows if symmetric else 2 * rows
     shape = round((f.upstream + f.downstream) * f.cells), *(rows,) * (dimension - 2), last
-    check_cells(f, shape)
+    check_cells(f, shape, symmetric)
     cells = math.prod(shape)
     part = words.part if symmetric else words.without_mirror
     seconds = seconds_per_convolution(shape, symmetric)

@@ -215,17 +215,19 @@ NAMED = {
 FIDELITIES = NAMED[2]
 
 
-def check_cells(fidelity: Fidelity, shape: tuple[int, ...]) -> None:
+def check_cells(fidelity: Fidelity, shape: tuple[int, ...], symmetric: bool) -> None:
     """Raise InvalidInput if a 3-D grid of this shape has more cells than memory is likely to hold.
 
     Args:
       fidelity: of the grid.
       shape: cells along each axis, of the part of the domain that is gridded.
+      symmetric: whether bodies have two mirror planes, so that a quarter is gridded, else half.
     """
     if len(shape) == 3 and (count := math.prod(shape)) > MOST_IN_SPACE:
+        part = "a quarter" if symmetric else "half"
         raise InvalidInput(
-            f"fidelity {fidelity.name}: {count / 1e6:.1f} million cells in the part of the domain "
-            f"that is gridded; up to {MOST_IN_SPACE / 1e6:g} are solved; fewer per D would do"
+            f"fidelity {fidelity.name}: {part} of the domain has {count / 1e6:.1f} million cells; "
+            f"up to {MOST_IN_SPACE / 1e6:g} are solved, so fewer cells per D would do"
         )
 
 

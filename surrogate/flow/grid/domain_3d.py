@@ -93,7 +93,7 @@ class Domain3D(Domain):
             return Lattice(shape, (1 / per_d,) * 3, round(before * per_d), folded=folded)
 
         lattice = grid(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
-        check_cells(fidelity, lattice.shape)
+        check_cells(fidelity, lattice.shape, modes.symmetric)
         far = tuple(grid(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
         along, across = (
             largest * math.pi * cells / MARKER_SPACING for largest in (max(extent), max(extent[1:]))
