@@ -24,7 +24,7 @@ from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.train import train_plan
 
 SAMPLES, SECONDS = 64, 90.0
-WHOLE = [*cases(bodies=(64, 256, 1024), method=("sip", "dp")), {"bodies": 4096, "method": "sip"}]
+WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("sip", "dp"))
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
 
