@@ -34,7 +34,7 @@ def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
         of range.
     """
     points = whole_number("points", points, 8, 10**6)
-    digits = str(code).upper().removeprefix("NACA").strip()
+    digits = re.sub("^naca", "", str(code), flags=re.IGNORECASE).strip()
     if not re.fullmatch(r"[0-9]{4}", digits) or digits.endswith("00"):
         hint = "; contour_shape(read_contour(file)) makes a body of a file" if "." in digits else ""
         raise InvalidInput(
