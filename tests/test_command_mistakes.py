@@ -56,6 +56,7 @@ MISTAKES = {  # and what the answer must say
     "train_surrogate --method dp --budget-seconds 0 --out {folder}/x": "budget 0 s: from 1",
     "train_surrogate --method dp --budget-seconds nan --out {folder}/x": "budget in seconds nan",
     "train_surrogate --method dp --seed -1 --out {folder}/x": "seed -1: a whole number from 0",
+    "free_fall --particle 1.2,1e-6,4e-4": "body: --aspect is needed",
     "payoff --seed 100000000000000000000 --out {folder}/x": "--seed 1e+20: a whole number from 0",
     "train_surrogate --method dp --process 0 --out {folder}/x": "go with --coordinator HOST:PORT",
     "train_surrogate --method dp --out {folder}": "is not empty and has no",

@@ -232,11 +232,11 @@ BAD = {
     "fidelity number": ("fidelity = 16", "one of draft, standard, fine"),
     "fidelity key": (
         "[fidelity]\ncels = 3",
-        "has 'cels'; did you mean cells?; a name",
+        "has 'cels'; did you mean cells?; a name, or a table of name, cells",
     ),
     "fidelity without": (
         "[fidelity]\ncells = 8",
-        "lacks upstream; a name, or a table of",
+        "lacks upstream; a name, or a table of name, cells",
     ),
     "half cells": (
         "[fidelity]\ncells = 8.5\nupstream = 4\ndownstream = 8\nheight = 8",

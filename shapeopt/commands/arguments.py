@@ -34,6 +34,12 @@ def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> N
         group.add_argument(f"--{p.name}", type=float, help=words)
 
 
+def check_aspect(arguments: argparse.Namespace) -> None:
+    """Raise InvalidInput unless the option --aspect, which bodies of a family need, is given."""
+    if arguments.aspect is None:
+        raise InvalidInput("body: --aspect is needed")
+
+
 def family_named(
     arguments: argparse.Namespace, names: Iterable[str] = PARAMETERS
 ) -> dict[str, float]:

@@ -11,7 +11,7 @@ tail is ahead.
 
 from collections.abc import Sequence
 
-from shapeopt.commands.arguments import add_family_arguments
+from shapeopt.commands.arguments import add_family_arguments, check_aspect
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import few_numbers
 from shapeopt.commands.sweep import check_outputs, write_table
@@ -30,6 +30,7 @@ NAMES = [name for name, p in PARAMETERS.items() if p.keeps_mirror_plane]
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, integrate the fall and report it."""
     arguments = _parser().parse_args(argv)
+    check_aspect(arguments)
     form = "density ratio,viscosity,size, as 1.2,1e-6,5e-4"
     particle = Particle(*few_numbers(arguments.particle, "--particle", form, 3))
     check_outputs(arguments.table, arguments.plot)

@@ -26,6 +26,7 @@ from shapeopt.commands.arguments import (
     SINGLE_VALUED,
     add_family_arguments,
     add_incidence_argument,
+    check_aspect,
     family_named,
     incidences_of,
 )
@@ -49,7 +50,6 @@ from shapeopt.commands.reference import (
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import family_shape
 from surrogate.compilation import compiled
-from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.forces import Conditions
@@ -63,8 +63,7 @@ from surrogate.scene.limits import onset_of
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, predict the loads and report them."""
     arguments = _parser().parse_args(argv)
-    if arguments.aspect is None:
-        raise InvalidInput("body: --aspect is needed")
+    check_aspect(arguments)
     surrogate, incidences = load(arguments.surrogate), incidences_of(arguments)
     check_reference(arguments.reference, surrogate.scene.dimension)
     results = [

@@ -58,7 +58,7 @@ def few_numbers(text: str, name: str, form: str, *counts: int) -> list[float]:
       InvalidInput: a word is no number, or there are more or fewer.
     """
     try:
-        values = [float(word) for word in text.split(",")]
+        values = [float(word) for word in text.split(",") if word.strip()]
     except ValueError:
         values = []
     if len(values) not in counts:

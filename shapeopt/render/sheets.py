@@ -79,10 +79,10 @@ def is_about_lift(record: JsonObject) -> bool:
     """
     if not run_scene(record).family.has_lift:
         return False
-    known = record.get("constraints", record.get("settings"))
-    if known is None or record.get("objective", {}).get("kind") == "Glide":
+    constraints = record.get("constraints")
+    if constraints is None or record.get("objective", {}).get("kind") == "Glide":
         return True
-    return any(known.get(name) is not None for name in LOAD_BOUNDS)
+    return any(name in constraints for name in LOAD_BOUNDS)
 
 
 def _coefficients(solution: Solution, lifting: bool) -> list[str]:

@@ -115,7 +115,7 @@ def explain_scene(
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
             f"On this machine a convolution with G takes {duration(seconds)}, a flow about "
-            f"{takes.flow:.0f} of them. Compilation and the network's own steps come on top of:",
+            f"{takes.flow:.0f} of them. Beside compilation and the network's own steps this takes:",
             *(
                 f"- {what}: {work:,.0f} convolutions with G, {duration(work * seconds)}"
                 for what, work in costs.items()
@@ -126,8 +126,8 @@ def explain_scene(
 
 def _refined(f, fidelity):
     """What is said of a grid whose cells follow thin boundary layers."""
-    usual = fidelity.cells
-    return f", finer than its {usual} for thin boundary layers" if f.cells > usual else ""
+    finer = f", finer than its {fidelity.cells} for thin boundary layers"
+    return finer if f.cells > fidelity.cells else ""
 
 
 def _kind(family):

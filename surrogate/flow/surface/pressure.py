@@ -98,16 +98,15 @@ def head_loss(
       height: distance of the tunnel's walls, at y = +- height / 2; None for an unbounded stream.
     """
     last = 0 if height is None else math.floor(2 * DECAYED / (reynolds * height) + 0.5)
-    images, head = range(-min(last, IMAGES), min(last, IMAGES) + 1), 0.0
+    near, span, head = min(last, IMAGES), height or 0.0, 0.0
     for axis, (face, force) in enumerate(zip(lattice.faces(), forces, strict=True)):
-        for image in images:
-            places, sign = list(face), 1
-            if image:  # a wall turns y into height - y
-                sign = -1 if axis == 1 and image % 2 else 1
-                places[1] = image * height + (face[1] if image % 2 == 0 else -face[1])
+        for image in range(-near, near + 1):
+            side = -1 if image % 2 else 1  # a wall turns y into height - y
+            places = face[0], image * span + side * face[1], *face[2:]
             away = [end - place for end, place in zip(point, places, strict=True)]
             away = np.meshgrid(*away, indexing="ij", sparse=True)
-            head += sign * np.sum(_head_of_unit_force(away, axis, reynolds) * force)
+            own = np.sum(_head_of_unit_force(away, axis, reynolds) * force)
+            head += side * own if axis == 1 else own
     if last > IMAGES:
         total, beyond = np.sum(forces[0]), np.arange(IMAGES + 1, last + 1)
         # The moments of x f_x and y f_y count with opposite signs, as E_yy is -E_xx far away.
