@@ -28,7 +28,9 @@ ITERATIONS = 60
 # Of a violation, in objectives of the start per D. The penalty is exact where it exceeds the sum of
 # the multipliers, the relative changes of the objective per D (Nocedal and Wright, section 17.2).
 PENALTY = 30.0
-DECREASE = 1e-11  # predicted relative decrease of the merit below which a search has converged
+MERIT_DECREASE = (
+    1e-11  # predicted relative decrease of the merit below which a search has converged
+)
 SHORTEST = 1e-6  # step length below which a search ends
 SHORTENING = 0.3  # of a step that is refused
 ARMIJO = 1e-4  # share of the predicted decrease that a step must achieve, as usual
@@ -112,7 +114,7 @@ def minimise_sqp(
         return _Point(z, value / scale, gradient * width / scale, constraints, jacobian * width)
 
     def unfinished(state):
-        going = (state.step.predicted_decrease > DECREASE) & (state.length > SHORTEST)
+        going = (state.step.predicted_decrease > MERIT_DECREASE) & (state.length > SHORTEST)
         going |= state.corrected
         return going & (state.iterations <= ITERATIONS)
 
@@ -152,7 +154,7 @@ def minimise_sqp(
     point = state.point
     shapes = blank.constraints.size - scenarios.load_bounds.size * scenarios.weight.size
     # where no step length helps, rounding hides what little decrease is predicted
-    tolerance = jnp.where(state.length > SHORTEST, DECREASE, 1e3 * DECREASE)
+    tolerance = jnp.where(state.length > SHORTEST, MERIT_DECREASE, 1e3 * MERIT_DECREASE)
     return SqpResult(
         parameters=low + width * point.z,
         value=point.value * scale,

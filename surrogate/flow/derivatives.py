@@ -144,8 +144,7 @@ def _by_reynolds(domain, parameters, reynolds, operators, state, found, efforts)
 @compiled("bodies")
 def _in_parameters(bodies, parameters, by_markers, by_reynolds, converged):
     """Return gradients in the markers as those in the body's parameters; NaN if not converged."""
-    pull = jax.vjp(bodies.markers, parameters)[1]
-    found = jax.vmap(lambda one: pull(one)[0])(by_markers), by_reynolds
+    found = bodies.in_parameters(parameters, by_markers), by_reynolds
     return jax.tree.map(lambda part: jnp.where(converged, part, jnp.nan), found)
 
 

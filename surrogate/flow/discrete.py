@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from surrogate.arrays import AnyArray, padded
 from surrogate.body.body_class import BodyClass
@@ -58,6 +58,18 @@ class DiscreteBodies:
     def markers(self, parameters: Float[AnyArray, " parameters"]) -> Markers:
         """Return a body's surface markers: its contour in 2-D, a part of its skin in 3-D."""
         return body_markers(self.body_class, parameters, self.domain.nodes)
+
+    def in_parameters(
+        self, parameters: Float[AnyArray, " parameters"], by_markers: PyTree
+    ) -> Float[Array, "loads parameters"]:
+        """Return gradients of loads in a body's markers as those in its parameters.
+
+        Args:
+          parameters: of the body.
+          by_markers: gradients, as ``markers`` with a leading axis of the loads.
+        """
+        pull = jax.vjp(self.markers, parameters)[1]
+        return jax.vmap(lambda one: pull(one)[0])(by_markers)
 
     def assembled(
         self, parameters: Float[AnyArray, " parameters"], reynolds: Float[AnyArray, ""]

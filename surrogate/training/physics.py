@@ -14,6 +14,7 @@ from surrogate.devices import Devices, Sharded
 from surrogate.flow.batch import estimated_cost
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain import Domain
+from surrogate.flow.loads import load_values
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.steady import Operators
 from surrogate.model.outputs import outputs_of
@@ -153,8 +154,8 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> Physi
 
 
 def _loads(flow, parameters, amplitude):
-    at = flow.domain.modes, amplitude, flow.bodies.markers(parameters)
-    return jnp.stack([load(*at) for load in flow.bodies.loads])
+    bodies = flow.bodies
+    return load_values(bodies.domain.modes, bodies.loads, amplitude, bodies.markers(parameters))
 
 
 def restored(flow: Flow, stored: StoredOperators) -> Operators:

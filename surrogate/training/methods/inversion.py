@@ -159,8 +159,7 @@ class Inversion(Evaluator):
             by_re = found.by_reynolds + by_stream(
                 sample.domain, operators, state, derivatives, found.adjoints, efforts
             )
-            pull = jax.vjp(sample.flow.bodies.markers, sample.parameters)[1]
-            by_shape = jax.vmap(lambda one: pull(one)[0])(found.by_markers)
+            by_shape = sample.flow.bodies.in_parameters(sample.parameters, found.by_markers)
             slopes = jnp.column_stack([by_shape, reynolds * by_re])
             slopes = output_gradients(sample.loads(state.amplitude), slopes)
             sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
