@@ -13,6 +13,8 @@ from surrogate.files import JsonObject, path_of, target_of
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import check_settings
 
+NO_CONSTRAINTS = ("scene", "reynolds")  # fields of a problem
+
 
 def design_settings(
     problem: Problem, surrogate: Surrogate | None, on_flow: bool, memory: str | None = None
@@ -26,10 +28,11 @@ def design_settings(
       memory: file of the flows that are kept from design to design.
     """
     given = surrogate and (surrogate.record.get("method"), surrogate.record.get("weights_sha256"))
+    constraints = (f.name for f in dataclasses.fields(problem) if f.name not in NO_CONSTRAINTS)
     settings = {
         **problem.scene.record,
         "objective": _plain(problem.objective),
-        **{name: _plain(bound) for name, bound in problem.constraints.items()},
+        **{name: _plain(getattr(problem, name)) for name in constraints},
         "surrogate": given and f"{given[0]} {str(given[1])[:12]}",
         "until": "flow" if on_flow else "surrogate",
         "memory": memory and str(target_of(memory)),
