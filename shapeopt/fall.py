@@ -15,9 +15,11 @@ ellipsoid: that of the same volume, aspect and flatness, its sine modes left out
 those of steady motion at the momentary incidence and R, its torque included. Left out are what
 rotation does to drag and lift, the memory of the flow, and inertia in the resistance to rotation.
 
-Below the least Re of the surrogate Cd Re and Cl Re are kept. Cm is split: the part that is odd in
-the even sine modes is that of Stokes flow, of which Cm Re is kept; the even part is by inertia, of
-which Cm is kept.
+Below the least Re of the surrogate, R0, drag and lift follow Oseen's correction of Stokes flow
+(Brenner and Cox 1963): Cd R = D + D^2 R / 128 and Cl R = L (1 + 5 D R / 256), up to terms of L^2
+and with equal resistances along and across the stream in the correction; D and L are those with
+which R0 has the surrogate's loads. Cm is split: the part that is odd in the even sine modes is that
+of Stokes flow, of which Cm R is kept; the even part is by inertia, of which Cm is kept.
 """
 
 import dataclasses
@@ -268,7 +270,18 @@ def rates_of(
     moment = known * by_stokes + speed * (moment - by_stokes)
     stream = -velocity / speed
     upward = jnp.stack([-stream[1], stream[0]])
-    force = jnp.pi / 8 * speed * known * (drag * stream + lift * upward)
+    along, across = _oseen_factors(drag, known, speed)
+    force = jnp.pi / 8 * speed * known * (along * drag * stream + across * lift * upward)
     torque = -jnp.pi / 8 * speed * moment - resistance * state[5]
     gravity = jnp.stack([jnp.zeros(()), -weight])
     return jnp.concatenate([velocity, state[5:], force + gravity, jnp.stack([torque / inertia])])
+
+
+def _oseen_factors(drag, known, reynolds):
+    """Return the ratios of Cd Re and of Cl Re at a Reynolds number to those at a known one."""
+    stokes = 2 * known * drag / (1 + jnp.sqrt(1 + known * drag * known / 32))  # D
+
+    def ratio(share):
+        return (1 + share * stokes * reynolds) / (1 + share * stokes * known)
+
+    return ratio(1 / 128), ratio(5 / 256)

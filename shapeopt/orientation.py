@@ -35,7 +35,8 @@ def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> lis
     """Return the incidences without torque from 0 to 180 degrees, and which are stable.
 
     A nose-up moment increases the incidence of a body that moves straight on, so that an incidence
-    is stable where the moment falls with it.
+    is stable where the moment falls with it. Of bodies that are nearly round they are those of the
+    surrogate's error; ``moment_is_known`` tells.
 
     Args:
       surrogate: as for ``shapeopt.fall.fall``.

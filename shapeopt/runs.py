@@ -8,7 +8,7 @@ import numpy as np
 
 from shapeopt.problem.scenarios import model_loads, model_objective
 from shapeopt.search.design import Design
-from shapeopt.search.verify import Verified
+from shapeopt.search.verify import Verified, violated_bounds
 from surrogate.body.body_class import drawn_contour
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
@@ -65,6 +65,7 @@ def save_run(
       cylinder (sphere) in the same scenarios, None where it is not known; it is not where the
       search began. cl_verified and cm_verified are those
       of the body itself at the nominal Reynolds number, None where that flow does not converge.
+      "violated" names the bounds on loads that the flow does not meet, with its loads.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -237,6 +238,8 @@ def _verification_record(
             "cm_verified": solution and solution.moment,
             "status": verified.status,
             "accuracy": verified.accuracy,
+            "cells": verified.solutions[0].fidelity.cells,
+            "violated": violated_bounds(design.problem, verified),
             "expected_error": verified.expected_error,
             "estimated_error": verified.estimated_error,
             "verify_s": verified.seconds,

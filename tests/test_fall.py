@@ -28,7 +28,10 @@ GRAIN = Particle(2.65, 1e-3, 2e-6)  # sand of 2 micrometres in glycerine
 
 
 class StokesLoads(eqx.Module):
-    """Loads of Stokes flow past the spheroid of aspect 2, with a moment to a given incidence."""
+    """Loads of slow flow past the spheroid of aspect 2, with a moment to a given incidence.
+
+    They are those of Stokes flow with Oseen's correction, as in ``shapeopt.fall``.
+    """
 
     level: float = 0.0
 
@@ -38,7 +41,9 @@ class StokesLoads(eqx.Module):
         along, across = (8 / np.pi * resistance(body) for body in (axes, flat))
         c, s = jnp.cos(jnp.deg2rad(parameters[2])), jnp.sin(jnp.deg2rad(parameters[2]))
         drag, lift = along * c**2 + across * s**2, (across - along) * s * c
-        return jnp.stack([drag, lift, self.level * drag * s * c + 0 * parameters[1]]) / reynolds
+        loads = jnp.stack([drag, lift, self.level * drag * s * c + 0 * parameters[1]]) / reynolds
+        correction = drag * reynolds * np.array([1 / 128, 5 / 256, 0.0])
+        return loads * (1 + correction)
 
 
 def resistance(body):

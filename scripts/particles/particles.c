@@ -55,11 +55,13 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
     for (int i = 0; i < count; i++) { /* from the loads to force and torque */
         const double *s = along[i], *u = up[i], *q = y[i] + QUATERNION, *w = y[i] + SPIN, force = PI / 8 * speed[i];
         const double stokes = (loads[i][2] - opposite[i][2]) / 2, inertial = loads[i][2] - stokes;
+        const double least = known[i] * loads[i][0], creeping = 2 * least / (1 + sqrt(1 + least * known[i] / 32));
+        const double drag = least * (128 + creeping * speed[i]) / (128 + creeping * known[i]); /* by Oseen */
+        const double lift = known[i] * loads[i][1] * (256 + 5 * creeping * speed[i]) / (256 + 5 * creeping * known[i]);
         for (int k = 0; k < 3; k++) {
             const int m = (k + 1) % 3, n = (k + 2) % 3;
             const double torque = force * image[i] * (known[i] * stokes + speed[i] * inertial) * (u[m] * s[n] - u[n] * s[m]);
-            by[i][MOMENTUM + k] = force * known[i] * (loads[i][0] * s[k] + image[i] * loads[i][1] * u[k])
-                                  - (k == 2) * bodies[i].weight;
+            by[i][MOMENTUM + k] = force * (drag * s[k] + image[i] * lift * u[k]) - (k == 2) * bodies[i].weight;
             by[i][SPIN + k] = (torque - bodies[i].resistance * w[k]) / bodies[i].inertia;
             by[i][QUATERNION + 1 + k] = (w[k] * q[0] + w[m] * q[1 + n] - w[n] * q[1 + m]) / 2;
         }
@@ -87,9 +89,13 @@ int main(int words, char **word) {
     for (int i = 0; i < count && read == 8; i++) {
         double *q = y[i] + QUATERNION;
         read = scanf("%lf%lf%lf%lf%lf%lf%lf%lf", v, v + 1, v + 2, v + 3, q, q + 1, q + 2, q + 3);
+        const double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+        if (!(v[0] > 0 && v[2] >= 0 && size > 0 && size < 1e9)) read = 0;
+        for (int k = 0; k < 4; k++) q[k] /= size;
         bodies[i] = body(v[0], v[1], v[2], v[3]);
     }
-    if (read < 8) return fprintf(stderr, "particles: COUNT STEPS TIME_STEP above 0, and COUNT lines\n"), 2;
+    if (read < 8)
+        return fprintf(stderr, "particles: COUNT STEPS TIME_STEP above 0, and COUNT lines as in particles.c\n"), 2;
 #pragma omp parallel for schedule(static) reduction(| : status)
     for (int from = 0; from < count; from += BLOCK) for (int n = 0; n < steps; n++)
         status |= step(count - from < BLOCK ? count - from : BLOCK, bodies + from, y + from, time_step);

@@ -120,7 +120,7 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
             raise
         status, message = BAD_INPUT, FULL
     except KeyboardInterrupt:
-        _print_line("interrupted; trainings are resumed by the same command")
+        _print_line("interrupted")
         _end_at_once(INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -40,8 +40,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     body = surrogate.scene.family.parameters(named | {INCIDENCE.name: 0.0})
     found = fall(surrogate, body, particle, arguments.seconds, arguments.tilt)
     reynolds = max(float(found.reynolds[-1]), surrogate.scene.reynolds[0])
-    stable = [o.incidence for o in orientations(surrogate, body, reynolds) if o.stable]
     known = moment_is_known(surrogate, body, reynolds)
+    stable = None
+    if known:
+        stable = [o.incidence for o in orientations(surrogate, body, reynolds) if o.stable]
     horizontal, upward = found.velocity[-1].tolist()
     result = {
         "seconds": float(found.time[-1]),
@@ -66,11 +68,13 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
         f"{'down' if upward < 0 else 'up'} and {sideways:.4g} m/s sideways, axis {axis:.1f} "
         "degrees above the horizontal\nincidences that are stable at this Re, of either sign: "
-        f"{', '.join(f'{degrees:.3g}' for degrees in stable) or 'none'}"
     )
-    if not known:
-        text += "\nbut its moment is below the bound of the surrogate's error at all incidences: "
-        text += "whether the body turns, and which of them are stable, is not known"
+    if stable is None:
+        text += (
+            "not known, as the moment is below the bound of the surrogate's error at all of them"
+        )
+    else:
+        text += ", ".join(f"{degrees:.3g}" for degrees in stable) or "none"
     return emit(result, arguments.json, text)
 
 

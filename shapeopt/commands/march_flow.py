@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     drag, lift, frames = _march(box, markers, re, steps, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
-        **reference_record(re, shape.chord),
+        **reference_record(re, shape),
         "blockage": float(height / arguments.height),
         "time": duration,
         "cd": float(drag[-1]),

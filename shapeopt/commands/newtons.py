@@ -17,7 +17,7 @@ def add_fluid_argument(parser: Parser) -> None:
         "forces in N (2-D: a metre of span) for U,D,RHO[,NU] in m/s, m, kg/m^3, m^2/s, D the "
         "equivalent diameter"
     )
-    parser.add_argument("--fluid", help=f"{fluid}, as {EXAMPLE}; NU checks that Re = U D / nu")
+    parser.add_argument("--fluid", help=f"{fluid}, as {EXAMPLE}; with NU it gives Re = U D / nu")
 
 
 def conditions_of(text: str | None) -> Conditions | None:

@@ -105,11 +105,15 @@ def _design(
             design = designer.design(problem, report)
         else:
             design = optimise(problem, model)
-        work = f"after {design.calls + design.flows} drags, to be verified"
-        progress(0.5, f"{_objective(problem, design.objective)} {work}")
+        body = ", ".join(f"{name} {x:.4f}" for name, x in _named(design).items())
+        progress(0.5, f"{_objective(problem, design.objective)} of {body}; solving the flow")
         verified = design.verified
         progress(1.0, f"{_objective(problem, verified.objective)} verified")
     return design
+
+
+def _named(design: Design) -> dict[str, float]:
+    return design.problem.scene.family.named(design.parameters)
 
 
 def _objective(problem: Problem, value: float) -> str:
@@ -140,10 +144,11 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     lines = [
         f"Re {', '.join(f'{re:g}' for re in numbers)}: {shape}, chord {r['chord']:.4f} D{lifts}",
-        f"{name} {r['cd_verified']:.4f} verified, {r['accuracy']}; "
+        f"{name} {r['cd_verified']:.4f} verified on {r['cells']} cells per D, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
+    lines += _of_bounds(r, problem)
     if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
@@ -156,6 +161,23 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
             for case in r["cases"]
         ]
     return "\n".join(lines)
+
+
+def _of_bounds(r: JsonObject, problem: Problem) -> list[str]:
+    """Return lines on the range of Cl and Cm over the cases, and on bounds that are violated."""
+    lines = []
+    if len(r["cases"]) > 1 and problem.scene.family.has_lift:
+        spans = (
+            f"{name} {min(loads):.4f} to {max(loads):.4f}"
+            for name in ("Cl", "Cm")
+            for loads in [[case[f"{name.lower()}_verified"] for case in r["cases"]]]
+        )
+        lines.append(f"  in the {len(r['cases'])} cases: {', '.join(spans)}; above, nominal loads")
+    for name, load in r["violated"].items():
+        words = f"{name.replace('_', ' ')} {getattr(problem, name):g}"
+        help = "; --until flow meets it" if r["settings"]["until"] != "flow" else ""
+        lines.append(f"  {words} is not met: {load:.4f} by the flow{help}")
+    return lines
 
 
 def _beside(r: JsonObject, round_body: str, relative: bool) -> str:

@@ -41,7 +41,10 @@ from shapeopt.commands.reference import (
     CHORD,
     add_reference_argument,
     add_reynolds_arguments,
+    by_reference,
     check_reference,
+    moment_record,
+    moment_text,
     reference_line,
     reference_record,
     reynolds_of,
@@ -102,9 +105,16 @@ def _at_incidence(
     parameters, onset, rows = family.parameters(named), onset_of(shape), []
     conditions = conditions_of(arguments.fluid)
     for reynolds in reynolds_of(arguments, shape.chord, family.dimension):
-        at = parameters, reynolds, arguments.reference
-        row = {"incidence": incidence, **_predict(surrogate, *at, arguments.extrapolate)}
-        row["onset"] = onset
+        row = {
+            "incidence": incidence,
+            **reference_record(reynolds, shape, arguments.reference),
+            **_predict(surrogate, parameters, reynolds, arguments),
+            "onset": onset,
+        }
+        by = row["chord"] if row["reference"] == CHORD else 1.0
+        loads = row["cd"] * by, row["cl"] * by, row["cm"] * by**2  # by D
+        about = moment_record(shape, arguments.moment_about, *loads)
+        row |= by_reference(about | {name: row[name] for name in ("reference", "chord")})
         if conditions is not None:
             row |= _forces(surrogate, parameters, reynolds, conditions)
         rows.append(row | (_verify(surrogate, parameters, row) if arguments.verify else {}))
@@ -115,14 +125,14 @@ def _predict(
     surrogate: Surrogate,
     parameters: np.ndarray,
     reynolds: float,
-    reference: str,
-    extrapolate: bool,
+    arguments: argparse.Namespace,
 ) -> JsonObject:
-    family = surrogate.scene.family
-    chord = float(family.body_class.length(parameters))
-    by = chord if reference == CHORD else 1.0
+    family, reference = surrogate.scene.family, arguments.reference
+    by = float(family.body_class.length(parameters)) if reference == CHORD else 1.0
     units = np.array([by, by, by**2])  # of the moment the square of the reference length
-    loads = np.asarray(surrogate.loads(parameters, reynolds, extrapolate=extrapolate)) / units
+    loads = (
+        np.asarray(surrogate.loads(parameters, reynolds, extrapolate=arguments.extrapolate)) / units
+    )
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     jacobian = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
     gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
@@ -132,7 +142,6 @@ def _predict(
         worst = max(outside, key=outside.__getitem__)
         confidence = f"outside: {worst} by {outside[worst]:.2g} of its trained range"
     return {
-        **reference_record(reynolds, chord, reference),
         **dict(zip(LOADS, loads.tolist(), strict=True)),
         "gradient": gradients if family.has_lift else gradients["cd"],
         **_error_bounds(surrogate, parameters, reynolds, loads[0] * by / units, bool(outside)),
@@ -188,11 +197,14 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
     solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
     by = row["chord"] if row["reference"] == CHORD else 1.0
     drag = solution.drag / by
+    flow = {"cl": solution.lift / by, "cm": solution.moment / by**2}
+    errors = {f"{load}_error": abs(row[load] - value) for load, value in flow.items()}
     return {
         "cd_flow": drag,
-        "cl_flow": solution.lift / by,
-        "cm_flow": solution.moment / by**2,
+        "cl_flow": flow["cl"],
+        "cm_flow": flow["cm"],
         "error": abs(row["cd"] / drag - 1),
+        **errors,
         "status": solution.status,
         "accuracy": solution.accuracy,
         "expected_error": solution.expected_error,
@@ -209,15 +221,26 @@ def _line(r: JsonObject, lifts: bool) -> str:
         bounds["cd"] = f" +- {100 * r['cd_error_bound']:.2g} %"
     loads = [load for load in LOADS if lifts or load == "cd"]
     words = (f"{load.capitalize()} {r[load]:.4f}{bounds[load]}" for load in loads)
-    line = f"{turned}Re {r['reynolds']:<8g} {'  '.join(words)}"
+    line = f"{turned}Re {r['reynolds']:<8g} {'  '.join(words)}  {moment_text(r)}".rstrip()
     if "cd_flow" in r:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
         line += f", which {r['accuracy']}"
         line += f", error {100 * r['error']:.3f} %"
+        line += f", of Cl {r['cl_error']:.2g}, of Cm {r['cm_error']:.2g}" if lifts else ""
+        line += _beyond(r)
     line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
     line += f"\n  {unsteady_remark(r)}" if r["reynolds"] > r["onset"] else ""
     return line + (f"\n  {forces_line(r)}" if "forces_N" in r else "")
+
+
+def _beyond(r: JsonObject) -> str:
+    """Say which errors of a row exceed their bounds; empty where none does."""
+    errors = {"Cd": ("error", "cd_error_bound")}
+    errors |= {s: (f"{s.lower()}_error", f"{s.lower()}_error_bound") for s in ("Cl", "Cm")}
+    known = r["cd_error_bound"] is not None
+    found = [s for s, (error, bound) in errors.items() if known and r[error] > r[bound]]
+    return f"; of {', '.join(found)} more than the bound" if found else ""
 
 
 def _parser() -> Parser:

@@ -4,7 +4,11 @@ import argparse
 
 from shapeopt.commands.arguments import REYNOLDS_HELP
 from shapeopt.commands.cli import Parser
+from shapeopt.commands.newtons import conditions_of
 from shapeopt.commands.ranges import numbers
+from surrogate.body.chord_line import centroid_station, chord_point, moment_about
+from surrogate.body.shape import Shape
+from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.scene.limits import check_reynolds
@@ -20,6 +24,7 @@ POWERS = {  # of the chord, by which coefficients by D are divided
     "estimated_lift_error": 1,
     "estimated_moment_error": 2,
     "cm": 2,
+    "cm_about": 2,
 }
 
 
@@ -30,20 +35,27 @@ def add_reynolds_arguments(parser: Parser) -> None:
 
 
 def add_reference_argument(parser: Parser) -> None:
-    """Add the option --reference, the reference length of the printed coefficients."""
+    """Add the options of coefficients: --reference, their length, and --moment-about."""
     reference = "length of the coefficients: diameter (D, the default) or chord (Cm: its square)"
     parser.add_argument("--reference", choices=(DIAMETER, CHORD), default=DIAMETER, help=reference)
+    about = "Cm about this point of the chord too, as 0.25: 0 is the nose, 1 the tail"
+    parser.add_argument("--moment-about", type=float, metavar="X/C", help=about)
 
 
 def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> list[float]:
     """Return the Reynolds numbers U D / nu of --reynolds, or of --chord-reynolds for a chord in D.
 
+    Where neither is given it is that of --fluid, if that has a viscosity.
+
     Raises:
-      InvalidInput: neither or both are given, or one is outside the range of the solver. Whether
+      InvalidInput: none or both are given, or one is outside the range of the solver. Whether
         the flow past the body is stable there is not asked.
     """
     if arguments.reynolds is None and arguments.chord_reynolds is None:
-        raise InvalidInput("--reynolds: give it, or --chord-reynolds instead")
+        conditions = conditions_of(getattr(arguments, "fluid", None))
+        if conditions is None or conditions.reynolds is None:
+            raise InvalidInput("--reynolds: give it, or --chord-reynolds, or --fluid with NU")
+        return [check_reynolds(conditions.reynolds, True, dimension)]
     if arguments.reynolds is not None and arguments.chord_reynolds is not None:
         raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
     if arguments.reynolds is not None:
@@ -74,14 +86,35 @@ def by_reference(row: JsonObject) -> JsonObject:
     return row | {name: row[name] / row["chord"] ** power for name, power in given.items()}
 
 
-def reference_record(reynolds: float, chord: float, reference: str = DIAMETER) -> JsonObject:
-    """Return Re = U D / nu, the chord in D, Re = U c / nu and the reference length as a record."""
+def reference_record(reynolds: float, shape: Shape, reference: str = DIAMETER) -> JsonObject:
+    """Return Re = U D / nu, Re = U c / nu, the chord, the centroid and the reference length.
+
+    The chord is in D, the centroid in chords from the nose.
+    """
     return {
         "reynolds": reynolds,
-        "chord": chord,
-        "chord_reynolds": reynolds * chord,
+        "chord": shape.chord,
+        "chord_reynolds": reynolds * shape.chord,
+        "centroid": centroid_station(shape),
         "reference": reference,
     }
+
+
+def moment_record(shape: Shape, station: float | None, *loads: float) -> JsonObject:
+    """Return Cm about the point of the chord that --moment-about names, from Cd, Cl and Cm by D.
+
+    Without the option the record is empty.
+    """
+    if station is None:
+        return {}
+    point = chord_point(shape, finite_number("--moment-about", station))
+    return {"moment_about": station, "cm_about": moment_about(point, *loads)}
+
+
+def moment_text(row: JsonObject) -> str:
+    """Return a row's moment about the point of --moment-about as text; empty without the option."""
+    known = row.get("cm_about") is not None
+    return f"Cm about {row['moment_about']:g} c {row['cm_about']:.4f}  " if known else ""
 
 
 def reference_line(row: JsonObject) -> str:
@@ -89,7 +122,8 @@ def reference_line(row: JsonObject) -> str:
     by = "the equivalent diameter D"
     if row["reference"] == CHORD:
         by = "the chord c (Cm by its square)"
-    return f"chord {row['chord']:.4f} D; coefficients by {by}; Re = U D / nu"
+    place = f"centroid at {row['centroid']:.4f} c"
+    return f"chord {row['chord']:.4f} D, {place}; coefficients by {by}; Re = U D / nu"
 
 
 def unsteady_remark(row: JsonObject) -> str:

@@ -32,6 +32,8 @@ from shapeopt.commands.reference import (
     add_reynolds_arguments,
     by_reference,
     check_reference,
+    moment_record,
+    moment_text,
     reference_line,
     reynolds_of,
     unsteady_remark,
@@ -65,8 +67,6 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.settling is not None:
         _check_settling(arguments)
         return _settling(arguments)
-    if arguments.reynolds is None and arguments.chord_reynolds is None:
-        raise InvalidInput("--reynolds: give it, or --chord-reynolds or --settling instead")
     scene, cases = _cases(arguments)
     keep = kept_flows(arguments, cases)
     flow = Flow(scene)
@@ -78,7 +78,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             gradient=arguments.gradient,
             allow_unsteady=arguments.allow_unsteady,
         )
-        return by_reference(case.record | _row(solution)) | keep(case, solution)
+        loads = solution.drag, solution.lift, solution.moment
+        about = moment_record(case.shape, arguments.moment_about, *loads)
+        return by_reference(case.record | _row(solution) | about) | keep(case, solution)
 
     results = solve_cases(cases, solve, arguments.table)
     if arguments.table:
@@ -182,7 +184,9 @@ def _row(s: Solution) -> JsonObject:
         "cd_friction": s.drag_friction,
         "cl": s.lift,
         "cm": s.moment,
+        "glide": s.lift / s.drag if s.lift else None,
         "converged": True,
+        "cells": s.fidelity.cells,
         "iterations": s.newton_steps,
         "green_applications": s.green_applications,
         "wall_s": s.seconds,
@@ -224,12 +228,13 @@ def _line(r: JsonObject) -> str:
     for load, error in (("cl", r["estimated_lift_error"]), ("cm", r["estimated_moment_error"])):
         others += f"{load.capitalize()} {r[load]:.4f}"
         others += f" +- {error:.4f}  " if error else "  "
+    others += moment_text(r)
     if r["cd_extrapolated"]:
         estimate += f", extrapolated Cd {r['cd_extrapolated']:.4f}"
     line = (
         f"Re {r['reynolds']:<8g} Cd {r['cd']:.4f} (pressure {r['cd_pressure']:.3f}, friction "
-        f"{r['cd_friction']:.3f})  {others}{r['iterations']} Newton steps, "
-        f"{r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
+        f"{r['cd_friction']:.3f})  {others}{r['cells']} cells per D, {r['iterations']} Newton "
+        f"steps, {r['green_applications']} convolutions, {r['wall_s']:.2f} s, {estimate}"
     )
     if r["reynolds"] > r["onset"]:
         line += f"\n  {unsteady_remark(r)}"

@@ -22,6 +22,9 @@ COLUMNS = {  # of the text: key in a row, head and format
     "cl": ("Cl", ".4f"),
     "estimated_lift_error": ("Cl bound", ".4f"),
     "cm": ("Cm", ".4f"),
+    "estimated_moment_error": ("Cm bound", ".4f"),
+    "cm_about": ("Cm about X/C", ".4f"),
+    "glide": ("Cl/Cd", ".3f"),
     "expected_error": ("expected error", ".2%"),
     "estimated_error": ("bound", ".2%"),
     "status": ("status", ""),
@@ -44,7 +47,7 @@ class Case(NamedTuple):
     def record(self) -> JsonObject:
         """Incidence, Reynolds numbers, chord and reference length as entries of a row."""
         return {"incidence": self.incidence} | reference_record(
-            self.reynolds, self.shape.chord, self.reference
+            self.reynolds, self.shape, self.reference
         )
 
     def __str__(self) -> str:
@@ -101,7 +104,7 @@ def text_table(rows: Sequence[JsonObject]) -> str:
 
     Columns without any value are left out; a missing value is shown as a dash.
     """
-    columns = {key: c for key, c in COLUMNS.items() if any(row[key] is not None for row in rows)}
+    columns = {k: c for k, c in COLUMNS.items() if any(row.get(k) is not None for row in rows)}
     lines = [[head for head, _ in columns.values()]]
     for row in rows:
         cells = ((row[key], form) for key, (_, form) in columns.items())

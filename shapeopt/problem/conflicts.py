@@ -47,7 +47,7 @@ def explain_conflict(problem: Problem) -> str:
         if not _feasible(single)
     ]
     if impossible:
-        return "; ".join(impossible)
+        return "; ".join([*impossible, "a scene of wider ranges may have such bodies"])
     dropped: list[_Constraint] = []
     for constraint in constraints:
         if not _feasible(_without(problem, [*dropped, constraint])):

@@ -148,8 +148,8 @@ class Weighted(Objective):
             lacks = [f"{name} {x:g}" for (name, (low, high)), x in values if not low <= x <= high]
             raise InvalidInput(
                 f"several Reynolds numbers: weighted drags are over the {family.round_body}'s, and "
-                f"this family lacks {', '.join(lacks)}; those of a Robust objective (--spread of "
-                "commands) are not"
+                f"this family lacks {', '.join(lacks)}; ask for each Reynolds number by itself, or "
+                "for an uncertain one (Robust, --spread), whose Cd is not divided"
             )
         reynolds = [scene.check_reynolds(value) for value in self.reynolds]
         weight = np.array(self.weights) / max(self.weights)

@@ -106,7 +106,10 @@ def origin(record: JsonObject) -> str:
     """Return by which model an optimum was found, for a caption."""
     if record["surrogate"] == "none":
         return "found by the flow's adjoint"
-    return f"found by the surrogate {Path(record['surrogate']).name}"
+    name = f"the surrogate {Path(record['surrogate']).name}"
+    if (record.get("settings") or {}).get("until") == "flow":
+        return f"found by the flow's adjoint, led by {name}"
+    return f"found by {name}"
 
 
 def standing(record: JsonObject) -> str:

@@ -5,13 +5,15 @@ import dataclasses
 import numpy as np
 
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.scenarios import combine
+from shapeopt.problem.scenarios import LOAD_BOUNDS, combine
 from surrogate.arrays import Body
 from surrogate.checks import expect
 from surrogate.errors import NotConverged
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
+
+ROUNDING = 1e-4  # of Cd, by which a load may exceed its bound without being reported
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -62,6 +64,29 @@ class Verified:
     def seconds(self) -> float:
         """The wall time of the body's flows in s."""
         return sum(solution.seconds for solution in self.solutions)
+
+
+def violated_bounds(problem: Problem, verified: Verified) -> dict[str, float]:
+    """Return the bounds on loads that a body violates in its own flows, with the farthest load.
+
+    Args:
+      problem: that sets the bounds.
+      verified: the body's flows.
+
+    Returns:
+      Cl or Cm by the name of the bound, as "max_moment"; empty where all are met but for
+      ``ROUNDING`` of Cd.
+    """
+    found = {}
+    for name, bound in LOAD_BOUNDS.items():
+        limit = getattr(problem, name)
+        if limit is None:
+            continue
+        loads = [(one.lift if bound.symbol == "Cl" else one.moment) for one in verified.solutions]
+        worst = bound.sense * min(bound.sense * load for load in loads)
+        if bound.sense * (worst - limit) < -ROUNDING * verified.solutions[0].drag:
+            found[name] = worst
+    return found
 
 
 def _largest(errors):

@@ -35,19 +35,23 @@ class Conditions:
                 continue
             object.__setattr__(self, field.name, physical_number(field.name, value))
 
+    @property
+    def reynolds(self) -> float | None:
+        """The Reynolds number U D / nu; None where nu is not known."""
+        return None if self.viscosity is None else self.speed * self.diameter / self.viscosity
+
     def viscosity_at(self, reynolds: float) -> float:
         """Return the kinematic viscosity U D / Re in m^2/s at a Reynolds number."""
         return self.speed * self.diameter / reynolds
 
     def check(self, reynolds: float) -> None:
         """Raise InvalidInput where U D / nu, if nu is known, is not this Reynolds number."""
-        if self.viscosity is None:
-            return
-        given = self.speed * self.diameter / self.viscosity
-        if not math.isclose(given, reynolds, rel_tol=TOLERANCE):
+        given = self.reynolds
+        if given is not None and not math.isclose(given, reynolds, rel_tol=TOLERANCE):
             raise InvalidInput(
-                f"U D / nu = {given:.6g}, but the flow is at Re {reynolds:.6g}; "
-                "they must agree within half a per cent"
+                f"U D / nu = {given:.6g}, but the flow is at Re {reynolds:.6g}; they must agree "
+                "within half a per cent (D is the diameter of equal area, in 3-D volume: a chord "
+                "over its length in D)"
             )
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
+from surrogate.body.chord_line import chord_point, moment_about
 from surrogate.body.shape import Shape
-from surrogate.checks import whole_number
+from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.fields import Fields, fields_of
@@ -260,6 +261,18 @@ class Solution:
     def chord(self) -> float:
         """The body's length from nose to tail at zero incidence, in D."""
         return self.shape.chord
+
+    def moment_about(self, station: float) -> float:
+        """Return Cm, nose up, about the point of the chord at x/c = ``station``.
+
+        Args:
+          station: 0 is the nose, 1 the tail; as a quarter, 0.25.
+
+        Raises:
+          InvalidInput: it is not a finite number.
+        """
+        point = chord_point(self.shape, finite_number("station", station))
+        return moment_about(point, self.drag, self.lift, self.moment)
 
     @property
     def chord_reynolds(self) -> float:

@@ -1,7 +1,10 @@
 """Loads, and their novelty, of whole batches of bodies by a network: one program each."""
 
+import math
+
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from surrogate.arrays import Numbers
@@ -13,6 +16,7 @@ from surrogate.model.outputs import LOAD_NAMES
 from surrogate.model.ranges import TrainedRanges
 from surrogate.scene.limits import REYNOLDS, ROUNDING
 
+MOST_BODIES = 1024  # whose novelty is computed at once
 ONE_BODY = "(parameters),()->"  # begins signatures for ``jnp.vectorize``
 
 
@@ -24,11 +28,35 @@ def network_loads(
     return _of_each_load(network.loads, parameters, reynolds)
 
 
-@compiled()
 def novelty_of_loads(
-    novelty: Novelty, parameters: Float[Array, "*bodies parameters"], reynolds: Numbers
-) -> Float[Array, "*batch 3"]:
-    """Return the novelty of Cd, Cl and Cm of bodies, by one program for each batch's shape."""
+    novelty: Novelty,
+    parameters: Float[np.ndarray, "*bodies parameters"],
+    reynolds: Float[np.ndarray, "*cases"],
+) -> Float[np.ndarray, "*batch 3"]:
+    """Return the novelty of Cd, Cl and Cm of bodies.
+
+    Many bodies are taken ``MOST_BODIES`` at a time, since the gradients of one in all weights take
+    a tenth of a megabyte.
+
+    Args:
+      novelty: the measure.
+      parameters: of the bodies; leading axes broadcast with those of ``reynolds``.
+      reynolds: U D / nu.
+    """
+    batch = np.broadcast_shapes(parameters.shape[:-1], reynolds.shape)
+    if math.prod(batch) <= MOST_BODIES:
+        return np.asarray(_novelty(novelty, parameters, reynolds))
+    bodies = np.broadcast_to(parameters, (*batch, parameters.shape[-1]))
+    bodies = bodies.reshape(-1, parameters.shape[-1])
+    numbers = np.broadcast_to(reynolds, batch).ravel()
+    parts = range(0, len(numbers), MOST_BODIES)
+    at = [np.arange(start, start + MOST_BODIES) % len(numbers) for start in parts]  # of one size
+    found = [np.asarray(_novelty(novelty, bodies[part], numbers[part])) for part in at]
+    return np.concatenate(found)[: len(numbers)].reshape(*batch, len(LOAD_NAMES))
+
+
+@compiled()
+def _novelty(novelty, parameters, reynolds):
     return _of_each_load(novelty, parameters, reynolds)
 
 

@@ -57,15 +57,20 @@ class TrainedRanges:
     def excess(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]
     ) -> Float[Array, "*batch inputs"]:
-        """Return how far each value lies outside its range; 0 inside, up to rounding."""
+        """Return how far each value lies outside its range; 0 inside, up to rounding.
+
+        They are those of the description of the body that lies nearest to the ranges.
+        """
         parameters = jnp.asarray(parameters, float)
 
         def excess_of(sign, offset):
             return self._excess(self._values(sign * parameters + offset, reynolds))
 
         every = jax.vmap(excess_of)(*self.descriptions)
-        inside = jnp.any(jnp.all(every == 0, axis=-1, keepdims=True), axis=0)
-        return jnp.where(inside, 0.0, every[0])
+        low, high = self.bounds.T
+        distance = jnp.sum(every / jnp.where(high > low, high - low, 1.0), axis=-1, keepdims=True)
+        nearest = jnp.argmin(distance, axis=0, keepdims=True)  # the first of equals
+        return jnp.take_along_axis(every, nearest, axis=0)[0]
 
     def outside(
         self, parameters: Float[AnyArray, "*bodies parameters"], reynolds: Float[AnyArray, "*cases"]

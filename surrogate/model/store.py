@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from surrogate.checks import expect, whole_number
+from surrogate.checks import did_you_mean, expect, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import (
     check_target,
@@ -106,8 +106,11 @@ def read_surrogate(name: str | Path) -> Surrogate:
         folder = PRETRAINED / (method or BEST)
     what = f"surrogate {folder}"  # begins messages
     if not folder.is_dir():
-        shipped = ", ".join(f"pretrained:{one.name}" for one in sorted(PRETRAINED.iterdir()))
-        raise InvalidInput(f"surrogate {name}: no such folder; what ships: pretrained, {shipped}")
+        shipped = [f"pretrained:{one.name}" for one in sorted(PRETRAINED.iterdir())]
+        short = f"pretrained:{name}"
+        hint = did_you_mean(short if short in shipped else name, shipped)
+        words = f"no such folder; what ships: pretrained, {', '.join(shipped)}{hint}"
+        raise InvalidInput(f"surrogate {name}: {words}")
     record = read_record(folder)
     try:
         scene = Scene.of(record["scene"])

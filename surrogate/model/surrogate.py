@@ -155,21 +155,27 @@ class Surrogate:
         Each load's bound holds for 95 % of the bodies that ``Family.sample`` draws, with fewer
         than 19 held-out bodies for fewer (``bound_coverage``). It is
         wider where the training samples say less of the answer (``Novelty``), and scaled on the
-        held-out bodies. Outside the trained ranges nothing is known: bodies there are refused.
+        held-out bodies. It is 95 % over all these bodies; of one kind of bodies, or near one end of
+        a range, fewer may lie within their bounds (study ``confidence``). Outside the trained
+        ranges nothing is known: bodies there are refused.
 
         Args:
           parameters: as for ``drag``.
           reynolds: as for ``drag``.
 
         Raises:
-          InvalidInput: as ``drag``; or the record lacks the scales, which older trainings did not
-            write.
+          InvalidInput: as ``drag``; an argument is traced by JAX; or the record lacks the scales,
+            which older trainings did not write.
         """
         parameters = self.scene.family.array(parameters)
+        if transformed(parameters, reynolds):
+            raise InvalidInput(
+                "error_bounds: is not for jit, vmap or grad; call it outside of them"
+            )
         parameters, reynolds = self._checked(parameters, reynolds, extrapolate=False)
         scales = self.error_scales
         novelty = novelty_of_loads(self.novelty, parameters, reynolds)
-        return np.pad(scales, (0, len(LOAD_NAMES) - len(scales))) * np.asarray(novelty)
+        return np.pad(scales, (0, len(LOAD_NAMES) - len(scales))) * novelty
 
     def outside(self, parameters: Body, reynolds: Number) -> dict[str, float]:
         """Return how far each parameter and log Re lies outside its trained range, in range widths.
