@@ -1,0 +1,46 @@
+"""Points of a body's chord as it lies in the stream, and its moment about them."""
+
+import numpy as np
+from jaxtyping import Float
+
+from surrogate.body.incidence import rotate
+from surrogate.body.shape import NODES, Shape
+
+
+def chord_point(shape: Shape, station: float) -> Float[np.ndarray, "2"]:
+    """Return the point of the chord at x/c = ``station``, in D from the centroid.
+
+    The chord is the straight line from the nose to the tail, the farthest points of the contour
+    upstream and downstream at zero incidence; in 3-D, in the plane of symmetry.
+
+    Args:
+      shape: the body at its incidence.
+      station: 0 is the nose, 1 the tail; points ahead of the body or behind it are allowed.
+    """
+    nose, slope = _nose_and_slope(shape)
+    point = nose + station * shape.chord * np.array([1.0, slope])
+    return rotate(point[None], shape.incidence)[0]
+
+
+def centroid_station(shape: Shape) -> float:
+    """Return x/c of the centroid, measured along the x axis at zero incidence."""
+    return -float(_nose_and_slope(shape)[0][0]) / shape.chord
+
+
+def moment_about(point: Float[np.ndarray, "2"], drag: float, lift: float, moment: float) -> float:
+    """Return Cm about a point from Cd, Cl and Cm about the centroid, nose up.
+
+    Args:
+      point: in D from the centroid, x along the stream and the second coordinate along the lift.
+      drag: Cd.
+      lift: Cl.
+      moment: Cm.
+    """
+    return float(moment - point[1] * drag + point[0] * lift)
+
+
+def _nose_and_slope(shape):
+    """Return the nose of the body at zero incidence, and the slope of its chord."""
+    upright = rotate(shape.draw(NODES), -shape.incidence)
+    nose, tail = (upright[find(upright[:, 0])] for find in (np.argmin, np.argmax))
+    return nose, (tail[1] - nose[1]) / (tail[0] - nose[0])
