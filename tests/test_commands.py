@@ -81,7 +81,7 @@ def test_solve_drag(capsys):
             "accuracy",
             "onset",
         ),
-        *("incidence", "chord", "chord_reynolds", "reference"),
+        *("incidence", "chord", "chord_reynolds", "centroid", "reference", "cells", "glide"),
     }
     assert first["reynolds"] == 10
     assert first["cd"] > second["cd"] > 1

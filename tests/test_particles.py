@@ -310,6 +310,11 @@ def test_a_host_says_what_it_needs(net, tmp_path):
         assert (ran.returncode, "COUNT STEPS TIME_STEP" in ran.stderr) == (2, True)
     ran = subprocess.run([program, "2", "1", "1"], input=good, capture_output=True, text=True)
     assert ran.returncode == 2  # a line is missing
+    for line in ("2 0 3 1000 0 0 0 0", "-2 0 3 1000 1 0 0 0", "2 0 -3 1000 1 0 0 0"):
+        ran = subprocess.run([program, "1", "1", "1"], input=line, capture_output=True, text=True)
+        assert (ran.returncode, ran.stdout) == (2, "")
+    unit, double = moved(program, [good]), moved(program, ["2 0 3 1000 2 0 0 0"])
+    np.testing.assert_array_equal(unit, double)  # quaternions are normalised
     fast = "2 0 3000 1e6 1 0 0 0"
     ran = subprocess.run([program, "1", "40", "0.1"], input=fast, capture_output=True, text=True)
     assert ran.returncode == 1

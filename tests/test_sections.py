@@ -32,6 +32,7 @@ from surrogate import (
     load,
     naca4,
 )
+from surrogate.body.chord_line import centroid_station
 from surrogate.body.measures import moments
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.solver.newton import NewtonSettings
@@ -149,6 +150,46 @@ def test_coefficients_by_the_chord_are_scaled_exactly(chord):
     assert (scaled["estimated_error"], scaled["cd_friction"]) == (0.1, None)
 
 
+@pytest.mark.parametrize("incidence", [0.0, 12.0])
+def test_the_moment_about_another_point_is_that_of_the_force_at_the_centroid(capsys, incidence):
+    """Its arm along the chord times the force across the chord, by both commands."""
+    body = ["--aspect", "3", "--gamma2", "0.2", "--incidence", str(incidence), "--reynolds", "20"]
+    arguments = ["predict_drag", "--surrogate", "pretrained:lift", *body, "--moment-about"]
+    angle = np.deg2rad(incidence)
+    for reference in ("diameter", "chord"):
+        ask = [*arguments, "0.25", "--reference", reference]
+        (row,) = answer(capsys, *ask)["results"]
+        unit = row["chord"] if reference == "diameter" else 1.0
+        across = row["cl"] * np.cos(angle) + row["cd"] * np.sin(angle)
+        along = row["cd"] * np.cos(angle) - row["cl"] * np.sin(angle)
+        body = family_shape({"aspect": 3.0, "gamma2": 0.2})
+        nose = body.draw(400)[:, 1][np.argmin(body.draw(400)[:, 0])] / row["chord"]
+        arm = 0.25 - row["centroid"]
+        expected = row["cm"] + unit * (arm * across - nose * along)  # gamma2: a chord along x
+        assert row["cm_about"] == pytest.approx(expected, abs=1e-9)
+        assert row["moment_about"] == 0.25
+    assert call(*arguments, "nan") == 2
+    assert "--moment-about" in capsys.readouterr().err
+
+
+def test_moments_of_a_solution_about_its_centroid_and_its_quarter_chord():
+    shape = contour_shape(naca4("0015"), 6.0)
+    found = Flow(Scene(fidelity="draft")).solve(shape, 30.0, estimate=False, allow_unsteady=True)
+    assert found.moment_about(centroid_station(shape)) == pytest.approx(found.moment, abs=1e-6)
+    assert abs(found.moment_about(0.25)) < 0.2 * found.moment  # near the aerodynamic centre
+    with pytest.raises(InvalidInput, match="station"):
+        found.moment_about(np.nan)
+
+
+def test_the_fluid_gives_the_reynolds_number(capsys):
+    arguments = ["predict_drag", "--aspect", "2", "--fluid"]
+    (row,) = answer(capsys, *arguments, "0.3,0.001,1.2,1.5e-5")["results"]
+    assert row["reynolds"] == pytest.approx(20)
+    assert row["forces_N"]["drag"] == pytest.approx(row["cd"] * 0.6 * 0.3**2 * 0.001)
+    assert call(*arguments, "0.3,0.001,1.2") == 2
+    assert "--fluid with NU" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_chord_reynolds_number_is_the_flow_at_that_over_the_chord(capsys):
     chord = contour_shape(naca4("2430")).chord
@@ -168,7 +209,8 @@ def test_a_chord_reynolds_number_is_the_flow_at_that_over_the_chord(capsys):
         assert by_chord[name] == pytest.approx(by_d[name] / chord**power, rel=1e-14)
     assert call(*arguments, "--reference", "chord") == 0
     text = capsys.readouterr().out
-    assert f"chord {chord:.4f} D; coefficients by the chord c (Cm by its square)" in text
+    assert f"chord {chord:.4f} D, centroid at 0.42" in text
+    assert "c; coefficients by the chord c (Cm by its square)" in text
     assert f"Cd {by_chord['cd']:.4f}" in text
 
 
@@ -244,6 +286,7 @@ def test_a_flow_that_does_not_converge_leaves_the_others(capsys, monkeypatch, tm
     assert set(bad) == set(good)
     case = {"incidence": 0, "reynolds": 10, "chord": 1, "chord_reynolds": 10}
     case |= {"reference": "diameter", "converged": False, "status": "not converged"}
+    assert bad.pop("centroid") == pytest.approx(0.5)
     assert {name: value for name, value in bad.items() if value is not None} == case
     assert table.read_text().splitlines()[2].count(",,") > 3
     pixels(plot)
@@ -316,7 +359,7 @@ REFUSED = {
     "march_flow --aspect 2 --reynolds 9 --incidence 0,9 --out {folder}/m": "--incidence: one angle",
     "march_flow --aspect 2 --reynolds 9,10 --out {folder}/m": "--reynolds: one number",
     "march_flow --aspect 2 --out {folder}/m": "--reynolds: give it, or --chord-reynolds",
-    "predict_drag --aspect 2": "--reynolds: give it, or --chord-reynolds instead",
+    "predict_drag --aspect 2": "--reynolds: give it, or --chord-reynolds or --fluid with NU",
 }
 
 

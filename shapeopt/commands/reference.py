@@ -54,7 +54,7 @@ def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> 
     if arguments.reynolds is None and arguments.chord_reynolds is None:
         conditions = conditions_of(getattr(arguments, "fluid", None))
         if conditions is None or conditions.reynolds is None:
-            raise InvalidInput("--reynolds: give it, or --chord-reynolds, or --fluid with NU")
+            raise InvalidInput(f"--reynolds: give it, or {_others_of_reynolds(arguments)} instead")
         return [check_reynolds(conditions.reynolds, True, dimension)]
     if arguments.reynolds is not None and arguments.chord_reynolds is not None:
         raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
@@ -67,6 +67,16 @@ def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> 
     except InvalidInput as error:
         text = f"--chord-reynolds {arguments.chord_reynolds}, chord {chord:.4g} D: {error}"
         raise InvalidInput(text) from None
+
+
+def _others_of_reynolds(arguments):
+    """Return the options of a command that could stand for --reynolds, as words."""
+    words = {
+        "chord_reynolds": "--chord-reynolds",
+        "settling": "--settling",
+        "fluid": "--fluid with NU",
+    }
+    return " or ".join(word for name, word in words.items() if hasattr(arguments, name))
 
 
 def check_reference(reference: str, dimension: int) -> None:
