@@ -435,6 +435,8 @@ def test_free_fall(tmp_path, capsys):
     assert rows[0].split(",") == ["time", "x", "z", "tilt", "incidence", "reynolds", "u", "w"]
     assert float(rows[-1].split(",")[2]) == result["z"]
     assert (tmp_path / "fall.png").stat().st_size > 5000
+    sphere = answer(capsys, "free_fall", *words, "--aspect", "1")
+    assert (sphere["stable_incidences"], sphere["moment_is_known"]) == (None, False)
     for wrong, message in (
         (["--particle", "1.2,1e-6"], "density ratio,viscosity,size"),
         (["--surrogate", "pretrained:space"], "incidences from 0 to 90"),

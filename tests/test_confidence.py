@@ -85,6 +85,25 @@ def test_bounds_of_one_body_are_those_in_a_batch():
     np.testing.assert_allclose(one, net.error_bounds(*samples)[2], rtol=1e-6)
 
 
+def test_bounds_of_many_bodies_are_computed_in_parts(monkeypatch):
+    net = shipped("pretrained:sip")
+    samples = held_out_samples(net.scene, 4, 14)
+    whole = net.error_bounds(*samples)
+    monkeypatch.setattr("surrogate.model.evaluation.MOST_BODIES", 4)
+    np.testing.assert_allclose(net.error_bounds(*samples), whole, rtol=1e-9)
+    bodies, numbers = samples.parameters.reshape(7, 2, -1), np.array([5.0, 30.0])
+    parts = net.error_bounds(bodies, numbers)
+    assert parts.shape == (7, 2, 3)
+    np.testing.assert_allclose(parts[3, 1], net.error_bounds(bodies[3, 1], 30.0), rtol=1e-9)
+
+
+@pytest.mark.parametrize("transform", [jax.jit, jax.vmap])
+def test_bounds_are_not_for_transformed_functions(transform):
+    net = shipped("pretrained:sip")
+    with pytest.raises(InvalidInput, match="call it outside"):
+        transform(lambda re: net.error_bounds([2.0, 0, 0, 0], re))(np.array([10.0]))
+
+
 def test_bounds_outside_the_ranges_are_refused():
     net = shipped("pretrained")
     with pytest.raises(InvalidInput, match="outside the trained ranges: Reynolds number 44"):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -14,13 +15,16 @@ from pictures import pixels
 from shapeopt import Designer, Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
 from shapeopt.commands.cli import run
 from shapeopt.commands.design_sheet import main as design_sheet
+from shapeopt.commands.optimize_shape import bound_lines
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.commands.predict_drag import main as predict_drag
 from shapeopt.payoff.direct import design_directly
 from shapeopt.payoff.queries import query_stream
+from shapeopt.render.sheets import origin
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.over_lift import designs_over_lift
 from shapeopt.search.propose import propose
+from shapeopt.search.verify import Verified, violated_bounds
 from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
 from surrogate.flow.solver import steady
 from surrogate.model.inputs import scene_inputs
@@ -314,6 +318,22 @@ def test_a_surrogate_of_sections_answers_all_loads(trained):
     np.testing.assert_allclose(jacobian[:, 3], change, rtol=1e-5)
     outside = dataclasses.replace(net).loads
     assert np.all(np.isnan(jax.jit(outside)(BODY.at[3].set(40.0), 10.0)))
+
+
+def test_bounds_that_the_flow_does_not_meet_are_named(unchecked):
+    problem = Problem(SCENE, 10.0, lift=0.5, max_moment=0.1)
+    loads = [(0.49995, 0.1003), (0.52, 0.09)]
+    flows = tuple(SimpleNamespace(drag=1.0, lift=lift, moment=cm) for lift, cm in loads)
+    violated = violated_bounds(problem, Verified(1.0, None, flows, (None, None)))
+    assert violated == {"max_moment": 0.1003}
+    cases = [{"cl_verified": lift, "cm_verified": cm} for lift, cm in loads]
+    record = {"cases": cases, "violated": violated, "settings": {"until": "surrogate"}}
+    span, exceeded = bound_lines(record, problem)
+    assert "in the 2 cases: Cl 0.4999 to 0.5200, Cm 0.0900 to 0.1003" in span
+    assert "max moment 0.1 is not met: 0.1003 by the flow; --until flow meets it" in exceeded
+    assert origin({"surrogate": "out/net"}) == "found by the surrogate net"
+    led = origin({"surrogate": "out/net", "settings": {"until": "flow"}})
+    assert led == "found by the flow's adjoint, led by the surrogate net"
 
 
 @pytest.mark.slow

@@ -75,7 +75,8 @@ def test_a_terminated_training_ends_with_status_130_and_one_line(tmp_path):
             continue
     messages = process.stderr.read()
     assert process.returncode == 130
-    assert messages.splitlines()[-1].startswith("train_surrogate.py: interrupted")
+    last = "train_surrogate.py: interrupted; the same command resumes it"
+    assert messages.splitlines()[-1] == last
 
 
 def test_commands_run_without_a_compilation_cache(tmp_path):

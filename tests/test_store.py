@@ -200,6 +200,19 @@ def test_distance_beyond_the_trained_range():
         net.outside(np.array([np.nan, 0, 0, 0]), 20.0)
 
 
+def test_what_lies_outside_is_that_of_the_nearest_description_of_a_body():
+    """An incidence of 130 degrees is one of 50 seen from behind, and -30 the image of 30."""
+    net = load("pretrained:particle")
+    for incidence in (130.0, -30.0, 50.0):
+        assert net.outside([5.0, 1.0, 0.0, incidence], 10.0) == pytest.approx({"aspect": 1 / 3.7})
+    with pytest.raises(InvalidInput) as refused:
+        net.loads([5.0, 1.0, 0.0, 130.0], 10.0)
+    assert "aspect 5 (trained from 0.3 to 4)" in str(refused.value)
+    assert "incidence" not in str(refused.value)
+    with pytest.raises(InvalidInput, match="did you mean pretrained:lift"):
+        load("lift")
+
+
 def test_the_shipped_surrogate_is_the_best_of_those_that_ship():
     shipped = {method: load(f"pretrained:{method}") for method in METHODS}
     errors = {name: s.record["drag_error_mean"] for name, s in shipped.items()}

@@ -8,7 +8,7 @@ import re
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -36,7 +36,9 @@ CONTOURS = (
     "surrogates answer bodies of the family (--aspect and modes); solve_drag.py solves NACA "
     "sections and contours"
 )
+BY_DIAMETER = "designs are by D, the equivalent diameter: forces by the chord c are c / D smaller"
 ABSENT = {  # options that a command lacks for a reason
+    "--reference": BY_DIAMETER,
     "--chord-reynolds": "--reynolds is U D / nu, D the equivalent diameter: U c / nu over c / D",
     "--naca": CONTOURS,
     "--contour": CONTOURS,
@@ -98,6 +100,15 @@ FULL = (
 FAILURES = {InvalidInput: BAD_INPUT, NotConverged: NOT_CONVERGED, ProcessLost: LOST}
 
 
+@contextlib.contextmanager
+def resumable() -> Iterator[None]:
+    """Let an interruption of work that leaves checkpoints say that the same command resumes it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command resumes it") from None
+
+
 def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | None = None) -> int:
     """Run the main function of a command and return the exit status.
 
@@ -119,8 +130,8 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
         if not memory_is_full(error):
             raise
         status, message = BAD_INPUT, FULL
-    except KeyboardInterrupt:
-        _print_line("interrupted")
+    except KeyboardInterrupt as stop:
+        _print_line("; ".join(["interrupted", *map(str, stop.args)]))
         _end_at_once(INTERRUPTED)
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -148,7 +148,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
-    lines += _of_bounds(r, problem)
+    lines += bound_lines(r, problem)
     if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
@@ -163,7 +163,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     return "\n".join(lines)
 
 
-def _of_bounds(r: JsonObject, problem: Problem) -> list[str]:
+def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
     """Return lines on the range of Cl and Cm over the cases, and on bounds that are violated."""
     lines = []
     if len(r["cases"]) > 1 and problem.scene.family.has_lift:

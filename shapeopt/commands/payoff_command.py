@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.cli import Parser, emit, resumable
 from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.payoff.break_even import Strategy
 from shapeopt.payoff.plot import plot_payoff
@@ -73,15 +73,16 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     plans = [_plans(arguments, scene, arguments.seed + k) for k in range(seeds)]
     print_message(scene.explain(arguments.samples or PRESETS[preset].samples))
     start = time.perf_counter()
-    groups = [
-        train_all(
-            plans[k],
-            out / f"seed{arguments.seed + k}" if k else out,
-            devices,
-            arguments.overwrite,
-        )
-        for k in range(seeds)
-    ]
+    with resumable():
+        groups = [
+            train_all(
+                plans[k],
+                out / f"seed{arguments.seed + k}" if k else out,
+                devices,
+                arguments.overwrite,
+            )
+            for k in range(seeds)
+        ]
     flow, surrogates = Flow(scene), {name: [g[name] for g in groups] for name in groups[0]}
     best = min(groups[0], key=lambda name: groups[0][name].record["drag_error_mean"])
     compile_all(queries, flow, groups[0][best])

@@ -18,7 +18,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.cli import Parser, emit, resumable
 from shapeopt.commands.distributed import (
     add_distributed_arguments,
     exit_when_disconnected,
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     infill = load(a.infill_from) if a.infill_from else None
     plan = make_plan(scene, a.method, *numbers, infill, a.width)
     out, devices = Path(a.out), choose_devices(count, a.device_batch)
-    with exit_when_disconnected():
+    with exit_when_disconnected(), resumable():
         stored = stored_training(plan, out, a.overwrite)
         if stored is None or a.overwrite:
             surrogate = _train(plan, out, devices, a.overwrite)
