@@ -1,9 +1,12 @@
 """Shape optimisation with drag surrogates or with the flow solver, and the cost of training them.
 
 This is the public API. ``shapeopt.render`` draws what it finds. Dependencies go one way:
-problem -> search -> runs -> render; the payoff and the commands are above them.
+problem -> search -> runs -> render; the payoff and the commands are above them. Particles fall by
+a surrogate's loads: ``fall`` and ``orientations``.
 """
 
+from shapeopt.free_fall import Fall, fall
+from shapeopt.orientation import Orientation, moment_is_known, orientations
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.objective import Glide, Weighted
 from shapeopt.problem.particles import Settling, Tumbling
@@ -21,8 +24,10 @@ optimize = optimise  # the same function, spelled otherwise
 __all__ = [
     "Design",
     "Designer",
+    "Fall",
     "Glide",
     "LogNormal",
+    "Orientation",
     "Problem",
     "Robust",
     "Settling",
@@ -31,10 +36,13 @@ __all__ = [
     "Uniform",
     "Verified",
     "Weighted",
+    "fall",
     "load_run",
+    "moment_is_known",
     "optimise",
     "optimise_all",
     "optimize",
+    "orientations",
     "save_run",
     "verify",
 ]

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from scipy.optimize import brentq
 
-from shapeopt.fall import Fall, axes_of, checked_body, constants_of, loads_at, rates_of
+from shapeopt.free_fall import Fall, axes_of, checked_body, constants_of, loads_at, rates_of
 from surrogate.arrays import Body
 from surrogate.flow.settling import Particle
 from surrogate.model.surrogate import Surrogate
@@ -39,7 +39,7 @@ def orientations(surrogate: Surrogate, parameters: Body, reynolds: float) -> lis
     surrogate's error; ``moment_is_known`` tells.
 
     Args:
-      surrogate: as for ``shapeopt.fall.fall``.
+      surrogate: as for ``shapeopt.fall``.
       parameters: likewise.
       reynolds: Reynolds number of the motion.
 
@@ -73,7 +73,7 @@ def moment_is_known(surrogate: Surrogate, parameters: Body, reynolds: float) -> 
     where no bounds are known, as for surrogates of older trainings.
 
     Args:
-      surrogate: as for ``shapeopt.fall.fall``.
+      surrogate: as for ``shapeopt.fall``.
       parameters: likewise.
       reynolds: Reynolds number of the motion.
 
@@ -96,7 +96,7 @@ def small_swings(
     """Return how a small disturbance of the motion at the end of a fall decays.
 
     Args:
-      surrogate: as for ``shapeopt.fall.fall``.
+      surrogate: as for ``shapeopt.fall``.
       parameters: likewise.
       particle: likewise.
       found: a fall of this body that ends in steady motion.

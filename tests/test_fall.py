@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from correlations import Ellipsoid, ellipsoid, oberbeck
 
-from shapeopt.fall import constants_of, fall, rates_of
+from shapeopt.free_fall import constants_of, fall, rates_of
 from shapeopt.orientation import Orientation, orientations, small_swings
 from surrogate import InvalidInput, Particle, Scene, Surrogate, load
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid

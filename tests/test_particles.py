@@ -22,7 +22,7 @@ from studies.exports import compile_c
 from studies.particle_codes import BY_SPHERICITY, SOURCE
 
 from shapeopt import Problem, Tumbling, optimise
-from shapeopt.fall import fall
+from shapeopt.free_fall import fall
 from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.problem.scenarios import model_objective
 from surrogate import Flow, InvalidInput, Particle, export, load

@@ -11,7 +11,7 @@ import pytest
 from conftest import TINY
 
 from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise, save_run, verify
-from shapeopt.fall import fall
+from shapeopt.free_fall import fall
 from shapeopt.payoff.queries import query_stream
 from surrogate import (
     Family,

@@ -5,7 +5,7 @@
  * Each particle in its own units: length D, time D^2 / nu, mass rho D^3 of the fluid; gravity along -z. A line of
  * input: aspect, beta2, density ratio, g D^3 / nu^2, quaternion w x y z that turns x to the axis, tail to nose, as
  * 2 0 1.2 1000 1 0 0 0. A line of output: position, momentum (with that of the added mass), quaternion, angular
- * velocity in fixed axes. The model is that of shapeopt/fall.py in 3-D, the scheme Runge-Kutta's. */
+ * velocity in fixed axes. The model is that of shapeopt/free_fall.py in 3-D, the scheme Runge-Kutta's. */
 #define PARTICLE_DECLARATIONS
 #include "particle.c"
 #include <math.h>

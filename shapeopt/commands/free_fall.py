@@ -15,7 +15,7 @@ from shapeopt.commands.arguments import add_family_arguments, check_aspect
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.ranges import few_numbers
 from shapeopt.commands.sweep import check_outputs, write_table
-from shapeopt.fall import Fall, fall
+from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.render.falls import plot_fall
 from surrogate.body.parameters import INCIDENCE, PARAMETERS

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from shapeopt.fall import Fall
+from shapeopt.free_fall import Fall
 from shapeopt.render.figures import OPTIMUM, START, STYLE, plt, save_figure
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass

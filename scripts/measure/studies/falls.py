@@ -3,7 +3,7 @@
 import numpy as np
 from study import Result, Row, Run, Study, Table, cases, columns
 
-from shapeopt.fall import Fall, fall
+from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import orientations, small_swings
 from surrogate import Particle, load
 from surrogate.model.surrogate import Surrogate

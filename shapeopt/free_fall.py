@@ -30,7 +30,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.integrate import solve_ivp
 
 from shapeopt.problem.scenarios import LoadModel
 from surrogate.arrays import AnyArray, Body, Number
@@ -102,6 +101,8 @@ def fall(
       InvalidInput: an argument is invalid, or the body becomes faster than the trained range.
       NotConverged: the integration in time fails.
     """
+    from scipy.integrate import solve_ivp  # half a second to import, which only falls need
+
     body = checked_body(surrogate, parameters)
     expect("particle", particle, Particle, "Particle")
     seconds, tilt = finite_number("seconds", seconds), finite_number("tilt", tilt)
