@@ -213,9 +213,10 @@ def runs(tiny_scene, tmp_path_factory):
         problem = Problem(tiny_scene, reynolds, max_length=1.5)
         design = optimise(problem, Flow(tiny_scene))
         save_run(folder / f"re{reynolds:g}", design)
-    (folder / "bare").mkdir()
-    bare = record_of(tiny_scene) | {"cd_verified": None}
-    (folder / "bare" / "run.json").write_text(json.dumps(bare))
+    others = {"bare": {"cd_verified": None}, "glide": {"objective": {"kind": "Glide"}}}
+    for name, entries in others.items():
+        (folder / name).mkdir()
+        (folder / name / "run.json").write_text(json.dumps(record_of(tiny_scene) | entries))
     return folder
 
 
@@ -234,6 +235,7 @@ def test_sheets_by_the_command(runs, kind, tmp_path, capsys):
         "--runs {runs}/re5 --family --out {out}/x.png",
         "--runs {runs}/re5 {runs}/bare --family --out {out}/x.png",
         "--runs {runs}/re5 {runs}/re20 --family --surface --out {out}/x.png",
+        "--runs {runs}/re5 {runs}/glide --family --out {out}/x.png",
         "--runs {runs}/re5 --surface --out {out}/x.gif",
         "--runs {runs}/re5 {runs}/re20 --out {out}/x.gif",
     ],

@@ -43,6 +43,10 @@ ABSENT = {  # options that a command lacks for a reason
     "--naca": CONTOURS,
     "--contour": CONTOURS,
 }
+SEVERAL = {  # options that take one number in one command and several in another
+    "--lift": "design_sheet.py --lifts takes several",
+    "--max-length": "design_sheet.py takes several",
+}
 GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")
 
 
@@ -90,6 +94,9 @@ class Parser(argparse.ArgumentParser):
             hint = f"; {ABSENT[word]}" if word in ABSENT else hint
         elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
+        elif wrong := re.search(r"argument (--[\w-]+): invalid float value: (.*)", message):
+            message = f"{wrong[1]} {wrong[2]}: must be one number, without a unit"
+            hint = f"; {SEVERAL[wrong[1]]}" if "," in wrong[2] and wrong[1] in SEVERAL else ""
         raise InvalidInput(message + hint)
 
 

@@ -15,7 +15,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.problem_arguments import MEMORY_HELP, UNTIL_HELP
+from shapeopt.commands.problem_arguments import (
+    MEMORY_HELP,
+    UNTIL_HELP,
+    add_constraint_arguments,
+    constraints_of,
+)
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.reference import unsteady_remark
 from shapeopt.render.designs import plot_designs
@@ -23,7 +28,6 @@ from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.search.designer import Designer
 from shapeopt.search.over_lift import designs_over_lift
 from shapeopt.search.sheet import designs_over
-from surrogate.body.parameters import FAMILY
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject, check_file
 from surrogate.model.store import load
@@ -49,8 +53,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if not lengths:
         raise InvalidInput("--max-length: give it, as 1.2,1.5,2; or --lifts")
     with progress_bar("designs") as progress:
-        over = reynolds, lengths, arguments.min_thickness
-        rows, seconds = designs_over(_model(arguments, surrogate), *over, progress)
+        over, bounds = (reynolds, lengths, progress), constraints_of(arguments)
+        rows, seconds = designs_over(_model(arguments, surrogate), *over, **bounds)
     plot_designs(surrogate.scene.family, [row for row in rows if row["excess"] is not None], out)
     result = {"designs": rows, "seconds": seconds, "until": arguments.until, "out": str(out)}
     return _emitted(result, arguments.json, rows, [_length(row) for row in rows])
@@ -67,10 +71,7 @@ def _over_lift(
     if len(reynolds) > 1 or len(lengths) > 1:
         raise InvalidInput("--lifts: goes with one Reynolds number and at most one --max-length")
     lifts = numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False)
-    bounds = {
-        "max_length": lengths[0] if lengths else None,
-        "min_thickness": arguments.min_thickness,
-    }
+    bounds = constraints_of(arguments) | {"max_length": lengths[0] if lengths else None}
     with progress_bar("designs") as progress:
         over = reynolds[0], sorted(set(lifts)), progress
         rows, best, seconds = designs_over_lift(_model(arguments, surrogate), *over, **bounds)
@@ -143,9 +144,8 @@ def _parser() -> Parser:
     add("--reynolds", required=True, help="one, several as 1,3,10,40, or 1:40:log5")
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
     add("--lifts", help="lower bounds on Cl, by D, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
-    add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
+    add_constraint_arguments(parser)
     add("--until", choices=["surrogate", "flow"], default="surrogate", help=UNTIL_HELP)
     add("--memory", help=MEMORY_HELP)
     add("--out", required=True, help="picture, .png")
-    parser.add_argument_group("bodies of the family", FAMILY)
     return parser

@@ -42,6 +42,7 @@ from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
 from shapeopt.stored import design_settings, stored_run
+from surrogate.body.parameters import INCIDENCE
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, target_of
 from surrogate.flow.flow import Flow
@@ -149,6 +150,12 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
     lines += bound_lines(r, problem)
+    if turned := r["parameters"].get(INCIDENCE.name):
+        flat = "contour.csv" if problem.scene.dimension == 3 else "contour.csv and body.stl"
+        help = "; solve_drag.py --contour takes --incidence" if flat != "contour.csv" else ""
+        lines.append(
+            f"  {flat}: at incidence 0, to be turned nose up by {turned:.4g} degrees{help}"
+        )
     if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):

@@ -10,7 +10,6 @@ from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
 from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.robust import Robust
-from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate.body.parameters import FAMILY
@@ -43,12 +42,6 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
     add("--lift", type=float, help="lower bound on Cl, by D (none)")
-    add(
-        "--min-moment",
-        type=float,
-        help="lower bound on Cm, by D, about the centroid, nose up (none)",
-    )
-    add("--max-moment", type=float, help="upper bound on it (none)")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
     add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
@@ -57,6 +50,15 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--cases", type=int, help="samples of the uncertainty, 2 to 4096 (32)")
     add("--seed", type=int, help="of the samples, from 0 (0)")
     add("--max-length", type=float, help="bound on the chord in D (none)")
+    add_constraint_arguments(parser)
+
+
+def add_constraint_arguments(parser: Parser) -> None:
+    """Add the options of constraints other than on length and lift."""
+    add = parser.add_argument
+    moment = "lower bound on Cm, by D, about the centroid, nose up (none)"
+    add("--min-moment", type=float, help=moment)
+    add("--max-moment", type=float, help="upper bound on it (none)")
     add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
     add("--max-thickness", type=float, help="upper bound on it, 3-D: on the height, in D (none)")
     add("--max-camber", type=float, help="upper bound on the camber, in D, 2-D (none)")
@@ -88,15 +90,24 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
         surrogate.scene if surrogate else scene_of(arguments),
         _objective(arguments),
         max_length=arguments.max_length,
-        min_thickness=arguments.min_thickness,
-        max_thickness=arguments.max_thickness,
-        max_camber=arguments.max_camber,
-        stations=_stations(arguments.thickness_at),
-        min_radius=arguments.min_radius,
-        within=_ranges(arguments.range),
-        trust=arguments.trust,
-        **{name: getattr(arguments, name) for name in LOAD_BOUNDS},
+        lift=arguments.lift,
+        **constraints_of(arguments),
     )
+
+
+def constraints_of(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return the constraints other than on length and lift, by their names in ``Problem``."""
+    return {
+        "min_moment": arguments.min_moment,
+        "max_moment": arguments.max_moment,
+        "min_thickness": arguments.min_thickness,
+        "max_thickness": arguments.max_thickness,
+        "max_camber": arguments.max_camber,
+        "stations": _stations(arguments.thickness_at),
+        "min_radius": arguments.min_radius,
+        "within": _ranges(arguments.range),
+        "trust": arguments.trust,
+    }
 
 
 def scene_of(arguments: argparse.Namespace) -> Scene:

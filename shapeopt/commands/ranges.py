@@ -31,6 +31,8 @@ def numbers(
       InvalidInput: a word is neither a number nor a range, or there is none.
     """
     words = [word.split(":") for word in text.split(",") if word.strip()]
+    if short := [":".join(parts) for parts in words if len(parts) == 2]:
+        raise InvalidInput(f"{name} {text!r}: {short[0]} lacks the count of a range, as {ranges}")
     try:
         values = [v for parts in words for v in _values(parts, f"{name} {text!r}", logarithmic)]
     except ValueError as error:

@@ -72,6 +72,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         elif gif:
             _evolution(records[0], out)
         elif arguments.family:
+            _check_objectives(records)
             plot_family(_verified(records), out)
         elif arguments.plane:
             panels = [p for r in _tracked(records, progress) for p in before_and_after(r)]
@@ -85,6 +86,15 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             render_panels(rows, out, load_shown)
         progress(1.0, str(out))
     return emit({"out": str(out), "runs": arguments.runs}, arguments.json, f"-> {out}")
+
+
+def _check_objectives(records: list[JsonObject]) -> None:
+    """Raise InvalidInput unless all runs have the objective of the first."""
+    kinds = [record.get("objective", {}).get("kind") for record in records]
+    if len(set(kinds)) > 1:
+        raise InvalidInput(
+            f"--family: runs of one objective; these are of {', '.join(map(str, kinds))}"
+        )
 
 
 def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:

@@ -87,7 +87,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         write_table(results, arguments.table)
     if arguments.plot:
         plot_polar(results, _title(arguments, results[0]), arguments.plot)
-    record = {"results": results, "scene": scene.record, "body": body_record(arguments)}
+    solved = scene.record
+    if arguments.aspect is None:
+        del solved["family"]  # the body is none of a family
+    record = {"results": results, "scene": solved, "body": body_record(arguments)}
     result = emit(record, arguments.json, _text(results))
     check_converged(results)
     return result

@@ -1,6 +1,6 @@
 """Least drag over a lower bound on the lift, and the best glide ratio."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from shapeopt.problem.objective import Glide
 from shapeopt.problem.problem import Problem
@@ -15,7 +15,7 @@ def designs_over_lift(
     reynolds: float,
     lifts: Sequence[float],
     progress: Update | None = None,
-    **bounds: float | Mapping[str, tuple[float, float]] | None,
+    **bounds: object,
 ) -> tuple[list[Row], Row, float]:
     """Optimise bodies under lower bounds on the lift, and one for the best glide ratio.
 

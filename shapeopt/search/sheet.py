@@ -93,8 +93,8 @@ def designs_over(
     model: Surrogate | Designer,
     reynolds: Sequence[float],
     lengths: Sequence[float],
-    min_thickness: float | None = None,
     progress: Update | None = None,
+    **bounds: object,
 ) -> tuple[list[Row], float]:
     """Return the optimum at every Re and bound on the length as a row, and the wall seconds of all.
 
@@ -102,8 +102,8 @@ def designs_over(
       model: as for ``optima``.
       reynolds: Reynolds numbers.
       lengths: upper bounds on the chord, in D.
-      min_thickness: lower bound on the maximum thickness of all bodies, in D.
       progress: as for ``optima``.
+      **bounds: other constraints of all bodies by their names in ``Problem``.
 
     Returns:
       Rows as of ``row_of`` by length, then Re, without a bound last; ``excess`` is the drag over
@@ -114,9 +114,7 @@ def designs_over(
       NotConverged: at no Re there is an optimum without a bound on the length.
     """
     problems = [
-        Problem(model.scene, re, length, min_thickness)
-        for length in (*lengths, None)
-        for re in reynolds
+        Problem(model.scene, re, length, **bounds) for length in (*lengths, None) for re in reynolds
     ]
     found = optima(problems, model, progress)
     expect_one(found[-len(reynolds) :])
