@@ -39,7 +39,7 @@ MISTAKES = {  # and what the answer must say
     "solve_drag --reynolds 10": "body: give exactly one of --aspect",
     f"solve_drag {BODY}": "--reynolds: give it, or --chord-reynolds or --settling",
     f"solve_drag {BODY} --reynolds 10 --incidence 0:4": "0:4 lacks the count of a range",
-    f"{OPTIMISE} --reynolds 9 --lift 0.1,0.2": "must be one number, without a unit; design_sheet.py",
+    f"{OPTIMISE} --reynolds 9 --lift 0.1,0.2": "one number, without a unit; design_sheet.py",
     f"{OPTIMISE} --reynolds 9 --reference chord": "designs are by D, the equivalent diameter",
     f"solve_drag {BODY} --reynolds 10 --table=": "--table '': an empty value",
     f"solve_drag {BODY} --reynolds 10 --fluid 1m/s,1,1": "U,D,RHO,NU in m/s, m, kg/m^3",

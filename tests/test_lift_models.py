@@ -229,6 +229,32 @@ def test_bodies_over_lift_that_are_out_of_reach_say_why():
         designs_over_lift(net, 40.0, [2.5], within=ellipse)
 
 
+def test_a_sheet_over_lifts_has_the_constraints_of_a_design(monkeypatch, tmp_path, capsys):
+    seen = {}
+
+    def noted(model, reynolds, lifts, progress, **bounds):
+        seen.update(bounds)
+        raise InvalidInput("enough")
+
+    monkeypatch.setattr("shapeopt.commands.design_sheet.designs_over_lift", noted)
+    sheet = ["--surrogate", "pretrained:lift", "--reynolds", "40", "--lifts", "0.3", "--max-length"]
+    sheet += [
+        "1.9",
+        "--max-moment",
+        "0.1",
+        "--range",
+        "aspect=2:3",
+        "--out",
+        str(tmp_path / "s.png"),
+    ]
+    assert run(design_sheet, sheet) == 2
+    assert "enough" in capsys.readouterr().err
+    bounds = {name: value for name, value in seen.items() if value}
+    expected = {"max_length": 1.9, "max_moment": 0.1, "within": {"aspect": (2.0, 3.0)}}
+    assert bounds == expected
+    assert Problem(load("pretrained:lift").scene, 40.0, **seen).constraints == expected
+
+
 def test_a_sheet_with_a_lift_out_of_reach_shows_the_other_bodies(tmp_path, capsys):
     out = tmp_path / "sheet.png"
     sheet = ["--surrogate", "pretrained:lift", "--reynolds", "140,140", "--lifts", "0.3,0.3,2.5"]

@@ -89,12 +89,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _check_objectives(records: list[JsonObject]) -> None:
-    """Raise InvalidInput unless all runs have the objective of the first."""
-    kinds = [record.get("objective", {}).get("kind") for record in records]
-    if len(set(kinds)) > 1:
-        raise InvalidInput(
-            f"--family: runs of one objective; these are of {', '.join(map(str, kinds))}"
-        )
+    """Raise InvalidInput unless all runs whose objective is known have the same."""
+    kinds = {record.get("objective", {}).get("kind") for record in records} - {None}
+    if len(kinds) > 1:
+        raise InvalidInput(f"--family: runs of one objective; these are of {', '.join(kinds)}")
 
 
 def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:
