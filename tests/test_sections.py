@@ -102,7 +102,7 @@ def test_lists_and_ranges_can_be_mixed():
     {
         "": "one number, or several",
         ",": "one number, or several",
-        "1:40": "or a range, as 1:40:20",
+        "1:40": "1:40 lacks the count of a range, as 1:40:20",
         "1:40:x": "or a range, as 1:40:20",
         "1:40:2.5": "or a range, as 1:40:20",
         "1:40:20:3": "or a range, as 1:40:20",
