@@ -54,7 +54,7 @@ class OnsetRule3D(NamedTuple):
     """Constants of a rule for the onset of instability of a 3-D body as it lies in the stream.
 
     With n and w, the narrower and the broader one of height and width, and the slenderness
-    s = (length / n) (thickness / height), see ``StreamwiseProfile``,
+    s = (length / n) / (1 + (height / thickness - 1)^3), see ``StreamwiseProfile``,
 
         Re = (R2 + (R3 - R2) (n / w)^power) / n,    R3 = sqrt(plate^2 + (slope s)^2),
 
@@ -103,7 +103,7 @@ def onset_in_3d(
     """
     length, height, thickness, *_ = streamwise_profile(contour)
     narrow, broad = jnp.minimum(extent[1], height), jnp.maximum(extent[1], height)
-    slenderness = length * thickness / height / narrow
+    slenderness = length / narrow / (1 + (height / thickness - 1) ** 3)
     compact = jnp.hypot(RULE_3D.plate, RULE_3D.slope * slenderness)
     long = RULE_2D.by_height(slenderness)
     onset = (long + (compact - long) * (narrow / broad) ** RULE_3D.power) / narrow
