@@ -23,6 +23,7 @@ velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it
 """
 
 import argparse
+import math
 from collections.abc import Sequence
 
 from shapeopt.commands.cli import Parser, emit
@@ -141,11 +142,12 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
         lifts += f"; none settles faster at Archimedes number {archimedes:g}"
+    grid = f" on {r['cells']} cells per D" if r.get("cells") else ""
     beside = "" if lifting else _beside(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     lines = [
         f"Re {', '.join(f'{re:g}' for re in numbers)}: {shape}, chord {r['chord']:.4f} D{lifts}",
-        f"{name} {r['cd_verified']:.4f} verified on {r['cells']} cells per D, {r['accuracy']}; "
+        f"{name} {r['cd_verified']:.4f} verified{grid}, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
@@ -156,7 +158,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         lines.append(
             f"  {flat}: at incidence 0, to be turned nose up by {turned:.4g} degrees{help}"
         )
-    if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
+    if late := [case for case in r["cases"] if case["reynolds"] > case.get("onset", math.inf)]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
         wider = "surrogates and scenes of wider ranges may have better"
@@ -180,7 +182,7 @@ def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
             for loads in [[case[f"{name.lower()}_verified"] for case in r["cases"]]]
         )
         lines.append(f"  in the {len(r['cases'])} cases: {', '.join(spans)}; above, nominal loads")
-    for name, load in r["violated"].items():
+    for name, load in r.get("violated", {}).items():
         words = f"{name.replace('_', ' ')} {getattr(problem, name):g}"
         help = "; --until flow meets it" if r["settings"]["until"] != "flow" else ""
         lines.append(f"  {words} is not met: {load:.4f} by the flow{help}")
