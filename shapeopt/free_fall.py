@@ -16,8 +16,8 @@ those of steady motion at the momentary incidence and R, its torque included. Le
 rotation does to drag and lift, the memory of the flow, and inertia in the resistance to rotation.
 
 Below the least Re of the surrogate, R0, drag and lift follow Oseen's correction of Stokes flow
-(Brenner and Cox 1963): Cd R = D + D^2 R / 128 and Cl R = L (1 + 5 D R / 256), up to terms of L^2
-and with equal resistances along and across the stream in the correction; D and L are those with
+(Brenner and Cox 1963): Cd R = A (1 + A R / 128) and Cl R = B (1 + 5 A R / 256), up to terms of B^2
+and with equal resistances along and across the stream in the correction; A and B are those with
 which R0 has the surrogate's loads. Cm is split: the part that is odd in the even sine modes is that
 of Stokes flow, of which Cm R is kept; the even part is by inertia, of which Cm is kept.
 """
@@ -30,6 +30,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.integrate import solve_ivp
 
 from shapeopt.problem.scenarios import LoadModel
 from surrogate.arrays import AnyArray, Body, Number
@@ -101,8 +102,6 @@ def fall(
       InvalidInput: an argument is invalid, or the body becomes faster than the trained range.
       NotConverged: the integration in time fails.
     """
-    from scipy.integrate import solve_ivp  # half a second to import, which only falls need
-
     body = checked_body(surrogate, parameters)
     expect("particle", particle, Particle, "Particle")
     seconds, tilt = finite_number("seconds", seconds), finite_number("tilt", tilt)
@@ -280,7 +279,7 @@ def rates_of(
 
 def _oseen_factors(drag, known, reynolds):
     """Return the ratios of Cd Re and of Cl Re at a Reynolds number to those at a known one."""
-    stokes = 2 * known * drag / (1 + jnp.sqrt(1 + known * drag * known / 32))  # D
+    stokes = 2 * known * drag / (1 + jnp.sqrt(1 + known * drag * known / 32))  # A
 
     def ratio(share):
         return (1 + share * stokes * reynolds) / (1 + share * stokes * known)

@@ -361,7 +361,7 @@ def test_the_onset_in_3d_is_that_of_linear_stability():
             if "incidence" in row["body"]:
                 assert abs(row["error"]) < 0.03, row
     assert len(found) > 14
-    assert all(-0.08 < error < 0.08 for error, blunt in found if not blunt)
+    assert all(-0.07 < error < 0.07 for error, blunt in found if not blunt)
     assert all(-0.12 < error < 0.0 for error, blunt in found if blunt)
 
 

@@ -17,6 +17,7 @@ from pictures import pixels
 
 from shapeopt.commands.arguments import add_body_arguments
 from shapeopt.commands.cli import Parser, run
+from shapeopt.commands.predict_drag import _beyond
 from shapeopt.commands.ranges import MOST, numbers
 from shapeopt.commands.reference import POWERS, by_reference
 from shapeopt.commands.sweep import Case, solve_cases, text_table
@@ -32,7 +33,7 @@ from surrogate import (
     load,
     naca4,
 )
-from surrogate.body.chord_line import centroid_station
+from surrogate.body.chord_line import centroid_station, chord_point
 from surrogate.body.measures import moments
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.solver.newton import NewtonSettings
@@ -162,14 +163,31 @@ def test_the_moment_about_another_point_is_that_of_the_force_at_the_centroid(cap
         unit = row["chord"] if reference == "diameter" else 1.0
         across = row["cl"] * np.cos(angle) + row["cd"] * np.sin(angle)
         along = row["cd"] * np.cos(angle) - row["cl"] * np.sin(angle)
-        body = family_shape({"aspect": 3.0, "gamma2": 0.2})
-        nose = body.draw(400)[:, 1][np.argmin(body.draw(400)[:, 0])] / row["chord"]
+        nose = chord_point(family_shape({"aspect": 3.0, "gamma2": 0.2}), 0.0)[1] / row["chord"]
         arm = 0.25 - row["centroid"]
         expected = row["cm"] + unit * (arm * across - nose * along)  # gamma2: a chord along x
         assert row["cm_about"] == pytest.approx(expected, abs=1e-9)
         assert row["moment_about"] == 0.25
     assert call(*arguments, "nan") == 2
     assert "--moment-about" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.array([[-2, -1], [-2, 0], [-2, 1], [0, 1], [2, 1], [2, 0], [2, -1], [0, -1]]),
+        naca4("0012")[naca4("0012")[:, 0] < 0.9],
+        naca4("0012"),
+    ],
+    ids=["rectangle", "blunt tail", "sharp tail"],
+)
+def test_the_chord_of_a_symmetric_contour_is_its_axis(points):
+    shape = contour_shape(points)
+    nose, tail = chord_point(shape, 0.0), chord_point(shape, 1.0)
+    assert [nose[1], tail[1]] == pytest.approx([0, 0], abs=1e-3)
+    assert tail[0] - nose[0] == pytest.approx(shape.chord)
+    turned = chord_point(contour_shape(points, 30.0), 0.0)
+    assert turned == pytest.approx(nose[0] * np.array([np.cos(np.pi / 6), -0.5]), abs=2e-3)
 
 
 def test_moments_of_a_solution_about_its_centroid_and_its_quarter_chord():
@@ -179,6 +197,18 @@ def test_moments_of_a_solution_about_its_centroid_and_its_quarter_chord():
     assert abs(found.moment_about(0.25)) < 0.2 * found.moment  # near the aerodynamic centre
     with pytest.raises(InvalidInput, match="station"):
         found.moment_about(np.nan)
+
+
+def test_errors_beyond_their_bounds_are_named_where_they_mean_something():
+    row = {"cd": 1.0, "cd_error_bound": 2e-3, "error": 1e-3}
+    row |= {"cl_error_bound": 1e-3, "cl_error": 5e-3, "cm_error_bound": 0.0, "cm_error": 1e-7}
+    assert _beyond(row, True) == "; of Cl more than the bound"
+    assert _beyond(row, False) == ""  # symmetric bodies: no lift is shown
+    assert _beyond(row | {"cd_error_bound": None}, True) == ""
+    rows = [{"cl": value, "cd": 1.0} for value in (-1e-9, -0.5, None)]
+    assert [line.split()[-1] for line in text_table(rows).splitlines()] == [
+        *("Cl", "0.0000", "-0.5000", "-")
+    ]
 
 
 def test_the_fluid_gives_the_reynolds_number(capsys):

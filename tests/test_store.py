@@ -209,6 +209,10 @@ def test_what_lies_outside_is_that_of_the_nearest_description_of_a_body():
         net.loads([5.0, 1.0, 0.0, 130.0], 10.0)
     assert "aspect 5 (trained from 0.3 to 4)" in str(refused.value)
     assert "incidence" not in str(refused.value)
+    lifting = load("pretrained:lift")  # -15 degrees is the image of 15, with another camber
+    names = dict.fromkeys(lifting.scene.family.names, 0.0)
+    body = names | {"aspect": 3.0, "gamma2": 0.3, "incidence": -15.0}
+    assert set(lifting.outside(body, 20.0)) == {"incidence"}
     with pytest.raises(InvalidInput, match="did you mean pretrained:lift"):
         load("lift")
 

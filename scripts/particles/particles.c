@@ -90,6 +90,7 @@ int main(int words, char **word) {
         double *q = y[i] + QUATERNION;
         read = scanf("%lf%lf%lf%lf%lf%lf%lf%lf", v, v + 1, v + 2, v + 3, q, q + 1, q + 2, q + 3);
         const double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+        for (int k = 0; k < 4; k++) if (!isfinite(v[k])) read = 0;
         if (!(v[0] > 0 && v[2] >= 0 && size > 0 && size < 1e9)) read = 0;
         for (int k = 0; k < 4; k++) q[k] /= size;
         bodies[i] = body(v[0], v[1], v[2], v[3]);

@@ -36,9 +36,10 @@ CONTOURS = (
     "surrogates answer bodies of the family (--aspect and modes); solve_drag.py solves NACA "
     "sections and contours"
 )
-BY_DIAMETER = "designs are by D, the equivalent diameter: forces by the chord c are c / D smaller"
+BY_DIAMETER = "coefficients here are by D; those by the chord are Cd / c, Cl / c, Cm / c^2, c in D"
 ABSENT = {  # options that a command lacks for a reason
     "--reference": BY_DIAMETER,
+    "--moment-about": "moments here are about the centroid; solve_drag.py knows other points",
     "--chord-reynolds": "--reynolds is U D / nu, D the equivalent diameter: U c / nu over c / D",
     "--naca": CONTOURS,
     "--contour": CONTOURS,
@@ -94,9 +95,10 @@ class Parser(argparse.ArgumentParser):
             hint = f"; {ABSENT[word]}" if word in ABSENT else hint
         elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
-        elif wrong := re.search(r"argument (--[\w-]+): invalid float value: (.*)", message):
-            message = f"{wrong[1]} {wrong[2]}: must be one number, without a unit"
-            hint = f"; {SEVERAL[wrong[1]]}" if "," in wrong[2] and wrong[1] in SEVERAL else ""
+        elif wrong := re.search(r"argument (--[\w-]+): invalid (float|int) value: (.*)", message):
+            kind = "one number, without a unit" if wrong[2] == "float" else "one whole number"
+            message = f"{wrong[1]} {wrong[3]}: must be {kind}"
+            hint = f"; {SEVERAL[wrong[1]]}" if "," in wrong[3] and wrong[1] in SEVERAL else ""
         raise InvalidInput(message + hint)
 
 

@@ -48,6 +48,6 @@ def forces_line(row: JsonObject) -> str:
     span = " per metre of span" if row["forces_span"] else ""
     return (
         f"incidence {row['incidence']:g}, Re {row['reynolds']:.4g}: drag {force['drag']:.4g} N, "
-        f"lift {force['lift']:.4g} N, moment {force['moment']:.4g} N m{span}, for "
-        f"nu {row['viscosity']:.4g} m^2/s"
+        f"lift {force['lift']:.4g} N, moment {force['moment']:.4g} N m about the centroid{span}, "
+        f"for nu {row['viscosity']:.4g} m^2/s"
     )

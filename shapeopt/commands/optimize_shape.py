@@ -153,11 +153,11 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     ]
     lines += bound_lines(r, problem)
     if turned := r["parameters"].get(INCIDENCE.name):
-        flat = "contour.csv" if problem.scene.dimension == 3 else "contour.csv and body.stl"
-        help = "; solve_drag.py --contour takes --incidence" if flat != "contour.csv" else ""
-        lines.append(
-            f"  {flat}: at incidence 0, to be turned nose up by {turned:.4g} degrees{help}"
-        )
+        planar = problem.scene.dimension == 2
+        files = "contour.csv and body.stl" if planar else "contour.csv"
+        solved = "; solve_drag.py --contour takes --incidence" if planar else ""
+        words = f"at incidence 0, to be turned nose up by {turned:.4g} degrees"
+        lines.append(f"  {files}: {words}{solved}")
     if late := [case for case in r["cases"] if case["reynolds"] > case.get("onset", math.inf)]:
         lines.append(f"  {unsteady_remark(late[0])}")
     if ends := r.get("at_range_ends"):
@@ -174,18 +174,18 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
 
 def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
     """Return lines on the range of Cl and Cm over the cases, and on bounds that are violated."""
-    lines = []
-    if len(r["cases"]) > 1 and problem.scene.family.has_lift:
-        spans = (
-            f"{name} {min(loads):.4f} to {max(loads):.4f}"
-            for name in ("Cl", "Cm")
-            for loads in [[case[f"{name.lower()}_verified"] for case in r["cases"]]]
+    lines, cases = [], [case for case in r["cases"] if case.get("cl_verified") is not None]
+    if len(cases) > 1 and problem.scene.family.has_lift:
+        lifts, moments = ([case[f"{name}_verified"] for case in cases] for name in ("cl", "cm"))
+        lines.append(
+            f"  in the {len(cases)} cases: Cl {min(lifts):.4f} to {max(lifts):.4f}, "
+            f"Cm {min(moments):.4f} to {max(moments):.4f}; those of the first line are nominal"
         )
-        lines.append(f"  in the {len(r['cases'])} cases: {', '.join(spans)}; above, nominal loads")
     for name, load in r.get("violated", {}).items():
         words = f"{name.replace('_', ' ')} {getattr(problem, name):g}"
-        help = "; --until flow meets it" if r["settings"]["until"] != "flow" else ""
-        lines.append(f"  {words} is not met: {load:.4f} by the flow{help}")
+        led = r["settings"]["until"] != "flow"
+        remedy = "; --until flow searches for a body that meets it" if led else ""
+        lines.append(f"  {words} is not met: {load:.4f} by the flow{remedy}")
     return lines
 
 

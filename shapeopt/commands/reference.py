@@ -29,7 +29,7 @@ POWERS = {  # of the chord, by which coefficients by D are divided
 
 
 def add_reynolds_arguments(parser: Parser) -> None:
-    """Add the options --reynolds and --chord-reynolds, of which exactly one is to be given."""
+    """Add the options --reynolds and --chord-reynolds, of which at most one is to be given."""
     parser.add_argument("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
     parser.add_argument("--chord-reynolds", help="U c / nu instead, c the chord; in the same forms")
 
@@ -79,8 +79,13 @@ def _others_of_reynolds(arguments):
     return " or ".join(word for name, word in words.items() if hasattr(arguments, name))
 
 
-def check_reference(reference: str, dimension: int) -> None:
-    """Raise InvalidInput where coefficients are to be over the chord of a 3-D body."""
+def check_reference(reference: str, dimension: int, station: float | None) -> None:
+    """Raise InvalidInput where coefficients are to be over the chord of a 3-D body.
+
+    Or where ``station``, that of --moment-about, is not a finite number.
+    """
+    if station is not None:
+        finite_number("--moment-about", station)
     if reference == CHORD and dimension == 3:
         raise InvalidInput("--reference chord: is for 2-D bodies; 3-D ones have areas")
 
@@ -117,7 +122,7 @@ def moment_record(shape: Shape, station: float | None, *loads: float) -> JsonObj
     """
     if station is None:
         return {}
-    point = chord_point(shape, finite_number("--moment-about", station))
+    point = chord_point(shape, station)
     return {"moment_about": station, "cm_about": moment_about(point, *loads)}
 
 
@@ -133,7 +138,8 @@ def reference_line(row: JsonObject) -> str:
     if row["reference"] == CHORD:
         by = "the chord c (Cm by its square)"
     place = f"centroid at {row['centroid']:.4f} c"
-    return f"chord {row['chord']:.4f} D, {place}; coefficients by {by}; Re = U D / nu"
+    about = f", Cm about X/C about {row['moment_about']:g} c" if "moment_about" in row else ""
+    return f"chord {row['chord']:.4f} D, {place}; coefficients by {by}{about}; Re = U D / nu"
 
 
 def unsteady_remark(row: JsonObject) -> str:

@@ -90,9 +90,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 def _check_objectives(records: list[JsonObject]) -> None:
     """Raise InvalidInput unless all runs whose objective is known have the same."""
-    kinds = {record.get("objective", {}).get("kind") for record in records} - {None}
+    objectives = [record.get("objective") for record in records]
+    kinds = {str(one.get("kind")) for one in objectives if isinstance(one, dict)}
     if len(kinds) > 1:
-        raise InvalidInput(f"--family: runs of one objective; these are of {', '.join(kinds)}")
+        words = ", ".join(sorted(kinds))
+        raise InvalidInput(f"--family: runs of one objective; these are of {words}")
 
 
 def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:

@@ -99,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     """The scene and every incidence at every Re, refusing what cannot be answered or written."""
     dimension, unsteady = arguments.dimension, arguments.allow_unsteady
-    check_reference(arguments.reference, dimension)
+    check_reference(arguments.reference, dimension, arguments.moment_about)
     shapes = shapes_of(arguments, dimension)
     chord = next(iter(shapes.values())).chord
     reynolds = reynolds_of(arguments, chord, dimension)
@@ -141,6 +141,7 @@ def _check_settling(arguments: argparse.Namespace) -> None:
     )
     given = [name for name in others if getattr(arguments, name)]
     given += ["reference"] if arguments.reference == CHORD else []
+    given += ["moment-about"] if arguments.moment_about is not None else []
     if given:
         raise InvalidInput(f"--settling: goes without --{given[0].replace('_', '-')}")
 
@@ -187,7 +188,7 @@ def _row(s: Solution) -> JsonObject:
         "cd_friction": s.drag_friction,
         "cl": s.lift,
         "cm": s.moment,
-        "glide": s.lift / s.drag if s.lift else None,
+        "glide": s.lift / s.drag,
         "converged": True,
         "cells": s.fidelity.cells,
         "iterations": s.newton_steps,

@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -107,13 +108,21 @@ def text_table(rows: Sequence[JsonObject]) -> str:
     columns = {k: c for k, c in COLUMNS.items() if any(row.get(k) is not None for row in rows)}
     lines = [[head for head, _ in columns.values()]]
     for row in rows:
-        cells = ((row[key], form) for key, (_, form) in columns.items())
-        lines.append(["-" if value is None else format(value, form) for value, form in cells])
+        cells = ((row.get(key), form) for key, (_, form) in columns.items())
+        lines.append([_cell(value, form) for value, form in cells])
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True))
         for line in lines
     )
+
+
+def _cell(value: object, form: str) -> str:
+    """Return a value as text; missing as a dash, what is rounded to zero without a minus."""
+    if value is None:
+        return "-"
+    text = format(value, form)
+    return text.lstrip("-") if re.fullmatch(r"-0\.0*%?", text) else text
 
 
 def check_outputs(table: str | None, plot: str | None) -> None:

@@ -48,7 +48,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, train and save a surrogate, and report its errors and cost."""
     a = _parser().parse_args(argv)
     if needs_supervision(a):
-        supervise("train", sys.argv[1:] if argv is None else argv)
+        with resumable():
+            supervise("train", sys.argv[1:] if argv is None else argv)
         return {}
     count = initialise(a)
     scene = Scene.read(a.scene) if a.scene else None

@@ -47,7 +47,8 @@ def explain_conflict(problem: Problem) -> str:
         if not _feasible(single)
     ]
     if impossible:
-        return "; ".join([*impossible, "a scene of wider ranges may have such bodies"])
+        wider = [] if problem.within or problem.trust else ["wider ranges of the scene may help"]
+        return "; ".join([*impossible, *wider])
     dropped: list[_Constraint] = []
     for constraint in constraints:
         if not _feasible(_without(problem, [*dropped, constraint])):

@@ -28,9 +28,8 @@ ITERATIONS = 60
 # Of a violation, in objectives of the start per D. The penalty is exact where it exceeds the sum of
 # the multipliers, the relative changes of the objective per D (Nocedal and Wright, section 17.2).
 PENALTY = 30.0
-MERIT_DECREASE = (
-    1e-11  # predicted relative decrease of the merit below which a search has converged
-)
+# Predicted relative decrease of the merit below which a search has converged.
+MERIT_DECREASE = 1e-11
 SHORTEST = 1e-6  # step length below which a search ends
 SHORTENING = 0.3  # of a step that is refused
 ARMIJO = 1e-4  # share of the predicted decrease that a step must achieve, as usual

@@ -13,7 +13,7 @@ from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 
-ROUNDING = 1e-4  # of Cd, by which a load may exceed its bound without being reported
+NOTICED = 1e-4  # of Cd, violation of a bound on a load that is worth a word
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -66,25 +66,30 @@ class Verified:
         return sum(solution.seconds for solution in self.solutions)
 
 
-def violated_bounds(problem: Problem, verified: Verified) -> dict[str, float]:
+def violated_bounds(
+    problem: Problem, verified: Verified, tolerance: float = NOTICED
+) -> dict[str, float]:
     """Return the bounds on loads that a body violates in its own flows, with the farthest load.
 
     Args:
       problem: that sets the bounds.
       verified: the body's flows.
+      tolerance: of a violation, over Cd.
 
     Returns:
-      Cl or Cm by the name of the bound, as "max_moment"; empty where all are met but for
-      ``ROUNDING`` of Cd.
+      Cl or Cm by the name of the bound, as "max_moment"; empty where all are met.
     """
     found = {}
+    loads = [(one.drag, one.lift, one.moment) for one in verified.solutions]
     for name, bound in LOAD_BOUNDS.items():
         limit = getattr(problem, name)
         if limit is None:
             continue
-        loads = [(one.lift if bound.symbol == "Cl" else one.moment) for one in verified.solutions]
-        worst = bound.sense * min(bound.sense * load for load in loads)
-        if bound.sense * (worst - limit) < -ROUNDING * verified.solutions[0].drag:
+        slack, worst = min(
+            (bound.sense * (case[bound.index] - limit) / case[0], case[bound.index])
+            for case in loads
+        )
+        if slack < -tolerance:
             found[name] = worst
     return found
 

@@ -6,12 +6,15 @@ from jaxtyping import Float
 from surrogate.body.incidence import rotate
 from surrogate.body.shape import NODES, Shape
 
+FLAT = 1e-3  # of the length, by which the smoothed points of a flat face lie behind one another
+
 
 def chord_point(shape: Shape, station: float) -> Float[np.ndarray, "2"]:
     """Return the point of the chord at x/c = ``station``, in D from the centroid.
 
     The chord is the straight line from the nose to the tail, the farthest points of the contour
-    upstream and downstream at zero incidence; in 3-D, in the plane of symmetry.
+    upstream and downstream at zero incidence, of a flat face its middle; in 3-D, in the plane of
+    symmetry.
 
     Args:
       shape: the body at its incidence.
@@ -42,5 +45,12 @@ def moment_about(point: Float[np.ndarray, "2"], drag: float, lift: float, moment
 def _nose_and_slope(shape):
     """Return the nose of the body at zero incidence, and the slope of its chord."""
     upright = rotate(shape.draw(NODES), -shape.incidence)
-    nose, tail = (upright[find(upright[:, 0])] for find in (np.argmin, np.argmax))
+    nose, tail = _end(upright, -1), _end(upright, 1)
     return nose, (tail[1] - nose[1]) / (tail[0] - nose[0])
+
+
+def _end(contour, sense):
+    """Return the farthest point upstream (``sense`` -1) or downstream (1)."""
+    behind = sense * (contour[:, 0] - sense * np.max(sense * contour[:, 0]))
+    face = contour[behind > -FLAT * np.ptp(contour[:, 0])]
+    return np.array([sense * np.max(sense * face[:, 0]), (face[:, 1].min() + face[:, 1].max()) / 2])

@@ -34,6 +34,7 @@ class StreamwiseProfile(NamedTuple):
         deviation across the stream, with the thickness of an ellipse as weight, so that of a
         straight line it is the difference of its ends.
       front: area of the front half over that of the ellipse of this length and thickness.
+      rear: the same of the rear half.
     """
 
     length: Float[AnyArray, ""]
@@ -41,6 +42,7 @@ class StreamwiseProfile(NamedTuple):
     thickness: Float[AnyArray, ""]
     rise: Float[AnyArray, ""]
     front: Float[AnyArray, ""]
+    rear: Float[AnyArray, ""]
 
 
 def moments(
@@ -92,8 +94,9 @@ def streamwise_profile(contour: Float[AnyArray, "nodes 2"]) -> StreamwiseProfile
     weights = weights / weights.sum()
     rise = 4 * jnp.sqrt(weights @ (line - weights @ line) ** 2)
     thickness = jnp.max(upper - lower)
-    front = 4 / np.pi * jnp.mean((upper - lower)[: STATIONS // 2]) / thickness
-    return StreamwiseProfile(length, jnp.ptp(y), thickness, rise, front)
+    halves = jnp.mean((upper - lower).reshape(2, STATIONS // 2), axis=1)
+    front, rear = 4 / np.pi * halves / thickness
+    return StreamwiseProfile(length, jnp.ptp(y), thickness, rise, front, rear)
 
 
 def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:

@@ -50,8 +50,8 @@ class Conditions:
         if given is not None and not math.isclose(given, reynolds, rel_tol=TOLERANCE):
             raise InvalidInput(
                 f"U D / nu = {given:.6g}, but the flow is at Re {reynolds:.6g}; they must agree "
-                "within half a per cent (D is the diameter of equal area, in 3-D volume: a chord "
-                "over its length in D)"
+                "within half a per cent (D is the equivalent diameter in m: the chord in m over "
+                "the chord in D)"
             )
 
 

@@ -266,7 +266,7 @@ class Solution:
         """Return Cm, nose up, about the point of the chord at x/c = ``station``.
 
         Args:
-          station: 0 is the nose, 1 the tail; as a quarter, 0.25.
+          station: x/c of the point: 0 is the nose, 0.25 the quarter chord, 1 the tail.
 
         Raises:
           InvalidInput: it is not a finite number.

@@ -59,7 +59,8 @@ class TrainedRanges:
     ) -> Float[Array, "*batch inputs"]:
         """Return how far each value lies outside its range; 0 inside, up to rounding.
 
-        They are those of the description of the body that lies nearest to the ranges.
+        Of the descriptions of a body none of whose values is outside where the given one is inside
+        it is the one that lies nearest to the ranges, by the sum of distances in range widths.
         """
         parameters = jnp.asarray(parameters, float)
 
@@ -69,6 +70,8 @@ class TrainedRanges:
         every = jax.vmap(excess_of)(*self.descriptions)
         low, high = self.bounds.T
         distance = jnp.sum(every / jnp.where(high > low, high - low, 1.0), axis=-1, keepdims=True)
+        fewer = jnp.all((every == 0) | (every[:1] != 0), axis=-1, keepdims=True)
+        distance = jnp.where(fewer, distance, jnp.inf)
         nearest = jnp.argmin(distance, axis=0, keepdims=True)  # the first of equals
         return jnp.take_along_axis(every, nearest, axis=0)[0]
 

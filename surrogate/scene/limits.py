@@ -54,7 +54,8 @@ class OnsetRule3D(NamedTuple):
     """Constants of a rule for the onset of instability of a 3-D body as it lies in the stream.
 
     With n and w, the narrower and the broader one of height and width, and the slenderness
-    s = (length / n) / (1 + (height / thickness - 1)^3), see ``StreamwiseProfile``,
+    s = (length / n) min(rear, 1)^tail / (1 + (height / thickness - 1)^3), see
+    ``StreamwiseProfile``,
 
         Re = (R2 + (R3 - R2) (n / w)^power) / n,    R3 = sqrt(plate^2 + (slope s)^2),
 
@@ -65,14 +66,21 @@ class OnsetRule3D(NamedTuple):
       plate: R3 of slenderness 0, extrapolated; a thin disc across the stream has 115.
       slope: about what slenderness adds to it.
       power: of the ratio of the sides across the stream.
+      tail: power of the fullness of the rear half, where that is less full than an ellipse's.
+      most_inclined: height / thickness up to which bodies at incidence were searched; the rule
+        takes more inclined ones for those of this ratio.
     """
 
     plate: float
     slope: float
     power: float
+    tail: float
+    most_inclined: float
 
 
-RULE_3D = OnsetRule3D(126.5, 170.0, 0.4)  # fitted, studies ``onset`` and ``onset_incidence``
+RULE_3D = OnsetRule3D(
+    126.5, 170.0, 0.4, 0.84, 1.9
+)  # fitted, studies ``onset`` and ``onset_incidence``
 RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
 
 
@@ -101,9 +109,10 @@ def onset_in_3d(
       extent: length, width and height in D, each twice the farthest from the centroid.
       contour: of the section by the plane of symmetry, as it lies in the stream.
     """
-    length, height, thickness, *_ = streamwise_profile(contour)
+    length, height, thickness, *_, rear = streamwise_profile(contour)
     narrow, broad = jnp.minimum(extent[1], height), jnp.maximum(extent[1], height)
-    slenderness = length / narrow / (1 + (height / thickness - 1) ** 3)
+    inclination = jnp.minimum(height / thickness, RULE_3D.most_inclined) - 1
+    slenderness = length / narrow * jnp.minimum(rear, 1.0) ** RULE_3D.tail / (1 + inclination**3)
     compact = jnp.hypot(RULE_3D.plate, RULE_3D.slope * slenderness)
     long = RULE_2D.by_height(slenderness)
     onset = (long + (compact - long) * (narrow / broad) ** RULE_3D.power) / narrow
@@ -112,7 +121,7 @@ def onset_in_3d(
 
 def onset_in_2d(contour: Float[AnyArray, "nodes 2"]) -> Float[Array, ""]:
     """Return the onset of shedding of a 2-D body with this contour as it lies in the stream."""
-    length, height, thickness, rise, front = streamwise_profile(contour)
+    length, height, thickness, rise, front, _ = streamwise_profile(contour)
     height = jnp.maximum(height, jnp.hypot(thickness, RULE_2D.lean * rise))
     slenderness = length * jnp.minimum(front, 1.0) ** RULE_2D.nose / height
     return RULE_2D.by_height(slenderness) / height

@@ -81,8 +81,8 @@ def text(result: Result) -> str:
     count = sum(row["bodies"] for row in rows)
     covered = sum(row["bodies"] * row["covered"] for row in rows)
     return (
-        f"{covered / count:.1%} of these {count} errors lie within their bounds, which are made "
-        "for 95 %."
+        f"{covered / count:.1%} of the {count} errors in the first table lie within their bounds, "
+        "which are made for 95 %."
     )
 
 

@@ -231,6 +231,8 @@ SEARCHED: tuple[tuple[dict[str, float], str], ...] = (
     ({"aspect": 0.5, "flatness": 2.0, "incidence": 30.0}, "usual"),
     ({"aspect": 2.0, "flatness": 2.0, "incidence": 60.0}, "usual"),
     ({"aspect": 3.0, "flatness": 2.0, "incidence": 45.0}, "usual"),
+    ({"aspect": 0.7, "beta2": 0.2}, "usual"),
+    ({"aspect": 0.7, "beta2": -0.2}, "usual"),
 )
 GROWTHS: tuple[tuple[dict[str, float], str], ...] = (
     ({"aspect": 4.0, "incidence": 90.0}, "usual"),
@@ -252,6 +254,6 @@ def _shown(rows):
 
 TABLES = [
     Table(_cases(SEARCHED), measure, lambda rows: ONSETS(_shown(rows))),
-    Table(_cases(GROWTHS), growth, lambda rows: GROWTH(_shown(rows)), key="stable"),
+    Table(_cases(GROWTHS), growth, lambda rows: GROWTH(_shown(rows)), key="growth"),
 ]
 STUDIES = {"onset_incidence": Study(TABLES)}
