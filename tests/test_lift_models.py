@@ -356,7 +356,7 @@ def test_bounds_that_the_flow_does_not_meet_are_named(unchecked):
     record = {"cases": cases, "violated": violated, "settings": {"until": "surrogate"}}
     span, exceeded = bound_lines(record, problem)
     assert "in the 2 cases: Cl 0.5000 to 0.5200, Cm 0.0900 to 0.1003" in span
-    assert "max moment 0.1 is not met: 0.1003 by the flow; --until flow meets it" in exceeded
+    assert "max moment 0.1 is not met: 0.1003 by the flow; --until flow searches" in exceeded
     assert origin({"surrogate": "out/net"}) == "found by the surrogate net"
     led = origin({"surrogate": "out/net", "settings": {"until": "flow"}})
     assert led == "found by the flow's adjoint, led by the surrogate net"

@@ -184,10 +184,10 @@ def test_the_moment_about_another_point_is_that_of_the_force_at_the_centroid(cap
 def test_the_chord_of_a_symmetric_contour_is_its_axis(points):
     shape = contour_shape(points)
     nose, tail = chord_point(shape, 0.0), chord_point(shape, 1.0)
-    assert [nose[1], tail[1]] == pytest.approx([0, 0], abs=1e-3)
+    assert [nose[1], tail[1]] == pytest.approx([0, 0], abs=2e-3)
     assert tail[0] - nose[0] == pytest.approx(shape.chord)
     turned = chord_point(contour_shape(points, 30.0), 0.0)
-    assert turned == pytest.approx(nose[0] * np.array([np.cos(np.pi / 6), -0.5]), abs=2e-3)
+    assert turned == pytest.approx(nose[0] * np.array([np.cos(np.pi / 6), -0.5]), abs=3e-3)
 
 
 def test_moments_of_a_solution_about_its_centroid_and_its_quarter_chord():
