@@ -175,7 +175,7 @@ def test_the_moment_about_another_point_is_that_of_the_force_at_the_centroid(cap
 @pytest.mark.parametrize(
     "points",
     [
-        np.array([[-2, -1], [-2, 0], [-2, 1], [0, 1], [2, 1], [2, 0], [2, -1], [0, -1]]),
+        np.array([[-2, -1], [-2, 0], [-2, 1], [0, 1], [2, 1], [2, 0], [2, -1], [0, -1.0]]),
         naca4("0012")[naca4("0012")[:, 0] < 0.9],
         naca4("0012"),
     ],
