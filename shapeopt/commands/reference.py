@@ -138,8 +138,9 @@ def reference_line(row: JsonObject) -> str:
     if row["reference"] == CHORD:
         by = "the chord c (Cm by its square)"
     place = f"centroid at {row['centroid']:.4f} c"
-    about = f", Cm about X/C about {row['moment_about']:g} c" if "moment_about" in row else ""
-    return f"chord {row['chord']:.4f} D, {place}; coefficients by {by}{about}; Re = U D / nu"
+    station = row.get("moment_about")
+    about = "" if station is None else f"; Cm about: {station:g} c"
+    return f"chord {row['chord']:.4f} D, {place}; coefficients by {by}; Re = U D / nu{about}"
 
 
 def unsteady_remark(row: JsonObject) -> str:

@@ -24,7 +24,7 @@ COLUMNS = {  # of the text: key in a row, head and format
     "estimated_lift_error": ("Cl bound", ".4f"),
     "cm": ("Cm", ".4f"),
     "estimated_moment_error": ("Cm bound", ".4f"),
-    "cm_about": ("Cm about X/C", ".4f"),
+    "cm_about": ("Cm about", ".4f"),
     "glide": ("Cl/Cd", ".3f"),
     "expected_error": ("expected error", ".2%"),
     "estimated_error": ("bound", ".2%"),
