@@ -134,7 +134,8 @@ def test_train_predict_optimise_render(capsys, trained, tmp_path):
     assert not list(trained.parent.glob("*.checkpoint*"))
 
     arguments = ["--surrogate", trained, *FAMILY, "--reynolds", "10,20", "--verify"]
-    for row in answer(capsys, "predict_drag", *arguments)["results"]:
+    for row in answer(capsys, "predict_drag", *arguments, "--moment-about", "0.25")["results"]:
+        assert row["cm_about_flow"] == pytest.approx(row["cm_about"], abs=1e-6)  # symmetric
         assert row["in_trained_range"]
         assert row["cd"] == pytest.approx(row["cd_flow"], rel=0.1)
         assert row["error"] == pytest.approx(abs(row["cd"] / row["cd_flow"] - 1))

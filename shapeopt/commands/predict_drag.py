@@ -199,12 +199,16 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
     drag = solution.drag / by
     flow = {"cl": solution.lift / by, "cm": solution.moment / by**2}
     errors = {f"{load}_error": abs(row[load] - value) for load, value in flow.items()}
+    about = {}
+    if "moment_about" in row:
+        about["cm_about_flow"] = solution.moment_about(row["moment_about"]) / by**2
     return {
         "cd_flow": drag,
         "cl_flow": flow["cl"],
         "cm_flow": flow["cm"],
         "error": abs(row["cd"] / drag - 1),
         **errors,
+        **about,
         "status": solution.status,
         "accuracy": solution.accuracy,
         "expected_error": solution.expected_error,
