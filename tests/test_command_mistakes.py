@@ -37,7 +37,7 @@ MISTAKES = {  # and what the answer must say
     "march_flow --aspect 20 --reynolds 20 --out {folder}/x": "can be marched",
     "render_shapes --runs {damaged} --out {folder}/y.png": "must name a file that ends",
     "solve_drag --reynolds 10": "body: give exactly one of --aspect",
-    f"solve_drag {BODY}": "--reynolds: give it, or --chord-reynolds or --settling",
+    f"solve_drag {BODY}": "--reynolds: give it, or --chord-reynolds or --fluid with NU",
     f"solve_drag {BODY} --reynolds 10 --incidence 0:4": "0:4 lacks the count of a range",
     f"{OPTIMISE} --reynolds 9 --lift 0.1,0.2": "one number, without a unit; design_sheet.py",
     f"{OPTIMISE} --reynolds 9 --reference chord": "coefficients here are by D; those by",

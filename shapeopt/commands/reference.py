@@ -73,8 +73,8 @@ def _others_of_reynolds(arguments):
     """Return the options of a command that could stand for --reynolds, as words."""
     words = {
         "chord_reynolds": "--chord-reynolds",
-        "settling": "--settling",
         "fluid": "--fluid with NU",
+        "settling": "--settling",
     }
     return " or ".join(word for name, word in words.items() if hasattr(arguments, name))
 
