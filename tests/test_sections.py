@@ -153,7 +153,7 @@ def test_coefficients_by_the_chord_are_scaled_exactly(chord):
 
 @pytest.mark.parametrize("incidence", [0.0, 12.0])
 def test_the_moment_about_another_point_is_that_of_the_force_at_the_centroid(capsys, incidence):
-    """Its arm along the chord times the force across the chord, by both commands."""
+    """Its arm along the chord times the force across the chord, by D and by the chord."""
     body = ["--aspect", "3", "--gamma2", "0.2", "--incidence", str(incidence), "--reynolds", "20"]
     arguments = ["predict_drag", "--surrogate", "pretrained:lift", *body, "--moment-about"]
     angle = np.deg2rad(incidence)

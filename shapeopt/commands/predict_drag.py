@@ -130,8 +130,11 @@ def _predict(
     by = shape.chord if reference == CHORD else 1.0
     units = np.array([by, by, by**2])  # of the moment the square of the reference length
     by_diameter = surrogate.loads(parameters, reynolds, extrapolate=arguments.extrapolate).tolist()
-    loads = np.array(by_diameter) / units
-    about = moment_record(shape, arguments.moment_about, *by_diameter)
+    row = dict(zip(LOADS, by_diameter, strict=True)) | {
+        "reference": reference,
+        "chord": shape.chord,
+    }
+    row |= moment_record(shape, arguments.moment_about, *by_diameter)
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     jacobian = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
     gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
@@ -141,10 +144,9 @@ def _predict(
         worst = max(outside, key=outside.__getitem__)
         confidence = f"outside: {worst} by {outside[worst]:.2g} of its trained range"
     return {
-        **dict(zip(LOADS, loads.tolist(), strict=True)),
-        **by_reference(about | {"reference": reference, "chord": shape.chord}),
+        **by_reference(row),
         "gradient": gradients if family.has_lift else gradients["cd"],
-        **_error_bounds(surrogate, parameters, reynolds, loads[0] * by / units, bool(outside)),
+        **_error_bounds(surrogate, parameters, reynolds, by_diameter[0] / units, bool(outside)),
         "in_trained_range": not outside,
         "confidence": confidence,
     }

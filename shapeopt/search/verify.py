@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.scenarios import LOAD_BOUNDS, combine
+from shapeopt.problem.scenarios import LOAD_BOUNDS, combine, load_constraints
 from surrogate.arrays import Body
 from surrogate.checks import expect
 from surrogate.errors import NotConverged
@@ -79,19 +79,21 @@ def violated_bounds(
     Returns:
       Cl or Cm by the name of the bound, as "max_moment"; empty where all are met.
     """
-    found = {}
-    loads = [(one.drag, one.lift, one.moment) for one in verified.solutions]
-    for name, bound in LOAD_BOUNDS.items():
-        limit = getattr(problem, name)
-        if limit is None:
-            continue
-        slack, worst = min(
-            (bound.sense * (case[bound.index] - limit) / case[0], case[bound.index])
-            for case in loads
-        )
-        if slack < -tolerance:
-            found[name] = worst
-    return found
+    loads = _loads_of(verified.solutions)
+    values = np.asarray(load_constraints(loads, problem.scenarios))
+    if not values.size:  # there is no lift
+        return {}
+    rows = zip(LOAD_BOUNDS.items(), values.reshape(len(LOAD_BOUNDS), -1), strict=True)
+    return {
+        name: float(loads[np.argmin(row), bound.index])
+        for (name, bound), row in rows
+        if np.min(row) < -tolerance
+    }
+
+
+def _loads_of(solutions):
+    """Return Cd, Cl and Cm of flows, a row for each."""
+    return np.array([[one.drag, one.lift, one.moment] for one in solutions], float)
 
 
 def _largest(errors):
@@ -118,7 +120,7 @@ def verify(problem: Problem, parameters: Body) -> Verified:
         flow.solve(parameters + shift, reynolds, allow_unsteady=True)
         for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
     )
-    loads = np.array([[one.drag, one.lift, one.moment] for one in solutions], float)
+    loads = _loads_of(solutions)
     if None in known:  # then the objective does not depend on them
         own = combine(loads, np.ones(len(loads)), scenarios)
         return Verified(float(own), None, solutions, known)

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.body.incidence import rotate
-from surrogate.body.shape import NODES, Shape
+from surrogate.body.shape import Shape
 
 FLAT = 1e-3  # of the length, by which the smoothed points of a flat face lie behind one another
 
@@ -44,7 +44,7 @@ def moment_about(point: Float[np.ndarray, "2"], drag: float, lift: float, moment
 
 def _nose_and_slope(shape):
     """Return the nose of the body at zero incidence, and the slope of its chord."""
-    upright = rotate(shape.draw(NODES), -shape.incidence)
+    upright = rotate(shape.contour, -shape.incidence)
     nose, tail = _end(upright, -1), _end(upright, 1)
     return nose, (tail[1] - nose[1]) / (tail[0] - nose[0])
 

@@ -60,7 +60,7 @@ class Shape:
         A contour has that of the points it was given by, before corners are rounded. The flow at
         U c / nu = R is that at Re = U D / nu = R / chord.
         """
-        return float(np.ptp(self._contour[:, 0])) if self.length is None else self.length
+        return float(np.ptp(self.contour[:, 0])) if self.length is None else self.length
 
     @functools.cached_property
     def nose(self) -> float:
@@ -70,7 +70,7 @@ class Shape:
     @functools.cached_property
     def highest_mode(self) -> int:
         """Highest harmonic of the contour whose waves matter, of a family body its highest mode."""
-        return highest_harmonic(self._contour)
+        return highest_harmonic(self.contour)
 
     @property
     def height(self) -> float:
@@ -84,11 +84,11 @@ class Shape:
     @functools.cached_property
     def extent(self) -> Float[np.ndarray, " axes"]:
         """Sides in D of a box, centred at the origin, that holds the body."""
-        return 2 * np.abs(self._contour).max(axis=0)
+        return 2 * np.abs(self.contour).max(axis=0)
 
     @functools.cached_property
-    def _contour(self) -> Float[np.ndarray, "nodes 2"]:
-        """The contour that chord, extent and waves are measured on."""
+    def contour(self) -> Float[np.ndarray, "nodes 2"]:
+        """The contour as the body lies, in 3-D in the side view, that lengths are measured on."""
         return self.draw(NODES)
 
 
@@ -138,7 +138,7 @@ class FamilyShape(Shape):
     @functools.cached_property
     def extent(self) -> Float[np.ndarray, " axes"]:
         """Sides in D of a box, centred at the origin, that holds the body as it lies."""
-        return self.body_class.extent(self.values, self._contour)
+        return self.body_class.extent(self.values, self.contour)
 
 
 def family_shape(

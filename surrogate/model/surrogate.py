@@ -153,11 +153,11 @@ class Surrogate:
         """Return bounds for the errors of Cd, Cl and Cm, over Cd, against the flow solver.
 
         Each load's bound holds for 95 % of the bodies that ``Family.sample`` draws, with fewer
-        than 19 held-out bodies for fewer (``bound_coverage``). It is
-        wider where the training samples say less of the answer (``Novelty``), and scaled on the
-        held-out bodies. The 95 % are of all these bodies together: of one kind of bodies, or near
-        one end of a range, fewer errors may lie within their bounds (study ``confidence``). Outside
-        the trained ranges nothing is known: bodies there are refused.
+        than 19 held-out bodies for fewer (``bound_coverage``). It is wider where the training
+        samples say less of the answer (``Novelty``), and scaled on the held-out bodies. The 95 %
+        are of all these bodies together: of one kind of bodies, or near one end of a range, fewer
+        errors may lie within their bounds (study ``confidence``). Outside the trained ranges
+        nothing is known: bodies there are refused.
 
         Args:
           parameters: as for ``drag``.

@@ -78,10 +78,9 @@ class OnsetRule3D(NamedTuple):
     most_inclined: float
 
 
-RULE_3D = OnsetRule3D(
-    126.5, 170.0, 0.4, 0.84, 1.9
-)  # fitted, studies ``onset`` and ``onset_incidence``
-RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)  # fitted to study ``onset_2d``
+# Fitted to the studies ``onset`` and ``onset_incidence``, and to ``onset_2d``.
+RULE_3D = OnsetRule3D(126.5, 170.0, 0.4, 0.84, 1.9)
+RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)
 
 
 @jax.jit
