@@ -9,7 +9,13 @@ import numpy as np
 from shapeopt.problem.scenarios import model_loads, model_objective
 from shapeopt.search.design import Design
 from shapeopt.search.optimality import KKT_TOLERANCE
-from shapeopt.search.verify import NOTICED, Verified, violated_bounds
+from shapeopt.search.verify import (
+    NOTICED,
+    Verified,
+    loads_by_reference,
+    loads_of,
+    violated_bounds,
+)
 from surrogate.body.body_class import drawn_contour
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect, finite_number
@@ -60,13 +66,14 @@ def save_run(
       settings: what defines the design, by which ``stored_run`` knows it again.
 
     Returns:
-      The record, as in run.json. "constraints" are those that the problem sets. cd_* are values of
-      the problem's objective: Cd where that is the drag at one Reynolds number; of the glide ratio
-      and of a settling speed Cd itself, and the ratio is under "glide". cd_start is that of the
-      cylinder (sphere) in the same scenarios, None where it is not known; it is not where the
-      search began. cl_verified and cm_verified are those
-      of the body itself at the nominal Reynolds number, None where that flow does not converge.
-      "violated" names the bounds on loads that the flow does not meet, with its loads.
+      The record, as in run.json. Coefficients and constraints are by the length that "reference"
+      names, "diameter" or "chord", and "reynolds" is by D. "constraints" are those that the problem
+      sets. cd_* are values of the problem's objective: Cd where that is the drag at one Reynolds
+      number; of the glide ratio and of a settling speed Cd itself, and the ratio is under "glide".
+      cd_start is that of the cylinder (sphere) in the same scenarios, None where it is not known;
+      it is not where the search began. cl_verified and cm_verified are those of the body itself at
+      the nominal Reynolds number, None where that flow does not converge. "violated" names the
+      bounds on loads that the flow does not meet, with its loads.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -170,10 +177,13 @@ def run_body(record: dict[str, Any]) -> np.ndarray:
 def _search_record(design: Design) -> dict[str, Any]:
     """Return the objective, the constraints that are set, and the result of the search."""
     problem = design.problem
+    reynolds = problem.reference.query(design.parameters, problem.objective.nominal)[1]
     return {
         "parameters": problem.scene.family.named(design.parameters),
         "chord": design.chord,
-        "reynolds": problem.objective.nominal,
+        "reynolds": reynolds,
+        "chord_reynolds": reynolds * design.chord,
+        "reference": "chord" if problem.by_chord else "diameter",
         "objective": {
             "kind": type(problem.objective).__name__,
             "number_of_cases": len(problem.scenarios.weight),
@@ -204,15 +214,20 @@ def _verification_record(
       solution: the flow past the body itself, if it is known.
       surrogate: by which the design was found, if by one.
     """
-    scenarios = design.problem.scenarios
-    network = surrogate and surrogate.network
+    problem, scenarios = design.problem, design.problem.scenarios
+    network = surrogate and problem.reference.model(surrogate.network)
     record: dict[str, Any] = {**dict.fromkeys(DRAGS), "verify_s": 0.0, "cases": []}
     drags = [None] * len(scenarios.weight)
     if network is not None:
         drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
     if verified is not None:
+        loads = loads_of(problem, design.parameters, verified.solutions)
+        nominal = [None] * 3
+        if solution is not None:
+            nominal = loads_by_reference(problem, design.parameters, solution)
         rows = zip(
-            *(scenarios.shift, scenarios.weight, verified.round_drags, drags, verified.solutions),
+            *(scenarios.shift, scenarios.weight, verified.round_drags, drags),
+            *(loads.tolist(), verified.solutions),
             strict=True,
         )
         cases = [
@@ -222,27 +237,25 @@ def _verification_record(
                 "weight": float(weight),
                 "cd_start": round_drag,
                 "cd_surrogate": drag,
-                "cd_verified": case.drag,
-                "cl_verified": case.lift,
-                "cm_verified": case.moment,
+                "cd_verified": cd,
+                "cl_verified": cl,
+                "cm_verified": cm,
                 "onset": case.onset,
                 "status": case.status,
                 "expected_error": case.expected_error,
                 "estimated_error": case.estimated_error,
             }
-            for shift, weight, round_drag, drag, case in rows
+            for shift, weight, round_drag, drag, (cd, cl, cm), case in rows
         ]
         record |= {
             "cd_start": verified.round_objective,
             "cd_verified": verified.objective,
-            "cl_verified": solution and solution.lift,
-            "cm_verified": solution and solution.moment,
+            "cl_verified": nominal[1],
+            "cm_verified": nominal[2],
             "status": verified.status,
             "accuracy": verified.accuracy,
             "cells": verified.solutions[0].fidelity.cells,
-            "violated": violated_bounds(
-                design.problem, verified, KKT_TOLERANCE if design.flows else NOTICED
-            ),
+            "violated": violated_bounds(problem, loads, KKT_TOLERANCE if design.flows else NOTICED),
             "expected_error": verified.expected_error,
             "estimated_error": verified.estimated_error,
             "verify_s": verified.seconds,

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -24,7 +23,7 @@ from shapeopt.render.sheets import origin
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.over_lift import designs_over_lift
 from shapeopt.search.propose import propose
-from shapeopt.search.verify import Verified, violated_bounds
+from shapeopt.search.verify import violated_bounds
 from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
 from surrogate.flow.solver import steady
 from surrogate.model.inputs import scene_inputs
@@ -349,8 +348,7 @@ def test_a_surrogate_of_sections_answers_all_loads(trained):
 def test_bounds_that_the_flow_does_not_meet_are_named(unchecked):
     problem = Problem(SCENE, 10.0, lift=0.5, max_moment=0.1)
     loads = [(0.49995, 0.1003), (0.52, 0.09)]
-    flows = tuple(SimpleNamespace(drag=1.0, lift=lift, moment=cm) for lift, cm in loads)
-    violated = violated_bounds(problem, Verified(1.0, None, flows, (None, None)))
+    violated = violated_bounds(problem, np.array([(1.0, *one) for one in loads]))
     assert violated == {"max_moment": 0.1003}
     cases = [{"cl_verified": lift, "cm_verified": cm} for lift, cm in loads]
     record = {"cases": cases, "violated": violated, "settings": {"until": "surrogate"}}

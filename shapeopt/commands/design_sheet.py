@@ -3,6 +3,8 @@
 python scripts/design_sheet.py --reynolds 1,3,10,40 --max-length 1.2,1.5,2 --out sheet.png
 python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts 0:0.6:7 \\
     --until flow --out over_lift.png
+python scripts/design_sheet.py --surrogate pretrained:lift --chord-reynolds 100 --lifts 0:0.4:5 \\
+    --min-thickness 0.3 --out sections.png
 
 They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate:
 one after the other, each with the flows of those before. With --lifts: the bodies of least Cd whose
@@ -16,13 +18,14 @@ from pathlib import Path
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.problem_arguments import (
+    CHORD_HELP,
     MEMORY_HELP,
     UNTIL_HELP,
     add_constraint_arguments,
     constraints_of,
 )
 from shapeopt.commands.ranges import numbers
-from shapeopt.commands.reference import unsteady_remark
+from shapeopt.commands.reference import CHORD, DIAMETER, unsteady_remark
 from shapeopt.render.designs import plot_designs
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.search.designer import Designer
@@ -43,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """
     arguments = _parser().parse_args(argv)
     out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
-    reynolds = sorted(set(numbers(arguments.reynolds)))
+    reynolds = _reynolds(arguments)
     lengths = []
     if arguments.max_length is not None:
         lengths = numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5")
@@ -72,14 +75,29 @@ def _over_lift(
         raise InvalidInput("--lifts: goes with one Reynolds number and at most one --max-length")
     lifts = numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False)
     bounds = constraints_of(arguments) | {"max_length": lengths[0] if lengths else None}
+    bounds["by_chord"] = arguments.chord_reynolds is not None
     with progress_bar("designs") as progress:
         over = reynolds[0], sorted(set(lifts)), progress
         rows, best, seconds = designs_over_lift(_model(arguments, surrogate), *over, **bounds)
-    plot_over_lift(surrogate.scene.family, [row for row in rows if not row["why_not"]], best, out)
-    result = {"designs": rows, "best_glide": best, "seconds": seconds}
+    found, by_chord = [row for row in rows if not row["why_not"]], bounds["by_chord"]
+    plot_over_lift(surrogate.scene.family, found, best, out, by_chord)
+    reference = CHORD if by_chord else DIAMETER
+    result = {"designs": rows, "best_glide": best, "seconds": seconds, "reference": reference}
     result |= {"until": arguments.until, "out": str(out)}
     bodies = [*rows, best]
     return _emitted(result, arguments.json, bodies, [_lift(row) for row in bodies])
+
+
+def _reynolds(arguments: argparse.Namespace) -> list[float]:
+    """Return the Reynolds numbers, by D or of --chord-reynolds, in ascending order."""
+    by_diameter, by_chord = arguments.reynolds, arguments.chord_reynolds
+    if (by_diameter is None) == (by_chord is None):
+        raise InvalidInput("--reynolds, --chord-reynolds: give one of them")
+    if by_chord is None:
+        return sorted(set(numbers(by_diameter)))
+    if arguments.lifts is None:
+        raise InvalidInput("--chord-reynolds: goes with --lifts; --max-length varies the chord")
+    return sorted(set(numbers(by_chord, "--chord-reynolds")))
 
 
 def _emitted(
@@ -92,7 +110,10 @@ def _emitted(
     """
     pairs = list(zip(rows, bounds, strict=True))
     on_flow = result["until"] == "flow"
-    lines = [f"Re {row['reynolds']:<6g} {bound:16} {_line(row, on_flow)}" for row, bound in pairs]
+    name = "chord Re" if result.get("reference") == CHORD else "Re"
+    lines = [
+        f"{name} {row['reynolds']:<6g} {bound:16} {_line(row, on_flow)}" for row, bound in pairs
+    ]
     late = [row for row in rows if row["onset"] and row["reynolds"] > row["onset"]]
     lines += [f"  {unsteady_remark(min(late, key=lambda row: row['onset']))}"] if late else []
     ends = sorted({name for row in rows for name in row["at_range_ends"] or ()})
@@ -141,7 +162,8 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     add = parser.add_argument
     add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
-    add("--reynolds", required=True, help="one, several as 1,3,10,40, or 1:40:log5")
+    add("--reynolds", help="one, several as 1,3,10,40, or 1:40:log5")
+    add("--chord-reynolds", help=CHORD_HELP)
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
     add("--lifts", help="lower bounds on Cl, by D, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
     add_constraint_arguments(parser)

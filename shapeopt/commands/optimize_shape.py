@@ -11,6 +11,8 @@ python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --obj
     --out out/glider
 python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.3 \\
     --max-moment 0.1 --out out/vane
+python scripts/optimize_shape.py --surrogate pretrained:lift --chord-reynolds 100 --lift 0.3 \\
+    --min-thickness 0.3 --out out/section
 python scripts/optimize_shape.py --surrogate pretrained:particle --objective settling \\
     --archimedes 1000 --range incidence=45:45 --until flow --out out/fast
 
@@ -18,8 +20,10 @@ The objective for several Reynolds numbers is the weighted mean of Cd over the c
 that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar
 over the worst of them, and the spread of Re is truncated to the scene's range. All cd_* are then
 values of that objective, and "cases" lists the drags. Sections with camber and incidence may have
-bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective. Of particles the terminal
-velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it balances weight.
+bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective; with --chord-reynolds bodies of
+one chord are compared, and coefficients and the lengths of bounds are by it. Of particles the
+terminal velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it balances
+weight.
 """
 
 import argparse
@@ -135,9 +139,9 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
-    lifts = ""
+    lifts, by = "", "by the chord" if problem.by_chord else "by D"
     if lifting and r["cl_verified"] is not None:
-        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, by D"
+        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, {by}"
     if "glide" in r:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
@@ -145,8 +149,11 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     grid = f" on {r['cells']} cells per D" if r.get("cells") else ""
     beside = "" if lifting else _beside(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
+    at = ", ".join(f"{reynolds:g}" for reynolds in numbers)
+    if problem.by_chord:
+        at = f"{r['chord_reynolds']:g} by the chord, {r['reynolds']:.4g} by D"
     lines = [
-        f"Re {', '.join(f'{re:g}' for re in numbers)}: {shape}, chord {r['chord']:.4f} D{lifts}",
+        f"Re {at}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified{grid}, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",

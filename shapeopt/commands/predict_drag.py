@@ -50,6 +50,7 @@ from shapeopt.commands.reference import (
     reynolds_of,
     unsteady_remark,
 )
+from surrogate.body.chord_line import loads_by_chord
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import Shape, family_shape
 from surrogate.compilation import compiled
@@ -166,8 +167,8 @@ def _jacobian(network, body_class, by_chord, parameters, reynolds):
     """Return the derivatives by parameters of a body's loads, by D or by its chord."""
 
     def coefficients(body):
-        by = body_class.length(body) if by_chord else 1.0
-        return network_loads(network, body, reynolds) / jnp.stack([by, by, by**2])
+        by_diameter = network_loads(network, body, reynolds)
+        return loads_by_chord(by_diameter, body_class.length(body)) if by_chord else by_diameter
 
     return jax.jacrev(coefficients)(parameters)
 
@@ -198,8 +199,9 @@ def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> Js
         body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
     solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
     by = row["chord"] if row["reference"] == CHORD else 1.0
-    drag = solution.drag / by
-    flow = {"cl": solution.lift / by, "cm": solution.moment / by**2}
+    by_diameter = np.array([solution.drag, solution.lift, solution.moment])
+    drag, lift, moment = loads_by_chord(by_diameter, by).tolist()
+    flow = {"cl": lift, "cm": moment}
     errors = {f"{load}_error": abs(row[load] - value) for load, value in flow.items()}
     about = {}
     if "moment_about" in row:

@@ -24,6 +24,10 @@ UNTIL_HELP = (
     "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with the "
     f"violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most {KKT_ACCEPTED:g}"
 )
+CHORD_HELP = (
+    "U c / nu instead, for the best body of one chord c, whatever its area: Cl, Cm and lengths of "
+    "bounds are then by c, as --min-thickness 0.3"
+)
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
@@ -36,6 +40,7 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
+    add("--chord-reynolds", help=CHORD_HELP)
     objective = "drag: least Cd (default); glide: greatest Cl / Cd; tumbling: least mean Cd over "
     objective += "all orientations of a body of revolution; settling: greatest terminal velocity "
     objective += "of a particle of --archimedes, held at its incidence"
@@ -91,6 +96,7 @@ def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Pr
         _objective(arguments),
         max_length=arguments.max_length,
         lift=arguments.lift,
+        by_chord=arguments.chord_reynolds is not None,
         **constraints_of(arguments),
     )
 
@@ -124,20 +130,27 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
 
 
 def _objective(arguments: argparse.Namespace) -> Objective:
+    if arguments.reynolds is not None and arguments.chord_reynolds is not None:
+        raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     uncertain = [name for name, value in given.items() if value is not None]
     settles = arguments.objective == SETTLING
     if settles != (arguments.archimedes is not None):
         raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
     if settles:
-        others = [name for name in ("reynolds", "weights") if getattr(arguments, name) is not None]
+        others = ("reynolds", "chord_reynolds", "weights")
+        others = [name for name in others if getattr(arguments, name) is not None]
         if others or uncertain:
             words = "finds its Reynolds number, a certain one"
-            raise InvalidInput(f"--{[*others, *uncertain][0]}: --objective {SETTLING} {words}")
+            name = [*others, *uncertain][0].replace("_", "-")
+            raise InvalidInput(f"--{name}: --objective {SETTLING} {words}")
         return Settling(arguments.archimedes)
-    if arguments.reynolds is None:
+    if arguments.chord_reynolds is not None:
+        reynolds = numbers(arguments.chord_reynolds, "--chord-reynolds")
+    elif arguments.reynolds is not None:
+        reynolds = numbers(arguments.reynolds)
+    else:
         raise InvalidInput("--reynolds: give it; only --objective settling finds its own")
-    reynolds = numbers(arguments.reynolds)
     if arguments.objective in SINGLE:
         if arguments.weights is not None:
             raise InvalidInput(f"--weights: --objective {arguments.objective} has none")

@@ -11,7 +11,12 @@ from shapeopt.problem.constraints import BOUNDS
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import LOAD_BOUNDS
 from shapeopt.search.design import Design, padded_loads
-from shapeopt.search.evaluated import EvaluatedDesign, evaluate_design, starting_body
+from shapeopt.search.evaluated import (
+    EvaluatedDesign,
+    evaluate_design,
+    nominal_loads,
+    starting_body,
+)
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate.arrays import AnyArray
@@ -62,7 +67,7 @@ def design_directly(
         problem=problem,
         parameters=best.parameters,
         objective=best.value,
-        loads=padded_loads(memory.evaluate(best.parameters, problem.objective.nominal).loads),
+        loads=padded_loads(nominal_loads(problem, memory, best.parameters)),
         kkt_residual=best.kkt_residual,
         start=evaluated[0].value,
         path=np.concatenate([found.path for found in rounds]),

@@ -69,12 +69,14 @@ class _Constraint(NamedTuple):
 
 def _constraints(problem: Problem) -> list[_Constraint]:
     """Return the constraints that a problem sets."""
-    body_class = problem.scene.family.body_class
+    body_class, unit = problem.scene.family.body_class, problem.reference.length
     found = [
         _Constraint(
             f"{name.replace('_', ' ')} {getattr(problem, name):g}",
             lambda p, name=name: dataclasses.replace(p, **{name: None}),
-            lambda body, b=bound: b.sense * jnp.min(b.sense * b.values(body_class, body)),
+            lambda body, b=bound: (
+                b.sense * jnp.min(b.sense * b.values(body_class, body)) / unit(body)
+            ),
             bound.conflict,
         )
         for name, bound in BOUNDS.items()
@@ -86,7 +88,7 @@ def _constraints(problem: Problem) -> list[_Constraint]:
             lambda p, station=station: dataclasses.replace(
                 p, stations=tuple(other for other in p.stations if other != station)
             ),
-            lambda body, x=station.x: body_class.thickness_at(body, jnp.asarray(x)),
+            lambda body, x=station.x: body_class.thickness_at(body, jnp.asarray(x)) / unit(body),
             f"{EVERY} is thinner there than",
         )
         for station in problem.stations
@@ -119,4 +121,4 @@ def _nearest_value(constraint: _Constraint, free: Problem, alone: Problem) -> st
     nearest = nearest[np.asarray(satisfied(nearest, free.limits))]
     violation = jax.vmap(lambda body: -jnp.min(constraint_values(body, alone.limits)))(nearest)
     value = float(constraint.measure(nearest[jnp.argmin(violation)]))
-    return f"{constraint.conflict} {value:.3g} D"
+    return f"{constraint.conflict} {value:.3g} {free.reference.symbol}"

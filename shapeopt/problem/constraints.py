@@ -1,7 +1,7 @@
 """Constraints on a body: ranges of its parameters, and constraint values c(p) >= 0.
 
 A new bound is an entry of ``BOUNDS`` and the field of ``Problem`` of that name. Symbols as in
-``shapeopt/README.md``, section 1; lengths in D.
+``shapeopt/README.md``, section 1; lengths are by the problem's ``Reference``.
 """
 
 from typing import NamedTuple
@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from shapeopt.problem.reference import Reference
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.measures import least
@@ -23,7 +24,7 @@ EVERY = "every body of the family"
 
 
 class Bound(NamedTuple):
-    """A kind of bound that a problem may set on a quantity measured on a body, in D.
+    """A kind of bound that a problem may set on a length measured on a body, in D.
 
     It holds for every value of ``measure``, a method of ``BodyClass``: a minimum where ``sense`` is
     1, a maximum where it is -1. ``unbounded`` is a bound that every body satisfies. ``usual``
@@ -60,7 +61,7 @@ class Station(NamedTuple):
 
     Args:
       x: x/c, 0 at the nose and 1 at the tail.
-      thickness: least thickness there, in D.
+      thickness: least thickness there, in D, or in chords where the problem is by the chord.
     """
 
     x: float
@@ -83,7 +84,12 @@ class Limits(eqx.Module):
     shift: Float[AnyArray, "cases parameters"]
     bounds: dict[str, Float[AnyArray, ""]]
     stations: Float[AnyArray, "stations 2"]
-    body_class: BodyClass = eqx.field(static=True)
+    reference: Reference = eqx.field(static=True)
+
+    @property
+    def body_class(self) -> BodyClass:
+        """The class of the bodies."""
+        return self.reference.body_class
 
     @property
     def width(self) -> Float[AnyArray, " parameters"]:
@@ -102,7 +108,7 @@ class Limits(eqx.Module):
             np.pad(self.shift, ((0, cases - len(self.shift)), (0, 0)), mode="edge"),
             {name: np.asarray(BOUNDS[name].unbounded) for name in names} | self.bounds,
             np.concatenate([self.stations, added]),
-            self.body_class,
+            self.reference,
         )
 
 
@@ -111,13 +117,15 @@ def constraint_values(
     parameters: Float[AnyArray, " parameters"], limits: Limits
 ) -> Float[Array, " constraints"]:
     """Return c(p), which is >= 0 where a body satisfies the constraints other than its ranges."""
-    body = limits.body_class
+    body, unit = limits.body_class, limits.reference.length(parameters)
     ratios = jax.vmap(lambda shift: body.min_thickness_ratio(parameters + shift))(limits.shift)
     values = [least(ratios) - CLEAR_THICKNESS_RATIO]
     for name, bound in BOUNDS.items():
         if name in limits.bounds:
-            values.append(bound.sense * (bound.values(body, parameters) - limits.bounds[name]))
-    values.append(jax.vmap(lambda s: body.thickness_at(parameters, s[0]) - s[1])(limits.stations))
+            lengths = bound.values(body, parameters) / unit
+            values.append(bound.sense * (lengths - limits.bounds[name]))
+    thicknesses = jax.vmap(body.thickness_at, (None, 0))(parameters, limits.stations[:, 0]) / unit
+    values.append(thicknesses - limits.stations[:, 1])
     return jnp.hstack(values)
 
 

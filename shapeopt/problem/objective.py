@@ -6,6 +6,7 @@ A new objective is a subclass of ``Objective``, here or in a file of its own as 
 
 import abc
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import jax
@@ -35,10 +36,10 @@ class Objective(abc.ABC):
 
     @abc.abstractmethod
     def scenarios(self, scene: Scene) -> Scenarios:
-        """Return the cases of the objective in a scene.
+        """Return the cases of the objective in a scene, whose range of Re ``Problem`` checks.
 
         Raises:
-          InvalidInput: a Reynolds number is outside the scene's range.
+          InvalidInput: the objective does not suit the scene.
         """
 
     def following(
@@ -84,7 +85,7 @@ class AtReynolds(Objective):
 
     def scenarios(self, scene: Scene) -> Scenarios:
         """Return the one scenario: the body itself at this Reynolds number."""
-        return scenarios_of(scene, [scene.check_reynolds(self.reynolds)], [1.0])
+        return scenarios_of(scene, [self.reynolds], [1.0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,11 +96,11 @@ class Glide(AtReynolds):
         """Return the one scenario, with the loss -Cl / Cd.
 
         Raises:
-          InvalidInput: the scene's bodies have no lift, or Re is outside its range.
+          InvalidInput: the scene's bodies have no lift.
         """
         if not scene.family.has_lift:
             raise InvalidInput(f"glide: {NO_LIFT}")
-        return scenarios_of(scene, [scene.check_reynolds(self.reynolds)], [1.0], glide=True)
+        return scenarios_of(scene, [self.reynolds], [1.0], glide=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -140,7 +141,7 @@ class Weighted(Objective):
         """Return one scenario for each Reynolds number, with Cd over the cylinder's (sphere's).
 
         Raises:
-          InvalidInput: Re is outside the scene's range, or its family lacks the cylinder (sphere).
+          InvalidInput: the scene's family lacks the cylinder (sphere).
         """
         family = scene.family
         if not family.contains(family.ellipse(1.0)):
@@ -151,14 +152,13 @@ class Weighted(Objective):
                 f"this family lacks {', '.join(lacks)}; ask for each Reynolds number by itself, or "
                 "for an uncertain one (Robust, --spread), whose Cd is not divided"
             )
-        reynolds = [scene.check_reynolds(value) for value in self.reynolds]
         weight = np.array(self.weights) / max(self.weights)
-        return scenarios_of(scene, reynolds, weight / weight.sum(), relative=True)
+        return scenarios_of(scene, self.reynolds, weight / weight.sum(), relative=True)
 
 
 def scenarios_of(
     scene: Scene,
-    reynolds: list[float] | Float[AnyArray, " cases"],
+    reynolds: Sequence[float] | Float[AnyArray, " cases"],
     weight: list[float] | Float[AnyArray, " cases"],
     shift: Float[AnyArray, "cases parameters"] | None = None,
     relative: bool = False,

@@ -37,8 +37,7 @@ class Tumbling(AtReynolds):
         """Return one scenario for each incidence of Gauss's rule.
 
         Raises:
-          InvalidInput: the scene is not of 3-D bodies at incidences from 0 to 90 degrees, or Re is
-            outside its range.
+          InvalidInput: the scene is not of 3-D bodies at incidences from 0 to 90 degrees.
         """
         names, middle = scene.family.names, QUARTER_TURN / 2
         ranges = dict(scene.family.ranges)
@@ -55,8 +54,7 @@ class Tumbling(AtReynolds):
         angles = np.rad2deg(np.arccos((1 + cosines) / 2))
         shift = np.zeros((len(angles), len(names)))
         shift[:, names.index(INCIDENCE.name)] = angles - middle
-        reynolds = [scene.check_reynolds(self.reynolds)] * len(angles)
-        return scenarios_of(scene, reynolds, weight / 2, shift)
+        return scenarios_of(scene, [self.reynolds] * len(angles), weight / 2, shift)
 
     def fixed_parameters(self, scene: Scene) -> dict[str, float]:
         """Return the incidence 45, and the flatness 1 where the scene's bodies may be flattened."""

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from shapeopt.problem.constraints import BOUNDS, Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Weighted
+from shapeopt.problem.reference import Reference, covered_aspects
 from shapeopt.problem.scenarios import LOAD_BOUNDS, NO_LIFT, UNBOUNDED, Scenarios
 from surrogate.arrays import AnyArray
 from surrogate.checks import did_you_mean, expect, finite_number, interval, shown
@@ -24,7 +25,7 @@ class Problem:
     """An objective to be minimised over the bodies of a scene's family, under constraints.
 
     All bodies have the area pi/4 (in 3-D the volume pi/6), so their equivalent diameter D is 1.
-    Lengths are in D.
+    Lengths are in D, coefficients and Reynolds numbers by D, unless the problem is by the chord.
 
     Args:
       scene: stream, family of bodies and fidelity.
@@ -46,6 +47,10 @@ class Problem:
       max_moment: upper bound on Cm; if it is the lower bound too, Cm is held within 5e-7 of it.
       max_camber: upper bound on the distance of the camber line from the chord, for scenes whose
         bodies have camber.
+      by_chord: whether bodies of one chord c are compared in place of bodies of one area, in 2-D:
+        Reynolds numbers are U c / nu, loads and their bounds Cd / c, Cl / c and Cm / c^2 with c in
+        D, and lengths are in chords, as ``min_thickness`` 0.3. It goes with one Reynolds number
+        (also that of ``Glide``), and without ``max_length``.
 
     Raises:
       InvalidInput: a value is out of its range, or the ranges of parameters contradict each other.
@@ -64,6 +69,7 @@ class Problem:
     min_moment: float | None = None
     max_moment: float | None = None
     max_camber: float | None = None
+    by_chord: bool = False
 
     def __post_init__(self):
         if not isinstance(self.scene, Scene):
@@ -73,7 +79,7 @@ class Problem:
             equal = several[0] if len(several) == 1 else Weighted(several, (1.0,) * len(several))
             object.__setattr__(self, "reynolds", equal)
         if not isinstance(self.reynolds, Objective):
-            object.__setattr__(self, "reynolds", self.scene.check_reynolds(self.reynolds))
+            object.__setattr__(self, "reynolds", AtReynolds(self.reynolds).reynolds)
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
         object.__setattr__(self, "stations", tuple(map(_checked_station, self.stations)))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
@@ -94,10 +100,14 @@ class Problem:
         object.__setattr__(self, "trust", finite_number("trust", self.trust))
         if not 0 <= self.trust < 0.5:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
+        expect("by_chord", self.by_chord, bool, "bool")
+        if self.by_chord:
+            self._check_by_chord()
         self._check_ranges()
 
     def __str__(self) -> str:
-        bounds = (f"{name} {value}" for name, value in self.constraints.items())
+        bounds = [f"{name} {value}" for name, value in self.constraints.items()]
+        bounds += ["by the chord"] * self.by_chord
         return ", ".join([str(self.objective), *bounds, f"in {self.scene}"])
 
     @property
@@ -108,14 +118,25 @@ class Problem:
 
     @property
     def constraints(self) -> dict[str, object]:
-        """The constraints that are set, by name: arguments of ``Problem`` after ``reynolds``."""
-        values = ((field, getattr(self, field.name)) for field in dataclasses.fields(self)[2:])
+        """The constraints that are set, by their names as arguments of ``Problem``."""
+        values = ((field, getattr(self, field.name)) for field in dataclasses.fields(self)[2:-1])
         return {field.name: value for field, value in values if value != field.default}
+
+    @property
+    def reference(self) -> Reference:
+        """The length by which Reynolds numbers, coefficients and lengths are."""
+        return Reference(self.scene.family.body_class, self.by_chord)
 
     @functools.cached_property
     def scenarios(self) -> Scenarios:
-        """The scenarios of the objective, with the bounds on loads, as arrays."""
+        """The scenarios of the objective, with the bounds on loads, as arrays.
+
+        Raises:
+          InvalidInput: a Reynolds number is outside the scene's range.
+        """
         scenarios = self.objective.scenarios(self.scene)
+        for reynolds in () if self.by_chord else scenarios.reynolds:
+            self.scene.check_reynolds(reynolds)
         if not self.scene.family.has_lift:
             return scenarios
         bounds = {
@@ -142,8 +163,7 @@ class Problem:
             if given is not None or not bound.optional:
                 bounds[name] = np.asarray(bound.unbounded if given is None else given)
         stations = np.array(self.stations, float).reshape(-1, 2)
-        body_class = self.scene.family.body_class
-        return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, body_class)
+        return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, self.reference)
 
     def at_range_ends(self, parameters: Float[AnyArray, " parameters"]) -> list[str]:
         """Return the names of the parameters that lie at an end of their range, if it has a width.
@@ -166,10 +186,31 @@ class Problem:
         low, high = low + inset, high - inset
         for name, value in self.objective.fixed_parameters(self.scene).items():
             low[family.names.index(name)] = high[family.names.index(name)] = value
-        for name, (least, most) in (self.within or {}).items():
+        narrower = list((self.within or {}).items())
+        if self.by_chord:
+            flows = self.scenarios.reynolds, self.scene.reynolds
+            narrower.append(("aspect", covered_aspects(*flows)))
+        for name, (least, most) in narrower:
             k = family.names.index(name)
             low[k], high[k] = max(low[k], least), min(high[k], most)
         return low, high
+
+    def _check_by_chord(self):
+        if self.scene.dimension != 2:
+            raise InvalidInput("by chord: is for 2-D bodies; coefficients of 3-D ones are by areas")
+        if self.max_length is not None:
+            raise InvalidInput("max length: by the chord all bodies have the length 1")
+        if not isinstance(self.objective, AtReynolds):
+            kind = type(self.objective).__name__
+            raise InvalidInput(f"by chord: goes with one certain Reynolds number, not with {kind}")
+        needed = covered_aspects(self.scenarios.reynolds, self.scene.reynolds)
+        aspects = dict(self.scene.family.ranges)["aspect"]
+        if max(needed[0], aspects[0]) > min(needed[1], aspects[1]):
+            ends = np.sqrt(aspects) * self.scene.reynolds
+            raise InvalidInput(
+                f"Reynolds number {self.objective.nominal:g} by the chord: the family and the "
+                f"scene's range cover {ends[0]:.3g} to {ends[1]:.3g}"
+            )
 
     def _check_ranges(self):
         trained = dict(self.scene.family.ranges)
@@ -189,8 +230,8 @@ class Problem:
                 raise InvalidInput(f"range of {name}: the objective holds it at {held[name]:g}")
             if low > high:
                 raise InvalidInput(
-                    f"{name}: its range and trust {self.trust:g} (or the tolerance) contradict "
-                    "each other; relax one of them"
+                    f"{name}: its range and trust {self.trust:g} (or the tolerance, or Reynolds "
+                    "numbers by the chord) contradict each other; relax one of them"
                 )
 
 

@@ -20,7 +20,11 @@ LARGEST, LEAST = 0.55, 0.2  # inches of one D in the figure
 
 
 def plot_over_lift(
-    family: Family, rows: list[JsonObject], best: JsonObject, path: str | Path
+    family: Family,
+    rows: list[JsonObject],
+    best: JsonObject,
+    path: str | Path,
+    by_chord: bool = False,
 ) -> Path:
     """Plot Cd over Cl of bodies of least drag, each body at its incidence above its point.
 
@@ -32,6 +36,7 @@ def plot_over_lift(
       rows: the bodies of least drag, with "parameters", "cd" and "cl".
       best: the body of best glide, with "glide" too.
       path: of the picture.
+      by_chord: whether Re and coefficients are by the chord.
     """
     lifts = [0.0, *(row["cl"] for row in (*rows, best))]
     span = max(lifts) - min(lifts) or 1.0
@@ -47,7 +52,7 @@ def plot_over_lift(
             ylim=(0, 1.35 * max(row["cd"] for row in (*rows, best))),
             xlabel="$C_l$",
             ylabel="$C_d$",
-            title=f"least drag over the lift, Re {best['reynolds']:g}",
+            title=f"least drag over the lift, Re {best['reynolds']:g}{' by the chord' * by_chord}",
         )
         axis.axvline(0, color=INK, lw=0.6, zorder=0)
         axis.legend(loc="lower right")

@@ -23,8 +23,8 @@ class Design:
       parameters: the body, in the order of ``problem.scene.family.names``.
       objective: value of the problem's objective, by the surrogate or, after a search on the flow,
         by the flow.
-      loads: Cd, Cl and Cm at the objective's nominal Reynolds number, by the same model; NaN where
-        that flow did not converge.
+      loads: Cd, Cl and Cm at the objective's nominal Reynolds number, by the same model and by the
+        problem's reference length; NaN where that flow did not converge.
       kkt_residual: optimality residual on that model, per width of a parameter's range; 0 at a
         local optimum.
       start: objective where the search began.

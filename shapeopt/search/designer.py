@@ -26,6 +26,7 @@ from shapeopt.search.evaluated import (
     distance,
     evaluate_design,
     known_optima,
+    nominal_loads,
     starting_body,
 )
 from shapeopt.search.following import MAX_PROBLEMS, follow_all, following, not_followed
@@ -131,7 +132,7 @@ class Designer:
         """Return the loads at the nominal Re, known already if it is a case; NaN if not found."""
         if best.kkt_residual <= KKT_ACCEPTED:
             with contextlib.suppress(NotConverged):
-                return self.memory.evaluate(best.parameters, problem.objective.nominal).loads
+                return nominal_loads(problem, self.memory, best.parameters)
         return np.full(len(self.memory.flow.bodies.loads), np.nan)
 
     def _save(self) -> None:

@@ -51,19 +51,32 @@ def evaluate_design(
       NotConverged: a flow or adjoint did not converge.
     """
     scenarios, round_body = problem.scenarios, problem.scene.family.ellipse(1.0)
-    cases = list(zip(scenarios.shift, scenarios.reynolds, strict=True))
-    queries = [(parameters + shift, reynolds) for shift, reynolds in cases]
+    reference, count = problem.reference, len(scenarios.weight)
+    bodies, reynolds = list(parameters + scenarios.shift), list(scenarios.reynolds)
     if relative := bool(scenarios.relative):
-        queries += [(round_body, reynolds) for _, reynolds in cases]
-    seen, count = memory.evaluate_all(queries), len(cases)
-    loads = np.array([flow.loads for flow in seen])
+        bodies, reynolds = bodies + [round_body] * count, reynolds * 2
+    seen = memory.evaluate_all(list(map(reference.query, bodies, reynolds)))
+    loads = np.array([reference.loads(flow.parameters, flow.loads) for flow in seen])
     round_drags = loads[count:, 0] if relative else np.ones(count)
     (value, constraints), weights = _values_and_weights(loads[:count], round_drags, scenarios)
-    slopes = np.array([flow.load_slopes[:, :-1] for flow in seen[:count]])  # d loads / dp
+    inputs = [(flow.parameters, flow.loads, flow.load_slopes) for flow in seen[:count]]
+    slopes = np.array([reference.slopes(*one)[:, :-1] for one in inputs])  # d loads / dp
     gradient, by_loads = (np.tensordot(w, slopes, axes=2) for w in weights)
     value, of_loads = float(value), np.asarray(constraints)
     residual = kkt_residual(problem.limits, parameters, value, gradient, of_loads, by_loads)
     return EvaluatedDesign(parameters, value, gradient, residual, of_loads, by_loads)
+
+
+def nominal_loads(
+    problem: Problem, memory: Memory, parameters: Float[AnyArray, " parameters"]
+) -> Float[AnyArray, " loads"]:
+    """Return the loads of a body at the nominal Re of a problem, by its reference length.
+
+    Raises:
+      NotConverged: the flow or its adjoint did not converge.
+    """
+    query = problem.reference.query(parameters, problem.objective.nominal)
+    return problem.reference.loads(parameters, memory.evaluate(*query).loads)
 
 
 def known_optima(problem: Problem, memory: Memory) -> list[EvaluatedDesign]:
@@ -74,8 +87,9 @@ def known_optima(problem: Problem, memory: Memory) -> list[EvaluatedDesign]:
     scenarios = problem.scenarios
     if len(scenarios.weight) > 1 or bool(scenarios.relative):
         return []
-    at_this_re = [one for one in memory.observations if one.reynolds == scenarios.reynolds[0]]
-    bodies = [one.parameters for one in at_this_re]
+    at = scenarios.reynolds[0]
+    seen = ((one.parameters, one.reynolds) for one in memory.observations)
+    bodies = [p for p, reynolds in seen if problem.reference.query(p, at)[1] == reynolds]
     bodies = [p for p in bodies if satisfied(p[None], problem.limits, -FEASIBLE)[0]]
     known = (evaluate_design(problem, memory, body) for body in bodies)
     return [one for one in known if one.kkt_residual <= KKT_TOLERANCE]

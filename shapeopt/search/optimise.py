@@ -76,7 +76,8 @@ def optimise_all(
 
 
 def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds: float) -> Design:
-    loads = surrogate.loads(proposal.parameters, problem.objective.nominal)
+    query = problem.reference.query(proposal.parameters, problem.objective.nominal)
+    loads = problem.reference.loads(proposal.parameters, surrogate.loads(*query))
     return Design(
         problem=problem,
         parameters=proposal.parameters,

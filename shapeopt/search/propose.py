@@ -25,7 +25,7 @@ from shapeopt.search.optimality import kkt_residual
 from shapeopt.search.sqp import PENALTY, SqpResult, minimise_sqp
 from surrogate.arrays import AnyArray
 from surrogate.devices import Devices, choose_devices, map_over_devices
-from surrogate.errors import NotConverged
+from surrogate.errors import InvalidInput, NotConverged
 
 RANKED = 1024  # draws whose objectives are compared
 STARTS = 8  # searches from the best of them, or twice as many as parameters if that is more
@@ -76,7 +76,7 @@ def propose_all(
 
     Args:
       problems: of one scene; their constraints and objectives may be of different kinds.
-      model: a differentiable model of the loads.
+      model: a differentiable model of the loads, by D.
       starts: bodies from which a search starts too, in place of the last draws.
       require_converged: otherwise the best feasible body will do where no search converged.
       devices: over which the problems are spread.
@@ -85,9 +85,12 @@ def propose_all(
       The best ends, in the order of the problems.
 
     Raises:
-      InvalidInput: no body satisfies the constraints of a problem.
+      InvalidInput: no body satisfies the constraints of a problem, or only some are by the chord.
       NotConverged: no search of a problem converged, or none ended at a feasible body.
     """
+    if len({problem.by_chord for problem in problems}) > 1:
+        raise InvalidInput("optimise: problems by the chord need a call of their own")
+    model = problems[0].reference.model(model)
     limits, scenarios = _stacked(problems)
     drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
     devices = devices or choose_devices()

@@ -68,13 +68,16 @@ def _optimum(model: Surrogate | Designer, problem: Problem) -> Design | NotConve
 def row_of(problem: Problem, found: Design | NotConverged) -> Row:
     """Return a problem's Reynolds number and its optimum as a row; without one "why_not" says why.
 
+    Coefficients and Reynolds numbers, also that of the onset, are by the problem's reference
+    length.
+
     "flows" are those of this design alone, which used the flows of the designs before it.
     """
     row: Row = dict.fromkeys(OPTIMUM) | {"reynolds": problem.objective.nominal, "why_not": None}
     if isinstance(found, NotConverged):
         return row | {"why_not": str(found)}
     family = problem.scene.family
-    body = family.named(found.parameters)
+    body, unit = family.named(found.parameters), float(problem.reference.length(found.parameters))
     return row | {
         "parameters": body,
         "chord": found.chord,
@@ -84,7 +87,7 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "glide": found.lift / found.drag,
         "kkt_residual": found.kkt_residual,
         "flows": found.flows,
-        "onset": onset_of(family_shape(body, dimension=problem.scene.dimension)),
+        "onset": unit * onset_of(family_shape(body, dimension=problem.scene.dimension)),
         "at_range_ends": problem.at_range_ends(found.parameters),
     }
 

@@ -1,12 +1,14 @@
 """Verification: the objective of a body by the flow, with error estimates."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import LOAD_BOUNDS, combine, load_constraints
-from surrogate.arrays import Body
+from surrogate.arrays import AnyArray, Body
 from surrogate.checks import expect
 from surrogate.errors import NotConverged
 from surrogate.flow.check.error_estimate import accuracy_text
@@ -67,19 +69,18 @@ class Verified:
 
 
 def violated_bounds(
-    problem: Problem, verified: Verified, tolerance: float = NOTICED
+    problem: Problem, loads: Float[AnyArray, "cases loads"], tolerance: float = NOTICED
 ) -> dict[str, float]:
     """Return the bounds on loads that a body violates in its own flows, with the farthest load.
 
     Args:
       problem: that sets the bounds.
-      verified: the body's flows.
+      loads: of the body in every scenario, as of ``loads_of``.
       tolerance: of a violation, over Cd.
 
     Returns:
       Cl or Cm by the name of the bound, as "max_moment"; empty where all are met.
     """
-    loads = _loads_of(verified.solutions)
     values = np.asarray(load_constraints(loads, problem.scenarios))
     if not values.size:  # there is no lift
         return {}
@@ -91,9 +92,27 @@ def violated_bounds(
     }
 
 
-def _loads_of(solutions):
-    """Return Cd, Cl and Cm of flows, a row for each."""
-    return np.array([[one.drag, one.lift, one.moment] for one in solutions], float)
+def loads_of(
+    problem: Problem, parameters: Float[AnyArray, " parameters"], solutions: Sequence[Solution]
+) -> Float[np.ndarray, "cases 3"]:
+    """Return Cd, Cl and Cm of a body's flows in all scenarios, by the problem's reference length.
+
+    Args:
+      problem: whose scenarios they are.
+      parameters: the body.
+      solutions: its flows.
+    """
+    bodies = parameters + problem.scenarios.shift
+    pairs = zip(bodies, solutions, strict=True)
+    return np.array([loads_by_reference(problem, *pair) for pair in pairs])
+
+
+def loads_by_reference(
+    problem: Problem, parameters: Float[AnyArray, " parameters"], solution: Solution
+) -> list[float]:
+    """Return Cd, Cl and Cm of a body's flow by the problem's reference length."""
+    by_diameter = np.array([solution.drag, solution.lift, solution.moment], float)
+    return problem.reference.loads(parameters, by_diameter).tolist()
 
 
 def _largest(errors):
@@ -102,6 +121,8 @@ def _largest(errors):
 
 def verify(problem: Problem, parameters: Body) -> Verified:
     """Solve the flow of every scenario of a problem for one body, and return its objective.
+
+    Objectives and drags are by the problem's reference length, solutions by D.
 
     Args:
       problem: whose objective is evaluated.
@@ -116,11 +137,9 @@ def verify(problem: Problem, parameters: Body) -> Verified:
     flow, scenarios = Flow(problem.scene), problem.scenarios
     parameters = problem.scene.family.check(parameters)
     known = drags_of_round_body(problem)
-    solutions = tuple(
-        flow.solve(parameters + shift, reynolds, allow_unsteady=True)
-        for shift, reynolds in zip(scenarios.shift, scenarios.reynolds, strict=True)
-    )
-    loads = _loads_of(solutions)
+    queries = map(problem.reference.query, parameters + scenarios.shift, scenarios.reynolds)
+    solutions = tuple(flow.solve(*query, allow_unsteady=True) for query in queries)
+    loads = loads_of(problem, parameters, solutions)
     if None in known:  # then the objective does not depend on them
         own = combine(loads, np.ones(len(loads)), scenarios)
         return Verified(float(own), None, solutions, known)
@@ -133,8 +152,8 @@ def verify(problem: Problem, parameters: Body) -> Verified:
 def drags_of_round_body(problem: Problem) -> tuple[float | None, ...]:
     """Return Cd of the cylinder (in 3-D the sphere) at the Reynolds number of every scenario.
 
-    It is None where the problem is about lift, of which the cylinder has none, and where its flow
-    does not converge, as at Re at which slender bodies alone are steady.
+    It is None where the problem is by the chord or about lift, of which the cylinder has none, and
+    where its flow does not converge, as at Re at which slender bodies alone are steady.
 
     Raises:
       NotConverged: a flow did not converge, and the objective is relative to these drags.
@@ -142,7 +161,7 @@ def drags_of_round_body(problem: Problem) -> tuple[float | None, ...]:
     flow, cylinder = Flow(problem.scene), problem.scene.family.ellipse(1.0)
     known: dict[float, float | None] = {}
     scenarios = problem.scenarios
-    if problem.is_about_lift and not scenarios.relative:
+    if (problem.is_about_lift or problem.by_chord) and not scenarios.relative:
         return (None,) * len(scenarios.reynolds)
     for reynolds in map(float, scenarios.reynolds):
         if reynolds in known:

@@ -1,12 +1,26 @@
-"""Points of a body's chord as it lies in the stream, and its moment about them."""
+"""A body's chord: loads by it, its points as it lies in the stream, and moments about them."""
 
 import numpy as np
 from jaxtyping import Float
 
+from surrogate.arrays import AnyArray
 from surrogate.body.incidence import rotate
 from surrogate.body.shape import Shape
 
+POWERS = np.array([1, 1, 2])  # of the chord, by which Cd, Cl and Cm by D are divided
 FLAT = 1e-3  # of the length, by which the smoothed points of a flat face lie behind one another
+
+
+def loads_by_chord(
+    loads: Float[AnyArray, " loads"], chord: Float[AnyArray, ""] | float
+) -> Float[AnyArray, " loads"]:
+    """Return coefficients by the chord, Cd / c, Cl / c and Cm / c^2, from those by D.
+
+    Args:
+      loads: Cd and, where there are any, Cl and Cm.
+      chord: c in D.
+    """
+    return loads / chord ** POWERS[: len(loads)]
 
 
 def chord_point(shape: Shape, station: float) -> Float[np.ndarray, "2"]:
