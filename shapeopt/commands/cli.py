@@ -36,7 +36,10 @@ CONTOURS = (
     "surrogates answer bodies of the family (--aspect and modes); solve_drag.py solves NACA "
     "sections and contours"
 )
-BY_DIAMETER = "coefficients here are by D; those by the chord are Cd / c, Cl / c, Cm / c^2, c in D"
+BY_DIAMETER = (
+    "coefficients here are by D, in designs with --chord-reynolds by the chord c: Cd / c, Cl / c, "
+    "Cm / c^2 with c in D"
+)
 ABSENT = {  # options that a command lacks for a reason
     "--reference": BY_DIAMETER,
     "--moment-about": "moments here are about the centroid; solve_drag.py knows other points",

@@ -1,0 +1,143 @@
+"""Designs by the chord: bodies of one chord, with loads, bounds and lengths by it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from conftest import SECTIONS, TINY
+from scipy.optimize import minimize
+
+from shapeopt import Designer, Glide, Problem, Robust, Station, optimise, optimise_all
+from shapeopt.payoff.direct import design_directly
+from shapeopt.problem.constraints import constraint_values
+from shapeopt.problem.reference import Reference
+from shapeopt.search.evaluated import evaluate_design
+from shapeopt.search.memory import Memory
+from shapeopt.search.optimality import KKT_TOLERANCE
+from surrogate import Flow, InvalidInput, Scene, load
+
+SCENE = Scene(family=SECTIONS, fidelity=TINY, reynolds=(5, 20))
+LONG = np.array([3.5, 0.1, 0.05, 0.04])  # of the default family: chord sqrt(3.5)
+SECTION = np.array([2.5, 0.1, 0.2, 6.0])
+
+
+@pytest.fixture(scope="module")
+def pretrained():
+    return load("pretrained")
+
+
+def test_loads_and_slopes_by_the_chord_are_those_of_the_model():
+    """Slopes by D, as an observation has them, become the Jacobian of the model by the chord."""
+    net = load("pretrained:lift")
+    body = jnp.array([3.0, 0.1, 0.05, 0.0, 0.2, -0.05, 5.0])
+    chord, reynolds = np.sqrt(3.0), 40.0
+    reference = Reference(net.scene.family.body_class, by_chord=True)
+    model = reference.model(net.network)
+    query = reference.query(body, reynolds)
+    assert query[1] == pytest.approx(reynolds / chord)
+    by_diameter = net.loads(*query)
+    found = model.loads(body, jnp.asarray(reynolds))
+    np.testing.assert_allclose(found, by_diameter / np.array([chord, chord, chord**2]), rtol=1e-12)
+    np.testing.assert_allclose(reference.loads(body, by_diameter), found, rtol=1e-12)
+
+    def by_inputs(model, reynolds):
+        inputs = jnp.append(body, jnp.log(reynolds))
+        return jax.jacobian(lambda x: model.loads(x[:-1], jnp.exp(x[-1])))(inputs)
+
+    slopes = reference.slopes(body, by_diameter, by_inputs(net.network, query[1]))
+    np.testing.assert_allclose(slopes, by_inputs(model, reynolds), rtol=1e-9, atol=1e-12)
+    unchanged = Reference(net.scene.family.body_class)
+    assert unchanged.query(body, reynolds)[1] == reynolds
+    assert unchanged.model(net.network) is net.network
+
+
+def test_lengths_of_bounds_are_in_chords(pretrained):
+    bounds = {"min_thickness": 0.4, "min_radius": 0.02, "stations": [Station(0.25, 0.3)]}
+    by_chord = Problem(pretrained.scene, 40.0, by_chord=True, **bounds)
+    chord = np.sqrt(LONG[0])
+    lengths = {name: bounds[name] * chord for name in ("min_thickness", "min_radius")}
+    by_diameter = Problem(pretrained.scene, 40.0, stations=[Station(0.25, 0.3 * chord)], **lengths)
+    ours, theirs = (np.asarray(constraint_values(LONG, p.limits)) for p in (by_chord, by_diameter))
+    free, unset = 1, 100.0  # the body's own shape, and the bound on the length that is not set
+    np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-12)
+    assert ours[free] == pytest.approx(unset - 1)
+    np.testing.assert_allclose(ours[free + 1 :], theirs[free + 1 :] / chord, rtol=1e-12)
+
+
+def test_the_optimum_is_that_of_scipy(pretrained, generator):
+    """SciPy's SLSQP on Cd / c at U c / nu, written without the project's problem."""
+    family, reynolds, thick = pretrained.scene.family, 50.0, 0.45
+    problem = Problem(pretrained.scene, reynolds, min_thickness=thick, by_chord=True)
+    found = optimise(problem, pretrained)
+
+    @jax.jit
+    @jax.value_and_grad
+    def drag(body):
+        chord = jnp.sqrt(body[0])
+        return pretrained.drag(body, reynolds / chord) / chord
+
+    @jax.jit
+    def room(body):
+        return family.body_class.thickness(body) / jnp.sqrt(body[0]) - thick
+
+    bounds = [tuple(ends) for ends in family.bounds]
+    bounds[0] = max(bounds[0][0], (reynolds / 40.0) ** 2), bounds[0][1]
+    constraint = {"type": "ineq", "fun": room, "jac": jax.jit(jax.grad(room))}
+    options = {"jac": True, "method": "SLSQP", "bounds": bounds, "constraints": constraint}
+    starts = generator.uniform(*np.transpose(bounds), (8, 4))
+    ends = [minimize(drag, start, options={"ftol": 1e-12}, **options) for start in starts]
+    theirs = min(ends, key=lambda end: end.fun if room(end.x) > -1e-8 else np.inf)
+    assert found.objective == pytest.approx(theirs.fun, rel=1e-6)
+    np.testing.assert_allclose(found.parameters, theirs.x, atol=2e-3)
+    assert found.drag == found.objective
+    assert float(room(found.parameters)) == pytest.approx(0, abs=1e-6)
+    assert found.kkt_residual < KKT_TOLERANCE
+
+
+def test_bodies_keep_reynolds_numbers_within_the_scene(pretrained):
+    low, high = (Problem(pretrained.scene, re, by_chord=True).limits for re in (1.5, 60.0))
+    assert low.high[0] == pytest.approx(1.5**2)
+    assert high.low[0] == pytest.approx((60 / 40) ** 2)
+
+
+def test_gradients_on_the_flow_are_those_of_its_loads():
+    """The objective, and its gradient, of flows and adjoints: second-order Taylor remainders."""
+    problem = Problem(SCENE, Glide(15.0), max_moment=0.2, by_chord=True)
+    memory, direction = Memory(Flow(SCENE), None), np.array([0.3, 0.05, 0.05, 2.0])
+    at = evaluate_design(problem, memory, SECTION)
+    steps, remainders = (0.04, 0.02), []
+    for step in steps:
+        moved = evaluate_design(problem, memory, SECTION + step * direction)
+        values = np.append(moved.value - at.value, moved.of_loads - at.of_loads)
+        slopes = np.vstack([at.gradient, at.by_loads]) @ direction
+        remainders.append(np.abs(values - step * slopes))
+    rates = np.log2(remainders[0] / remainders[1])
+    told = remainders[0] > 1e-9  # of bounds that are set
+    assert told[0]
+    assert np.all(rates[told] > 1.9), rates
+
+
+def test_designs_on_the_flow_are_its_optima():
+    problem = Problem(SCENE, 15.0, lift=0.1, min_thickness=0.35, by_chord=True)
+    direct, led = design_directly(problem, Flow(SCENE)), Designer(Flow(SCENE)).design(problem)
+    assert led.objective == pytest.approx(direct.objective, rel=1e-4)
+    assert led.kkt_residual <= KKT_TOLERANCE
+    chord = np.sqrt(led.parameters[0])
+    flow = led.verified.solutions[0]
+    assert flow.reynolds == pytest.approx(15.0 / chord)
+    assert led.drag == pytest.approx(flow.drag / chord, rel=1e-6)
+    assert led.lift == pytest.approx(0.1, abs=1e-3)
+    assert led.moment == pytest.approx(flow.moment / chord**2, rel=1e-5)
+    assert led.verified.objective == pytest.approx(led.objective, rel=1e-6)
+
+
+def test_what_has_no_chord_of_its_own_is_refused(pretrained):
+    with pytest.raises(InvalidInput, match="by chord: is for 2-D bodies"):
+        Problem(Scene(dimension=3), 10.0, by_chord=True)
+    with pytest.raises(InvalidInput, match="not with Robust"):
+        Problem(pretrained.scene, Robust(10.0, 0.2), by_chord=True)
+    with pytest.raises(InvalidInput, match="by the chord: the family and"):
+        Problem(pretrained.scene, 0.5, by_chord=True)
+    mixed = [Problem(pretrained.scene, 10.0), Problem(pretrained.scene, 10.0, by_chord=True)]
+    with pytest.raises(InvalidInput, match="a call of their own"):
+        optimise_all(mixed, pretrained)
