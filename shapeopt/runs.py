@@ -73,7 +73,8 @@ def save_run(
       cd_start is that of the cylinder (sphere) in the same scenarios, None where it is not known;
       it is not where the search began. cl_verified and cm_verified are those of the body itself at
       the nominal Reynolds number, None where that flow does not converge. "violated" names the
-      bounds on loads that the flow does not meet, with its loads.
+      bounds on loads that the flow does not meet, with its loads; "multipliers" are the changes of
+      the objective per unit of each active bound.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -197,6 +198,7 @@ def _search_record(design: Design) -> dict[str, Any]:
         "loop_s": design.seconds,
         "converged": design.converged,
         "at_range_ends": problem.at_range_ends(design.parameters),
+        "multipliers": design.multipliers,
     }
 
 

@@ -131,6 +131,19 @@ def test_designs_on_the_flow_are_its_optima():
     assert led.verified.objective == pytest.approx(led.objective, rel=1e-6)
 
 
+def test_multipliers_of_bounds_on_loads_are_slopes_of_the_optimum():
+    net, bounds = load("pretrained:lift"), {"lift": 0.5, "max_moment": 0.15, "min_thickness": 0.3}
+
+    def optimum(**changed):
+        return optimise(Problem(net.scene, 60.0, by_chord=True, **bounds | changed), net)
+
+    found = optimum()
+    assert set(found.multipliers) >= {"lift", "max_moment"}
+    for name in set(found.multipliers) & set(bounds):
+        ends = [optimum(**{name: bounds[name] + step}).objective for step in (2e-3, -2e-3)]
+        assert found.multipliers[name] == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=3e-2), name
+
+
 def test_what_has_no_chord_of_its_own_is_refused(pretrained):
     with pytest.raises(InvalidInput, match="by chord: is for 2-D bodies"):
         Problem(Scene(dimension=3), 10.0, by_chord=True)

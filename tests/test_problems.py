@@ -257,6 +257,24 @@ def test_constraints_hold_and_the_optimum_is_stationary(pretrained, objective):
     assert optimum.kkt_residual < 1e-3
 
 
+def test_multipliers_are_the_slopes_of_the_optimum_over_its_bounds(pretrained):
+    """Against central differences of the optimal Cd in each bound, and in the end of a range."""
+    given, step = {"max_length": 1.5, "thickness at 0.25 c": 0.6, "beta3": 0.03}, 1e-3
+
+    def optimum(bounds):
+        length, thickness, beta3 = bounds.values()
+        more = {"stations": [Station(0.25, thickness)], "within": {"beta3": (-0.03, beta3)}}
+        return optimise(Problem(pretrained.scene, 40.0, length, **more), pretrained)
+
+    found = optimum(given)
+    assert set(found.multipliers) == set(given)
+    assert "thickness at 0.25 c +" in found.summary()
+    for name, slope in found.multipliers.items():
+        ends = [optimum(given | {name: given[name] + change}) for change in (step, -step)]
+        differences = (ends[0].objective - ends[1].objective) / (2 * step)
+        assert slope == pytest.approx(differences, rel=2e-2), name
+
+
 def test_parameters_at_the_ends_of_their_ranges_are_named(pretrained):
     """Of the narrowed range too; a range without width has no end."""
     scene = pretrained.scene

@@ -297,8 +297,8 @@ def test_a_nearly_optimal_body_is_preferred_to_one_of_lower_drag():
     """Which may violate a bound on the lift; local optima come first in any case."""
 
     def evaluated(value, residual):
-        none = np.zeros(0)
-        return EvaluatedDesign(np.ones(2), value, np.zeros(2), residual, none, np.zeros((0, 2)))
+        none, body = np.zeros(0), np.ones(2)
+        return EvaluatedDesign(body, value, 0 * body, residual, none, np.zeros((0, 2)), none)
 
     wrong, near, optimum = evaluated(1.0, 0.3), evaluated(2.0, 4e-3), evaluated(3.0, 1e-4)
     assert best_design([wrong, near]) is near

@@ -43,7 +43,7 @@ from shapeopt.commands.reference import unsteady_remark
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.problem import Problem
 from shapeopt.runs import check_run_folder, save_run
-from shapeopt.search.design import Design
+from shapeopt.search.design import Design, multiplier_words
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise
 from shapeopt.stored import design_settings, stored_run
@@ -170,6 +170,9 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     if ends := r.get("at_range_ends"):
         wider = "surrogates and scenes of wider ranges may have better"
         lines.append(f"  at the end of its range: {', '.join(ends)}; {wider}")
+    if costs := multiplier_words(r.get("multipliers", {})):
+        what = "-Cl / Cd" if "glide" in r else "the objective"
+        lines.append(f"  change of {what} per unit of each active bound: {', '.join(costs)}")
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "

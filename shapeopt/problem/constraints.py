@@ -4,6 +4,7 @@ A new bound is an entry of ``BOUNDS`` and the field of ``Problem`` of that name.
 ``shapeopt/README.md``, section 1; lengths are by the problem's ``Reference``.
 """
 
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -21,6 +22,7 @@ from surrogate.compilation import compiled
 
 FEASIBLE = -1e-6  # constraint value down to which a body counts as feasible: rounding and solver
 EVERY = "every body of the family"
+OWN_SHAPE = "own shape"  # the constraint that a body does not cross itself
 
 
 class Bound(NamedTuple):
@@ -127,6 +129,16 @@ def constraint_values(
     thicknesses = jax.vmap(body.thickness_at, (None, 0))(parameters, limits.stations[:, 0]) / unit
     values.append(thicknesses - limits.stations[:, 1])
     return jnp.hstack(values)
+
+
+def constraint_names(limits: Limits) -> list[str]:
+    """Return what each of the ``constraint_values`` bounds: a field of ``Problem``, or in words."""
+    names = [OWN_SHAPE]
+    for name, bound in BOUNDS.items():
+        if name in limits.bounds:
+            values = functools.partial(bound.values, limits.body_class)
+            names += [name] * jax.eval_shape(values, limits.low).size
+    return names + [f"thickness at {x:g} c" for x in limits.stations[:, 0]]
 
 
 @compiled()

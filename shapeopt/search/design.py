@@ -2,13 +2,13 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jaxtyping import Float
 
 from shapeopt.problem.problem import Problem
-from shapeopt.search.optimality import KKT_ACCEPTED
+from shapeopt.search.optimality import KKT_ACCEPTED, Derivatives, multipliers
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
 from surrogate.summary import aligned, listed
@@ -33,6 +33,7 @@ class Design:
       flows: flows that were solved, one per scenario and body.
       green_applications: their convolutions with the Green's function (G), with their adjoints'.
       seconds: wall time of the search.
+      derivatives: of objective and load constraints at the body, where the search knows them.
     """
 
     problem: Problem
@@ -46,6 +47,7 @@ class Design:
     flows: int
     green_applications: int
     seconds: float
+    derivatives: Derivatives | None = None
 
     def __repr__(self) -> str:
         lift = f"Cl {self.lift:.4f}, " if self._has_lift else ""
@@ -64,6 +66,7 @@ class Design:
                 "Cd": f"{self.drag:.5g}",
                 **lift,
                 **self._ends,
+                **self._costs,
                 "KKT residual": f"{self.kkt_residual:.1e}, 0 at a local optimum",
                 "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
             }
@@ -105,6 +108,11 @@ class Design:
         names = self.problem.at_range_ends(self.parameters)
         return {"at the end of its range": ", ".join(names)} if names else {}
 
+    @property
+    def _costs(self):
+        costs = multiplier_words(self.multipliers)
+        return {"objective per unit of a bound": ", ".join(costs)} if costs else {}
+
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}
 
@@ -117,6 +125,17 @@ class Design:
     def converged(self) -> bool:
         """Whether the KKT residual is at most 1e-2, up to which the flow's designs are accepted."""
         return self.kkt_residual <= KKT_ACCEPTED
+
+    @property
+    def multipliers(self) -> dict[str, float]:
+        """The change of the optimal objective per unit of each active bound, to first order.
+
+        A bound is named as in ``Problem``, the end of a range by its parameter. See ``multipliers``
+        in ``shapeopt.search.optimality``; empty where the derivatives are not known.
+        """
+        if self.derivatives is None:
+            return {}
+        return multipliers(self.problem, self.parameters, self.derivatives)
 
     @functools.cached_property
     def verified(self) -> Verified:
@@ -136,6 +155,12 @@ class Design:
     def estimated_error(self) -> float | None:
         """The largest bound on the relative error of its flows; None where one has no estimate."""
         return self.verified.estimated_error
+
+
+def multiplier_words(found: Mapping[str, float]) -> list[str]:
+    """Return multipliers as words, the largest first."""
+    order = sorted(found, key=lambda name: -abs(found[name]))
+    return [f"{name.replace('_', ' ')} {found[name]:+.3g}" for name in order]
 
 
 def padded_loads(

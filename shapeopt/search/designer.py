@@ -126,6 +126,7 @@ class Designer:
             flows=memory.flows - before[0],
             green_applications=memory.green_applications - before[1],
             seconds=time.perf_counter() - begin,
+            derivatives=best.derivatives,
         )
 
     def _nominal_loads(self, problem, best):

@@ -12,7 +12,7 @@ from shapeopt.problem.constraints import FEASIBLE, satisfied
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import combine, load_constraints
 from shapeopt.search.memory import Memory
-from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE, kkt_residual
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE, Derivatives, kkt_residual
 from surrogate.arrays import AnyArray
 
 Bodies = Sequence[Float[AnyArray, " parameters"]]
@@ -21,7 +21,8 @@ Bodies = Sequence[Float[AnyArray, " parameters"]]
 class EvaluatedDesign(NamedTuple):
     """A body with its objective by the flow, the gradient of it, and its KKT residual.
 
-    ``of_loads`` are the values of its load constraints by the flow, ``by_loads`` their Jacobian.
+    ``of_loads`` are the values of its load constraints by the flow, ``by_loads`` their Jacobian,
+    ``drags`` Cd in all scenarios.
     """
 
     parameters: Float[AnyArray, " parameters"]
@@ -30,6 +31,12 @@ class EvaluatedDesign(NamedTuple):
     kkt_residual: float
     of_loads: Float[AnyArray, " constraints"]
     by_loads: Float[AnyArray, "constraints parameters"]
+    drags: Float[AnyArray, " cases"]
+
+    @property
+    def derivatives(self) -> Derivatives:
+        """What is known of the body to first order."""
+        return Derivatives(self.gradient, self.of_loads, self.by_loads, self.drags)
 
     @property
     def rank(self) -> tuple[bool, float]:
@@ -64,7 +71,8 @@ def evaluate_design(
     gradient, by_loads = (np.tensordot(w, slopes, axes=2) for w in weights)
     value, of_loads = float(value), np.asarray(constraints)
     residual = kkt_residual(problem.limits, parameters, value, gradient, of_loads, by_loads)
-    return EvaluatedDesign(parameters, value, gradient, residual, of_loads, by_loads)
+    drags = loads[:count, 0]
+    return EvaluatedDesign(parameters, value, gradient, residual, of_loads, by_loads, drags)
 
 
 def nominal_loads(

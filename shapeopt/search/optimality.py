@@ -1,11 +1,20 @@
-"""The first-order optimality (Karush-Kuhn-Tucker) residual of a body under its constraints."""
+"""The first-order optimality (Karush-Kuhn-Tucker) residual of a body, and its multipliers."""
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
 
-from shapeopt.problem.constraints import Limits, constraint_values_and_jacobian
-from shapeopt.problem.scenarios import LEAST_OBJECTIVE
+from shapeopt.problem.constraints import (
+    BOUNDS,
+    OWN_SHAPE,
+    Limits,
+    constraint_names,
+    constraint_values_and_jacobian,
+)
+from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import LEAST_OBJECTIVE, LOAD_BOUNDS
 from surrogate.arrays import AnyArray
 
 ACTIVE = 1e-5  # constraints, and scaled distances from the ends of ranges, below this are active
@@ -13,6 +22,23 @@ KKT_TOLERANCE = 1e-3  # residual at which a search on the flow takes a body for 
 # Residual up to which its best body is accepted where no model predicts anything better: the
 # discretised drag is smooth to a few digits only ("KKT at most" in the payoff tables).
 KKT_ACCEPTED = 1e-2
+FIXED = 1e-9  # width of a parameter's range below which it has no freedom
+
+
+class Derivatives(NamedTuple):
+    """What a search knows of a body to first order.
+
+    Attributes:
+      gradient: of the objective in the parameters.
+      of_loads: values of the constraints on loads, ``load_constraints``.
+      by_loads: their Jacobian in the parameters.
+      drags: Cd in all scenarios.
+    """
+
+    gradient: Float[AnyArray, " parameters"]
+    of_loads: Float[AnyArray, " constraints"]
+    by_loads: Float[AnyArray, "constraints parameters"]
+    drags: Float[AnyArray, " cases"]
 
 
 def kkt_residual(
@@ -39,15 +65,59 @@ def kkt_residual(
       of_loads: values of the constraints on loads, >= 0 where they hold; none by default.
       by_loads: their Jacobian in p.
     """
-    width = np.asarray(limits.width)
-    constraints, jacobian = map(np.asarray, constraint_values_and_jacobian(parameters, limits))
-    z, eye = (np.asarray(parameters) - limits.low) / width, np.eye(width.size)
-    normals = [(jacobian * width)[constraints < ACTIVE], eye[z < ACTIVE], -eye[1 - z < ACTIVE]]
-    violation = 0.0
-    if of_loads is not None and len(of_loads):
-        of_loads = np.asarray(of_loads)
-        normals.append((np.asarray(by_loads) * width)[of_loads < KKT_TOLERANCE])
-        violation = max(float(-of_loads.min()), 0.0)
-    active, gradient = np.concatenate(normals), np.asarray(gradient) * width
-    left = nnls(active.T, gradient)[1] if len(active) else float(np.linalg.norm(gradient))
+    if of_loads is None:
+        of_loads, by_loads = np.zeros(0), np.zeros((0, len(parameters)))
+    _, left = _held(limits, parameters, gradient, of_loads, by_loads)
+    violation = float(np.max(-np.asarray(of_loads), initial=0.0))
     return max(float(left / max(abs(value), LEAST_OBJECTIVE)), violation)
+
+
+def multipliers(
+    problem: Problem, parameters: Float[AnyArray, " parameters"], found: Derivatives
+) -> dict[str, float]:
+    """Return the change of the optimal objective per unit of each active bound, to first order.
+
+    They are the Lagrange multipliers m of ``kkt_residual`` in the units of the bounds: positive
+    where a larger value of the bound raises the objective. Those of several active constraints of
+    one bound, as of a greatest thickness at several stations, are summed.
+
+    Args:
+      problem: objective and constraints.
+      parameters: the optimum.
+      found: derivatives there.
+
+    Returns:
+      The changes by name: a field of ``Problem``, a parameter's name where it is at an end of its
+      range, or "thickness at 0.25 c".
+    """
+    limits, names = problem.limits, problem.scene.family.names
+    held, _ = _held(limits, parameters, found.gradient, found.of_loads, found.by_loads)
+    of_shape, width = constraint_names(limits), np.asarray(limits.width)
+    of_load = list(LOAD_BOUNDS) if len(found.of_loads) else []
+    labels = [*of_shape, *names, *names, *np.repeat(of_load, len(found.drags)).tolist()]
+    units = [BOUNDS[name].sense if name in BOUNDS else 1 for name in of_shape]
+    units += [*(1 / width), *(-1 / width)]
+    units += [LOAD_BOUNDS[name].sense / drag for name in of_load for drag in found.drags]
+    fixed = {name for name, one in zip(names, width, strict=True) if one <= FIXED}
+    total = dict.fromkeys(labels, 0.0)
+    for label, change in zip(labels, held * units, strict=True):
+        total[label] += float(change)
+    return {k: x for k, x in total.items() if x and k not in (OWN_SHAPE, *fixed)}
+
+
+def _held(limits, parameters, gradient, of_loads, by_loads):
+    """Return the multipliers of all constraints, and the norm of the gradient that none holds.
+
+    Multipliers are of the shape, of the lower and upper ends of the ranges and of the loads, in z;
+    those of inactive constraints are 0.
+    """
+    width = np.asarray(limits.width)
+    of_shape, by_shape = map(np.asarray, constraint_values_and_jacobian(parameters, limits))
+    z, eye = (np.asarray(parameters) - limits.low) / width, np.eye(width.size)
+    active = [of_shape < ACTIVE, z < ACTIVE, 1 - z < ACTIVE, np.asarray(of_loads) < KKT_TOLERANCE]
+    active = np.concatenate(active)
+    normals = np.concatenate([by_shape * width, eye, -eye, np.asarray(by_loads) * width])
+    found, left = np.zeros(active.size), float(np.linalg.norm(np.asarray(gradient) * width))
+    if active.any():
+        found[active], left = nnls(normals[active].T, np.asarray(gradient) * width)
+    return found, left

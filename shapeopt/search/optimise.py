@@ -3,10 +3,14 @@
 import time
 from collections.abc import Sequence
 
+import numpy as np
+
 from shapeopt.problem.problem import Problem
+from shapeopt.problem.scenarios import model_loads
 from shapeopt.search.design import Design, padded_loads
 from shapeopt.search.designer import Designer, check_model, check_problem
 from shapeopt.search.following import follow_all
+from shapeopt.search.optimality import Derivatives
 from shapeopt.search.propose import Proposal
 from surrogate.checks import expect
 from surrogate.devices import choose_devices
@@ -76,13 +80,18 @@ def optimise_all(
 
 
 def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds: float) -> Design:
-    query = problem.reference.query(proposal.parameters, problem.objective.nominal)
-    loads = problem.reference.loads(proposal.parameters, surrogate.loads(*query))
+    body, model = proposal.parameters, problem.reference.model(surrogate.network)
+    query = problem.reference.query(body, problem.objective.nominal)
+    loads = problem.reference.loads(body, surrogate.loads(*query)).tolist()
+    drags = loads[:1]
+    if len(problem.scenarios.weight) > 1:
+        drags = model_loads(model, body, problem.scenarios)[0][:, 0]
+    of_loads = proposal.of_loads, proposal.by_loads
     return Design(
         problem=problem,
-        parameters=proposal.parameters,
+        parameters=body,
         objective=proposal.value,
-        loads=padded_loads(loads.tolist()),
+        loads=padded_loads(loads),
         kkt_residual=proposal.kkt_residual,
         start=proposal.start,
         path=proposal.path,
@@ -90,4 +99,5 @@ def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds:
         flows=0,
         green_applications=0,
         seconds=seconds,
+        derivatives=Derivatives(proposal.gradient, *of_loads, np.asarray(drags)),
     )

@@ -36,12 +36,16 @@ Bodies = Sequence[Float[AnyArray, " parameters"]]
 class Proposal(NamedTuple):
     """The optimum of a problem on a model: the best end of several searches.
 
-    ``start`` is the objective where that search began, ``path`` the bodies on its way, ``calls``
-    the number of drags that all searches evaluated the model for.
+    ``gradient``, ``of_loads`` and ``by_loads`` are as of ``SqpResult``. ``start`` is the objective
+    where that search began, ``path`` the bodies on its way, ``calls`` the number of drags that all
+    searches evaluated the model for.
     """
 
     parameters: Float[np.ndarray, " parameters"]
     value: float
+    gradient: Float[np.ndarray, " parameters"]
+    of_loads: Float[np.ndarray, " constraints"]
+    by_loads: Float[np.ndarray, "constraints parameters"]
     kkt_residual: float
     start: float
     path: Float[np.ndarray, "steps parameters"]
@@ -116,6 +120,9 @@ def propose_all(
             Proposal(
                 parameters=end.parameters,
                 value=float(end.value),
+                gradient=end.gradient,
+                of_loads=end.of_loads,
+                by_loads=end.by_loads,
                 kkt_residual=residual,
                 start=float(values[k]),
                 path=end.path[: int(end.steps) + 1],
