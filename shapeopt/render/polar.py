@@ -19,6 +19,7 @@ LABELS = {
     "chord_reynolds": "Reynolds number $U c / \\nu$",
 }
 SYMBOLS = {"reynolds": "Re", "chord_reynolds": "chord Re"}
+BOUNDS = {"cl": "estimated_lift_error", "cm": "estimated_moment_error"}
 PANELS = (("cd", "cl"), ("incidence", "cl"), ("incidence", "cd"), ("incidence", "cm"))
 
 
@@ -27,11 +28,12 @@ def plot_polar(rows: Sequence[JsonObject], title: str, path: str | Path) -> Path
 
     With several incidences, Cl over Cd, and Cl, Cd and Cm over incidence, a line for each Re. With
     one incidence Cd, and of a body with lift also Cl and Cm, over Re. Re is by the chord where the
-    coefficients are.
+    coefficients are. Bars are the bounds of the errors.
 
     Args:
       rows: with "incidence", "reynolds", "chord_reynolds", "reference", "cd", "cl", "cm", of which
-        the coefficients are None where a flow did not converge.
+        the coefficients are None where a flow did not converge; and with the bounds
+        "estimated_error", of Cd over Cd, "estimated_lift_error" and "estimated_moment_error".
       title: of the figure.
       path: of the picture.
     """
@@ -79,9 +81,18 @@ def _over_reynolds(rows: list[JsonObject], number: str) -> plt.Figure:
 
 
 def _draw(axis: plt.Axes, rows: list[JsonObject], x: str, y: str, **look: object) -> None:
+    """Draw one quantity over another, with the bounds of the errors where they are known."""
     points = ([row[name] for row in rows] for name in (x, y))
-    axis.plot(*points, marker="o", ms=4, lw=1.8, **look)
+    bounds = {f"{side}err": [_bound(r, name) for r in rows] for side, name in (("x", x), ("y", y))}
+    axis.errorbar(*points, **bounds, marker="o", ms=4, lw=1.8, elinewidth=1, capsize=2.5, **look)
     axis.set(xlabel=LABELS[x], ylabel=LABELS[y])
+
+
+def _bound(row: JsonObject, name: str) -> float:
+    """Return the bound of the error of a load; 0 of what has none, and where it is not known."""
+    if name == "cd":
+        return (row.get("estimated_error") or 0.0) * row["cd"]
+    return row.get(BOUNDS.get(name, "")) or 0.0
 
 
 def _plain_ticks(axis: Axis) -> None:
