@@ -350,3 +350,18 @@ def test_a_flow_above_its_scenes_range_is_refused():
 def test_what_is_no_scene_is_no_flow(unchecked):
     with pytest.raises(InvalidInput, match="is no Scene"):
         Flow("scene.toml")
+
+
+def test_a_table_of_arrays_is_many_bodies():
+    net, aspects = NET, np.array([1.2, 2.0, 2.8])
+    rows = np.column_stack([aspects, np.full(3, 0.1), np.zeros(3), np.zeros(3)])
+    table, expected = {"aspect": aspects, "beta2": 0.1}, net.drag(rows, 20.0)
+    np.testing.assert_array_equal(net.drag(table, 20.0), expected)
+    np.testing.assert_array_equal(net.drag(table | {"incidence": np.zeros(3)}, 20.0), expected)
+    np.testing.assert_array_equal(net.error_bounds(table, 20.0), net.error_bounds(rows, 20.0))
+
+    def drag(aspect):
+        return net.drag({"aspect": aspect, "beta2": 0.1}, 20.0)
+
+    for traced in (jax.jit(drag), jax.vmap(drag)):
+        np.testing.assert_allclose(traced(jnp.asarray(aspects)), expected, rtol=1e-12)

@@ -131,6 +131,12 @@ WRONG_TYPES = {
     "stations": lambda net: Problem(net.scene, 20.0, stations=[0.5]),
     "within": lambda net: Problem(net.scene, 20.0, within="aspect"),
     "list of numbers": lambda net: Weighted(10, 40),
+    "no aspect;": lambda net: net.drag({"beta2": np.zeros(3)}, 20.0),
+    "incidence is none": lambda net: net.drag({"aspect": np.ones(2), "incidence": [0, 5]}, 20.0),
+    r"aspect \(2,\), beta2 \(3,\)": lambda net: net.drag(
+        {"aspect": [1, 2], "beta2": [0, 0, 0]}, 20.0
+    ),
+    r"beta2 \[.*\]: must be": lambda net: net.drag({"aspect": 2.0, "beta2": ["a", "b"]}, 20.0),
     "no aspect": lambda net: family_shape({"beta2": 0.1}),
     "no parameter": lambda net: family_shape({"aspect": 2, "beta13": 0.1}),
     "path": lambda net: load(5),

@@ -162,11 +162,39 @@ class Family:
         return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)
 
     def array(self, body: Bodies) -> Bodies:
-        """Return one or several tables of parameters as an array, and anything else as it is."""
+        """Return tables of parameters as an array, and anything else as it is.
+
+        Several bodies are a list of tables, or one table of arrays that broadcast as in NumPy.
+        """
+        if isinstance(body, Mapping) and any(map(np.ndim, body.values())):
+            return self._columns(body)
         if isinstance(body, list | tuple) and body and all(isinstance(b, Mapping) for b in body):
             rows = [self.parameters(one) for one in body]
             return jnp.stack(rows) if traced(*rows) else np.array(rows)
         return self.parameters(body) if isinstance(body, Mapping) else body
+
+    def _columns(self, named):
+        """Return bodies from arrays of their parameters by name, the parameters in the last axis.
+
+        Raises:
+          InvalidInput: as ``parameters`` of one of them; or the arrays do not broadcast.
+        """
+        values = {n: x if traced(x) else real_numbers(x) for n, x in named.items()}
+        for name, value in values.items():
+            neutral = PARAMETERS[name].neutral if name in PARAMETERS else None
+            unlike = None if value is None or traced(value) else value[value != neutral]
+            if name not in self.names and (unlike is None or unlike.size):
+                self.parameters({"aspect": 1.0, name: np.nan if unlike is None else unlike[0]})
+            if value is None:
+                raise InvalidInput(f"body: {name} {shown(named[name])}: must be numbers")
+        self.parameters(dict.fromkeys(set(values) & set(self.names), 1.0))  # refuses no aspect
+        columns = [values.get(n, PARAMETERS[n].neutral) for n in self.names]
+        xp = jnp if traced(*columns) else np
+        try:
+            return xp.stack(xp.broadcast_arrays(*map(xp.asarray, columns)), axis=-1)
+        except ValueError:
+            shapes = ", ".join(f"{n} {np.shape(x)}" for n, x in values.items())
+            raise InvalidInput(f"body: arrays that do not broadcast, of shapes {shapes}") from None
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
         """Return bodies drawn at random ``within`` the bounds, none of which crosses itself.

@@ -76,8 +76,8 @@ class Surrogate:
         under a transformation the drag is NaN where the eager call would raise.
 
         Args:
-          parameters: of one body, shape (parameters,), in the order of ``scene.family.names``; or
-            of many, shape (..., parameters).
+          parameters: of one body, shape (parameters,), in the order of ``scene.family.names``; of
+            many, shape (..., parameters); or a table by name, of numbers or of arrays.
           reynolds: U D / nu, D the diameter of the circle (sphere) of equal area (volume).
           extrapolate: answer outside the trained ranges as well.
 
