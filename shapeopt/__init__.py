@@ -13,7 +13,8 @@ from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.robust import Robust
 from shapeopt.problem.uncertainty import LogNormal, Uniform
-from shapeopt.runs import load_run, save_run
+from shapeopt.records import load_run
+from shapeopt.runs import save_run
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise, optimise_all

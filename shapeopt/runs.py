@@ -1,4 +1,4 @@
-"""Runs: the folder of files that a shape optimisation leaves, and its record."""
+"""Runs: how the folder of files that a shape optimisation leaves is written."""
 
 import json
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from shapeopt.problem.scenarios import model_loads, model_objective
+from shapeopt.records import DRAGS, RECORD
 from shapeopt.search.design import Design
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.verify import (
@@ -17,15 +18,14 @@ from shapeopt.search.verify import (
     violated_bounds,
 )
 from surrogate.body.body_class import drawn_contour
+from surrogate.body.chord_line import CHORD, DIAMETER
 from surrogate.body.shape import family_shape
-from surrogate.checks import expect, finite_number
+from surrogate.checks import expect
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import (
     JsonObject,
     check_target,
     file_digest,
-    path_of,
-    strict_json,
     whole_files,
 )
 from surrogate.flow.flow import Flow
@@ -33,13 +33,7 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences
-from surrogate.scene.limits import check_reynolds
-from surrogate.scene.scene import Scene
 from surrogate.versions import command_line
-
-RECORD = "run.json"
-LONGEST_RECORD = 1 << 24  # bytes
-DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
 
 
 def save_run(
@@ -131,50 +125,6 @@ def check_run_folder(folder: str | Path) -> None:
     check_target(folder, RECORD, ("parameters", "scene"))
 
 
-def is_whole(folder: Path, record: JsonObject) -> bool:
-    """Return whether the files of a run are those that were written with its record."""
-    files = record.get("files_sha256") or {RECORD: ""}
-    names = (folder / name for name in files)
-    return all(path.is_file() and file_digest(path) == files[path.name] for path in names)
-
-
-def load_run(folder: str | Path) -> dict[str, Any]:
-    """Return the record of a run.
-
-    Raises:
-      InvalidInput: the folder is missing, or has no readable run.
-    """
-    folder = path_of(folder)
-    try:
-        if (folder / RECORD).stat().st_size > LONGEST_RECORD:
-            raise ValueError
-        record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
-        scene = Scene.of(record["scene"])
-        scene.family.check(scene.family.parameters(record["parameters"]))
-        scene.family.check_all(np.array(record["path"]))
-        check_reynolds(record["reynolds"], True, scene.dimension)
-        drags = [record[name] for name in DRAGS if record.get(name) is not None]
-        cases, name = record.get("cases", []), record["surrogate"]
-        sound = all(finite_number("drag", drag) > 0 for drag in drags) and record["path"]
-        if not (sound and isinstance(cases, list) and isinstance(name, str)):
-            raise ValueError
-        return record
-    except OSError:
-        raise InvalidInput(f"run {folder}: no {RECORD} there; a run has one") from None
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise InvalidInput(f"run {folder}: {RECORD} is damaged or of another program") from None
-
-
-def run_scene(record: dict[str, Any]) -> Scene:
-    """Return the scene of a run."""
-    return Scene.of(record["scene"])
-
-
-def run_body(record: dict[str, Any]) -> np.ndarray:
-    """Return the parameters of the body that a run found."""
-    return run_scene(record).family.parameters(record["parameters"])
-
-
 def _search_record(design: Design) -> dict[str, Any]:
     """Return the objective, the constraints that are set, and the result of the search."""
     problem = design.problem
@@ -184,7 +134,7 @@ def _search_record(design: Design) -> dict[str, Any]:
         "chord": design.chord,
         "reynolds": reynolds,
         "chord_reynolds": reynolds * design.chord,
-        "reference": "chord" if problem.by_chord else "diameter",
+        "reference": CHORD if problem.by_chord else DIAMETER,
         "objective": {
             "kind": type(problem.objective).__name__,
             "number_of_cases": len(problem.scenarios.weight),

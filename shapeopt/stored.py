@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from shapeopt.problem.problem import Problem
-from shapeopt.runs import RECORD, check_run_folder, is_whole, load_run
+from shapeopt.records import RECORD, is_whole, load_run
+from shapeopt.runs import check_run_folder
 from surrogate.files import JsonObject, path_of, target_of
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import check_settings

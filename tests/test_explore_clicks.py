@@ -150,6 +150,7 @@ def test_only_pages_with_lift_show_it():
         state = used_page(name)["states"]["opened"]
         assert state["seen"] == (["cl", "glide", "lift"] if lifts else [])
         assert bool(state["force"]) == bool(state["best"]) == lifts
+        assert bool(state["byChord"]) == (name == "with lift")
 
 
 def loads_of(state):
@@ -170,6 +171,11 @@ def test_sliders_move_lift_moment_and_the_force():
         assert shown[2] == pytest.approx(cl / cd, abs=5.1e-4)
         tip = re.match(r"M0 0L([-\d.]+) ([-\d.]+)M", state["force"])
         assert -float(tip[2]) / float(tip[1]) == pytest.approx(cl / cd, abs=2e-3)
+        chord, *said = map(number, re.findall(r"[-\N{MINUS SIGN}\d.]+\d", state["byChord"]))
+        assert chord == pytest.approx(np.sqrt(body_of("with lift", state)[0]), abs=1e-3)
+        by_chord = [np.exp(state["values"]["reynolds"]) * chord, cd / chord, cl / chord]
+        assert said == pytest.approx([*by_chord, cm / chord**2], rel=1e-3, abs=1.5e-3)
+    assert states["crossed"]["byChord"] == ""
     assert states["turned"]["spoken"]["incidence"] == "\N{MINUS SIGN}3.00\N{DEGREE SIGN}"
     drawn = [states[key]["shape"] for key in ("opened", "turned", "cambered")]
     assert len(set(drawn)) == 3

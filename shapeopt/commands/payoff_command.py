@@ -28,8 +28,9 @@ from shapeopt.payoff.strategies import (
 )
 from shapeopt.payoff.tables import payoff_rows, payoff_tables
 from shapeopt.problem.problem import Problem
+from shapeopt.records import load_run
 from shapeopt.render.sheets import before_and_after, render_panels
-from shapeopt.runs import check_run_folder, load_run, save_run
+from shapeopt.runs import check_run_folder, save_run
 from shapeopt.search.optimise import optimise
 from surrogate.checks import whole_number
 from surrogate.devices import choose_devices

@@ -6,14 +6,13 @@ from shapeopt.commands.arguments import REYNOLDS_HELP
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.newtons import conditions_of
 from shapeopt.commands.ranges import numbers
-from surrogate.body.chord_line import centroid_station, chord_point, moment_about
+from surrogate.body.chord_line import CHORD, DIAMETER, centroid_station, chord_point, moment_about
 from surrogate.body.shape import Shape
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.scene.limits import check_reynolds
 
-DIAMETER, CHORD = "diameter", "chord"  # what coefficients are by
 SEVERAL = "one, several as 1,10,40, or a range as 1:40:20 or 1:40:log20"
 POWERS = {  # of the chord, by which coefficients by D are divided
     "cd": 1,

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.records import load_run, reynolds_text, run_reference, run_reynolds, run_scene
 from shapeopt.render.bodies_3d import (
     FRICTION,
     PRESSURE,
@@ -39,7 +40,6 @@ from shapeopt.render.sheets import (
     render_panels,
     solve_run,
 )
-from shapeopt.runs import load_run, run_scene
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject, check_file
 from surrogate.flow.output.folder import flow_as_stored, is_flow, read_flow
@@ -95,6 +95,8 @@ def _check_objectives(records: list[JsonObject]) -> None:
     if len(kinds) > 1:
         words = ", ".join(sorted(kinds))
         raise InvalidInput(f"--family: runs of one objective; these are of {words}")
+    if len({run_reference(record).by_chord for record in records}) > 1:
+        raise InvalidInput("--family: some runs are by the chord, some by D; draw them separately")
 
 
 def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:
@@ -123,14 +125,14 @@ def _tracked(records: list[JsonObject], progress: Update) -> Iterator[JsonObject
     """The records, with progress reported after each."""
     for k, record in enumerate(records):
         yield record
-        progress((k + 1) / (len(records) + 1), f"Re {record['reynolds']:g}")
+        progress((k + 1) / (len(records) + 1), reynolds_text(record))
 
 
 def _verified(records: list[JsonObject]) -> list[JsonObject]:
     if len(records) < 2:
         raise InvalidInput("--family: needs two --runs folders or more")
     for record in records:
-        at = f"--family: the run at Re {record['reynolds']:g}"
+        at = f"--family: the run at {reynolds_text(record)}"
         if record.get("cd_verified") is None:
             raise InvalidInput(f"{at} is not verified")
         if not (is_compared(record) or is_about_lift(record)):
@@ -143,14 +145,14 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
 
 def _evolution(record: JsonObject, out: Path) -> None:
     path = np.array(record["path"])
-    captions = [f"Re {record['reynolds']:g}, step {k}" for k in range(len(path))]
+    captions = [f"{reynolds_text(record)}, step {k}" for k in range(len(path))]
     if record["surrogate"] != "none":
         surrogate = load(record["surrogate"])
         if surrogate.scene != run_scene(record):
             raise InvalidInput(f"{record['surrogate']}: has another scene than its run")
-        network = surrogate.network
-        reynolds = jnp.asarray(record["reynolds"])
-        drags = jax.vmap(network.drag, in_axes=(0, None))(jnp.asarray(path), reynolds)
+        model = run_reference(record).model(surrogate.network)
+        reynolds = jnp.asarray(run_reynolds(record))
+        drags = jax.vmap(model.loads, in_axes=(0, None))(jnp.asarray(path), reynolds)[:, 0]
         captions = [f"{c}, Cd {d:.4f} (surrogate)" for c, d in zip(captions, drags, strict=True)]
     render_evolution(run_scene(record).family, path, captions, out)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shapeopt.records import reynolds_text, run_body, run_reference, run_reynolds, run_scene
 from shapeopt.render.figures import (
     FROM_ABOVE,
     INK,
@@ -17,7 +18,6 @@ from shapeopt.render.figures import (
     width_over_height,
 )
 from shapeopt.render.sheets import is_about_lift, reference_name, standing
-from shapeopt.runs import run_body, run_scene
 from surrogate.body.body_class import drawn_contour
 from surrogate.files import JsonObject
 from surrogate.flow.surface.surface import Surface
@@ -46,7 +46,7 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
                 (friction, "$C_f$", "friction"),
             ):
                 axis.axhline(0, color=INK, lw=0.6)
-                axis.set(xlim=(0, 1), ylabel=label, title=f"Re {record['reynolds']:g}, {title}")
+                axis.set(xlim=(0, 1), ylabel=label, title=f"{reynolds_text(record)}, {title}")
             pressure.legend(frameon=False, title=standing(record), alignment="left")
         for axis in axes[-1]:
             axis.set_xlabel("x / c, nose to tail")
@@ -59,7 +59,7 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     Where a run was for lift, the glide ratios stand for the drag reductions. Bodies wider than
     high are also drawn from above, as a line. Returns the path of the PNG.
     """
-    records = sorted(records, key=lambda record: record["reynolds"])
+    records = sorted(records, key=run_reynolds)
     bodies = [
         np.asarray(drawn_contour(run_scene(r).family.body_class, run_body(r), 400)) for r in records
     ]
@@ -80,7 +80,7 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
             axis.plot(*np.vstack([circle, circle[:1]]).T, color=START, lw=1, ls=(0, (4, 3)))
             axis.set(xlim=(-x, x), ylim=(-y, y), aspect="equal")
             above = FROM_ABOVE * (flatness > 1)
-            axis.set_title(f"Re {record['reynolds']:g}{above}", loc="center")
+            axis.set_title(f"{reynolds_text(record)}{above}", loc="center")
             axis.set_axis_off()
         draw = _draw_glide if any(map(is_about_lift, records)) else _draw_reduction
         draw(figure.add_subplot(grid[1, :]), records, colours)
@@ -115,7 +115,8 @@ def _draw_over_reynolds(
     colours: np.ndarray,
 ) -> None:
     """Plot a value of every run over Re, with Cd and words below each."""
-    reynolds = [record["reynolds"] for record in records]
+    reynolds = list(map(run_reynolds, records))
+    by_chord = run_reference(records[0]).by_chord
     axis.plot(reynolds, values, color=START, lw=1.2, zorder=1)
     axis.scatter(reynolds, values, color=colours, s=70, zorder=2)
     for record, x, y, said in zip(records, reynolds, values, words, strict=True):
@@ -125,7 +126,7 @@ def _draw_over_reynolds(
     axis.set(
         xscale="log",
         xlim=(min(reynolds) / max(span, 2) ** 0.12, max(reynolds) * max(span, 2) ** 0.12),
-        xlabel="Reynolds number",
+        xlabel="Reynolds number by the chord" if by_chord else "Reynolds number",
     )
     axis.set_xticks(reynolds, [f"{value:g}" for value in reynolds])
     axis.minorticks_off()

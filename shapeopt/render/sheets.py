@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from shapeopt.problem.scenarios import LOAD_BOUNDS
+from shapeopt.records import reynolds_text, run_body, run_reference, run_scene
 from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel, render_flows
-from shapeopt.runs import run_body, run_scene
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
@@ -53,9 +53,9 @@ def before_and_after(record: JsonObject) -> list[Panel]:
       NotConverged: a flow did not converge.
     """
     reference, optimum = solve_run(record)
-    reynolds, lifting = f"Re {record['reynolds']:.4g}", run_scene(record).family.has_lift
-    before = [reynolds, reference_name(record), *_coefficients(reference, lifting)]
-    after = [reynolds, "optimum", *_coefficients(optimum, lifting)]
+    reynolds, lifting = reynolds_text(record), run_scene(record).family.has_lift
+    before = [reynolds, reference_name(record), *_coefficients(record, reference)]
+    after = [reynolds, "optimum", *_coefficients(record, optimum)]
     if is_compared(record):
         after.append(f"{100 * (optimum.drag / reference.drag - 1):+.1f} %")
     before, after = (GAP.join(words) for words in (before, after))
@@ -85,13 +85,15 @@ def is_about_lift(record: JsonObject) -> bool:
     return any(name in constraints for name in LOAD_BOUNDS)
 
 
-def _coefficients(solution: Solution, lifting: bool) -> list[str]:
+def _coefficients(record: JsonObject, solution: Solution) -> list[str]:
     """Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, for a title."""
-    words, cl = [f"Cd {solution.drag:.4f}"], round(solution.lift, 4) + 0.0  # no minus zero
+    unit = solution.chord if run_reference(record).by_chord else 1.0
+    cl = round(solution.lift / unit, 4) + 0.0  # no minus zero
+    words, lifting = [f"Cd {solution.drag / unit:.4f}"], run_scene(record).family.has_lift
     if lifting:
         words.append(f"Cl {cl:.4f}")
     if lifting and solution.shape.dimension == 2:
-        words.append(f"Cl/Cd {cl / solution.drag:.3f}")
+        words.append(f"Cl/Cd {cl * unit / solution.drag:.3f}")
     return words
 
 

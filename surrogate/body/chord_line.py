@@ -7,6 +7,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.incidence import rotate
 from surrogate.body.shape import Shape
 
+DIAMETER, CHORD = "diameter", "chord"  # names of reference lengths, in files and options
 POWERS = np.array([1, 1, 2])  # of the chord, by which Cd, Cl and Cm by D are divided
 FLAT = 1e-3  # of the length, by which the smoothed points of a flat face lie behind one another
 

@@ -92,9 +92,13 @@ function makeFamily(data) {
     };
   }
 
+  // Length from nose to tail at zero incidence, in D.
+  const chord = (parameters) =>
+    dimension === 3 ? 2 * solid(parameters).length : Math.sqrt(parameters[0]);
+
   // Contour at zero incidence, clockwise from the nose, centroid at the origin; 3-D: from the side.
   function outline(parameters, nodes) {
-    const [[aspect], betas, gammas] = [parameters, betasOf(parameters), gammasOf(parameters)];
+    const [betas, gammas] = [betasOf(parameters), gammasOf(parameters)];
     const angles = Array.from({ length: nodes }, (_, n) => (2 * Math.PI * n) / nodes);
     if (dimension === 3) {
       const { length, height, centre } = solid(parameters);
@@ -102,8 +106,8 @@ function makeFamily(data) {
     }
     return centred(
       angles.map((t) => [
-        (-Math.sqrt(aspect) / 2) * Math.cos(t),
-        (radius(betas, t) + camber(gammas, t)) / (2 * Math.sqrt(aspect)),
+        (-chord(parameters) / 2) * Math.cos(t),
+        (radius(betas, t) + camber(gammas, t)) / (2 * chord(parameters)),
       ]),
     );
   }
@@ -135,6 +139,6 @@ function makeFamily(data) {
   const { reference } = data;
   return {
     ...{ names, bounds, width, dimension, reference, incidenceOf },
-    ...{ thicknessRatio, valid, clear, within, nearest, outline, contour, skin },
+    ...{ thicknessRatio, valid, clear, within, nearest, chord, outline, contour, skin },
   };
 }

@@ -40,8 +40,16 @@ function showLift(body, re, loads, valid) {
   for (const [id, value] of Object.entries(numbers)) {
     element(id).textContent = valid ? fixed(value, id === "ratio" ? 3 : decimals) : "\u2013";
   }
+  element("by-chord").textContent = valid && model.dimension === 2 ? byChord(body, re, numbers, drag) : "";
   drawForce(loads, model.loads(model.reference, re)[0].value, valid);
   drawLift(body, re, valid);
+}
+
+// Reynolds number and coefficients of a section by its chord c: Cd / c, Cl / c, Cm / c^2.
+function byChord(body, re, { cl, cm }, cd) {
+  const c = model.chord(body);
+  const [drag, lift, moment] = [significant(cd / c), fixed(cl / c, 3), fixed(cm / c ** 2, 3)];
+  return `By the chord, ${c.toFixed(3)} D: Re ${significant(re * c)}, Cd ${drag}, Cl ${lift}, Cm ${moment}`;
 }
 
 // Show a slider's value in its field and to screen readers: Re, not its logarithm.

@@ -1,0 +1,79 @@
+"""Records of runs, read from their folders: scene, body, and Reynolds number."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shapeopt.problem.reference import Reference
+from surrogate.body.chord_line import CHORD
+from surrogate.checks import finite_number
+from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject, file_digest, path_of, strict_json
+from surrogate.scene.limits import check_reynolds
+from surrogate.scene.scene import Scene
+
+RECORD = "run.json"
+LONGEST_RECORD = 1 << 24  # bytes
+DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
+
+
+def is_whole(folder: Path, record: JsonObject) -> bool:
+    """Return whether the files of a run are those that were written with its record."""
+    files = record.get("files_sha256") or {RECORD: ""}
+    names = (folder / name for name in files)
+    return all(path.is_file() and file_digest(path) == files[path.name] for path in names)
+
+
+def load_run(folder: str | Path) -> dict[str, Any]:
+    """Return the record of a run.
+
+    Raises:
+      InvalidInput: the folder is missing, or has no readable run.
+    """
+    folder = path_of(folder)
+    try:
+        if (folder / RECORD).stat().st_size > LONGEST_RECORD:
+            raise ValueError
+        record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
+        scene = Scene.of(record["scene"])
+        scene.family.check(scene.family.parameters(record["parameters"]))
+        scene.family.check_all(np.array(record["path"]))
+        check_reynolds(record["reynolds"], True, scene.dimension)
+        finite_number("Reynolds number", run_reynolds(record))
+        drags = [record[name] for name in DRAGS if record.get(name) is not None]
+        cases, name = record.get("cases", []), record["surrogate"]
+        sound = all(finite_number("drag", drag) > 0 for drag in drags) and record["path"]
+        if not (sound and isinstance(cases, list) and isinstance(name, str)):
+            raise ValueError
+        return record
+    except OSError:
+        raise InvalidInput(f"run {folder}: no {RECORD} there; a run has one") from None
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise InvalidInput(f"run {folder}: {RECORD} is damaged or of another program") from None
+
+
+def run_scene(record: dict[str, Any]) -> Scene:
+    """Return the scene of a run."""
+    return Scene.of(record["scene"])
+
+
+def run_body(record: dict[str, Any]) -> np.ndarray:
+    """Return the parameters of the body that a run found."""
+    return run_scene(record).family.parameters(record["parameters"])
+
+
+def run_reference(record: dict[str, Any]) -> Reference:
+    """Return the reference length of a run's coefficients."""
+    return Reference(run_scene(record).family.body_class, record.get("reference") == CHORD)
+
+
+def run_reynolds(record: dict[str, Any]) -> float:
+    """Return the Reynolds number of a run by its reference length."""
+    return record["chord_reynolds" if run_reference(record).by_chord else "reynolds"]
+
+
+def reynolds_text(record: dict[str, Any]) -> str:
+    """Return the Reynolds number of a run as words."""
+    words = "chord Re" if run_reference(record).by_chord else "Re"
+    return f"{words} {run_reynolds(record):.4g}"
