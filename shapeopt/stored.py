@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from shapeopt.problem.problem import Problem
+from shapeopt.problem.problem import NO_CONSTRAINTS, Problem
 from shapeopt.records import RECORD, is_whole, load_run
 from shapeopt.runs import check_run_folder
 from surrogate.files import JsonObject, path_of, target_of
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import check_settings
-
-NO_CONSTRAINTS = ("scene", "reynolds")  # fields of a problem
 
 
 def design_settings(
@@ -38,6 +36,8 @@ def design_settings(
         "until": "flow" if on_flow else "surrogate",
         "memory": memory and str(target_of(memory)),
     }
+    if problem.by_chord:  # runs by D lack it, as those of earlier versions do
+        settings["by_chord"] = True
     return json.loads(json.dumps(settings))
 
 

@@ -41,7 +41,7 @@ def test_solve_drag_refuses_what_makes_no_sense_in_3d(words, message):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("", "--reynolds: give it; only --objective settling finds its own"),
+        ("", "--reynolds: give it, or --chord-reynolds; only --objective settling"),
         ("--objective settling", "goes with --objective settling, which needs it"),
         ("--reynolds 20 --archimedes 100", "goes with --objective settling"),
         ("--objective settling --archimedes 100 --reynolds 20", "finds its Reynolds number"),

@@ -31,6 +31,7 @@ from shapeopt.render.pictures import (
     render_flows,
 )
 from shapeopt.render.plots import plot_family, plot_surfaces
+from shapeopt.render.polar import plot_polar
 from shapeopt.render.sheets import before_and_after, solve_run
 from surrogate import Family, Fidelity, Flow, Scene, family_shape, save
 from surrogate.flow.grid.wall_2d import outward
@@ -373,3 +374,18 @@ def test_mistakes_with_bodies_over_lift_get_one_clear_line(mistake, words, tmp_p
     (line,) = captured.err.strip().splitlines()
     assert words in line
     assert not list(tmp_path.iterdir())
+
+
+def test_polars_have_bars_where_errors_have_bounds(tmp_path):
+    def drawn(*bounds):
+        names = ("estimated_error", "estimated_lift_error", "estimated_moment_error")
+        known = dict(zip(names, bounds, strict=True))
+        at = {"reynolds": 10.0, "chord_reynolds": 20.0, "reference": "diameter"} | known
+        loads = [
+            {"incidence": a, "cd": 2 + a / 9, "cl": a / 9, "cm": a / 30} for a in (0.0, 4.0, 8.0)
+        ]
+        return pixels(plot_polar([at | row for row in loads], "polar", tmp_path / "polar.png"))[1]
+
+    plain = drawn(None, None, None)
+    for one in ((0.2, None, None), (None, 0.3, None), (None, None, 0.1)):
+        assert np.any(drawn(*one) != plain)

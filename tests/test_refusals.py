@@ -131,6 +131,7 @@ WRONG_TYPES = {
     "stations": lambda net: Problem(net.scene, 20.0, stations=[0.5]),
     "within": lambda net: Problem(net.scene, 20.0, within="aspect"),
     "list of numbers": lambda net: Weighted(10, 40),
+    r"aspect \[\[1.0\].*: must be": lambda net: net.drag({"aspect": [[1.0], [1.0, 2.0]]}, 20.0),
     "no aspect;": lambda net: net.drag({"beta2": np.zeros(3)}, 20.0),
     "incidence is none": lambda net: net.drag({"aspect": np.ones(2), "incidence": [0, 5]}, 20.0),
     r"aspect \(2,\), beta2 \(3,\)": lambda net: net.drag(

@@ -110,10 +110,7 @@ def _emitted(
     """
     pairs = list(zip(rows, bounds, strict=True))
     on_flow = result["until"] == "flow"
-    name = "chord Re" if result.get("reference") == CHORD else "Re"
-    lines = [
-        f"{name} {row['reynolds']:<6g} {bound:16} {_line(row, on_flow)}" for row, bound in pairs
-    ]
+    lines = [f"{_at(row, result):10} {bound:16} {_line(row, on_flow)}" for row, bound in pairs]
     late = [row for row in rows if row["onset"] and row["reynolds"] > row["onset"]]
     lines += [f"  {unsteady_remark(min(late, key=lambda row: row['onset']))}"] if late else []
     ends = sorted({name for row in rows for name in row["at_range_ends"] or ()})
@@ -121,7 +118,7 @@ def _emitted(
     emit(result, as_json, "\n".join([*lines, f"-> {result['out']}"]))
     if lost := [(row, bound) for row, bound in pairs if row["why_not"]]:
         row, bound = lost[0]
-        reason = f"{bound} at Re {row['reynolds']:g}: {row['why_not']}"
+        reason = f"{bound} at {_at(row, result)}: {row['why_not']}"
         raise NotConverged(f"{len(lost)} of {len(rows)} bodies were not found: {reason}")
     return result
 
@@ -133,6 +130,13 @@ def _model(arguments: argparse.Namespace, surrogate: Surrogate) -> Surrogate | D
     if arguments.memory is not None:
         raise InvalidInput("--memory: goes with --until flow")
     return surrogate
+
+
+def _at(row: JsonObject, result: JsonObject) -> str:
+    """The Reynolds number of a row, by the chord where the coefficients are."""
+    if result.get("reference") == CHORD:
+        return f"chord Re {row['chord_reynolds']:g}"
+    return f"Re {row['reynolds']:g}"
 
 
 def _lift(row: JsonObject) -> str:

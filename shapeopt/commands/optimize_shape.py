@@ -172,7 +172,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         lines.append(f"  at the end of its range: {', '.join(ends)}; {wider}")
     if costs := multiplier_words(r.get("multipliers", {})):
         what = "-Cl / Cd" if "glide" in r else "the objective"
-        lines.append(f"  change of {what} per unit of each active bound: {', '.join(costs)}")
+        where = "" if problem.objective.fixed else ", at this Re"
+        lines.append(f"  change of {what} per unit of each active bound{where}: {', '.join(costs)}")
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "

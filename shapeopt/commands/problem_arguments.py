@@ -150,7 +150,8 @@ def _objective(arguments: argparse.Namespace) -> Objective:
     elif arguments.reynolds is not None:
         reynolds = numbers(arguments.reynolds)
     else:
-        raise InvalidInput("--reynolds: give it; only --objective settling finds its own")
+        others = "or --chord-reynolds; only --objective settling finds its own"
+        raise InvalidInput(f"--reynolds: give it, {others}")
     if arguments.objective in SINGLE:
         if arguments.weights is not None:
             raise InvalidInput(f"--weights: --objective {arguments.objective} has none")

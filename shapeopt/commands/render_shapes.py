@@ -135,6 +135,8 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         at = f"--family: the run at {reynolds_text(record)}"
         if record.get("cd_verified") is None:
             raise InvalidInput(f"{at} is not verified")
+        if not is_about_lift(record) and run_reference(record).by_chord:
+            raise InvalidInput(f"{at} is by the chord: its drag is compared with no other body's")
         if not (is_compared(record) or is_about_lift(record)):
             body = run_scene(record).family.round_body
             raise InvalidInput(f"{at} has no drag of the {body}, whose flow did not converge")

@@ -15,8 +15,10 @@ from surrogate.arrays import AnyArray
 from surrogate.checks import did_you_mean, expect, finite_number, interval, shown
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
+from surrogate.scene.stream import Unbounded
 
 LEAST_GAP = 1e-6  # between the bounds on Cm: searches need an interior
+NO_CONSTRAINTS = ("scene", "reynolds", "by_chord")  # fields of a problem
 RANGE_END = 1e-6  # of a range's width, within which a parameter is at its end
 
 
@@ -50,7 +52,7 @@ class Problem:
       by_chord: whether bodies of one chord c are compared in place of bodies of one area, in 2-D:
         Reynolds numbers are U c / nu, loads and their bounds Cd / c, Cl / c and Cm / c^2 with c in
         D, and lengths are in chords, as ``min_thickness`` 0.3. It goes with one Reynolds number
-        (also that of ``Glide``), and without ``max_length``.
+        (also that of ``Glide``) in unbounded streams, and without ``max_length``.
 
     Raises:
       InvalidInput: a value is out of its range, or the ranges of parameters contradict each other.
@@ -81,14 +83,16 @@ class Problem:
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", AtReynolds(self.reynolds).reynolds)
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
-        object.__setattr__(self, "stations", tuple(map(_checked_station, self.stations)))
+        expect("by_chord", self.by_chord, bool, "bool")
+        stations = (_checked_station(given, self.reference.symbol) for given in self.stations)
+        object.__setattr__(self, "stations", tuple(stations))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
         if self.within is not None:
             ranges = {name: interval(f"range of {name}", x) for name, x in self.within.items()}
             object.__setattr__(self, "within", ranges)
         for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
-                object.__setattr__(self, name, _checked_length(name, bound))
+                object.__setattr__(self, name, _checked_length(name, bound, self.reference.symbol))
         if self.max_camber is not None and not self.scene.family.body_class.camber_modes:
             raise InvalidInput("max camber: the bodies of this scene have no camber")
         for name in LOAD_BOUNDS:
@@ -100,7 +104,6 @@ class Problem:
         object.__setattr__(self, "trust", finite_number("trust", self.trust))
         if not 0 <= self.trust < 0.5:
             raise InvalidInput(f"trust {self.trust:g}: from 0 to below 0.5 of a range's width")
-        expect("by_chord", self.by_chord, bool, "bool")
         if self.by_chord:
             self._check_by_chord()
         self._check_ranges()
@@ -119,7 +122,8 @@ class Problem:
     @property
     def constraints(self) -> dict[str, object]:
         """The constraints that are set, by their names as arguments of ``Problem``."""
-        values = ((field, getattr(self, field.name)) for field in dataclasses.fields(self)[2:-1])
+        fields = (one for one in dataclasses.fields(self) if one.name not in NO_CONSTRAINTS)
+        values = ((field, getattr(self, field.name)) for field in fields)
         return {field.name: value for field, value in values if value != field.default}
 
     @property
@@ -198,11 +202,15 @@ class Problem:
     def _check_by_chord(self):
         if self.scene.dimension != 2:
             raise InvalidInput("by chord: is for 2-D bodies; coefficients of 3-D ones are by areas")
+        if self.scene.stream != Unbounded():
+            raise InvalidInput("by chord: is for unbounded streams; the height of tunnels is in D")
         if self.max_length is not None:
             raise InvalidInput("max length: by the chord all bodies have the length 1")
         if not isinstance(self.objective, AtReynolds):
             kind = type(self.objective).__name__
             raise InvalidInput(f"by chord: goes with one certain Reynolds number, not with {kind}")
+        if not self.objective.nominal > 0:
+            raise InvalidInput(f"Reynolds number {self.objective.nominal:g}: must be above 0")
         needed = covered_aspects(self.scenarios.reynolds, self.scene.reynolds)
         aspects = dict(self.scene.family.ranges)["aspect"]
         if max(needed[0], aspects[0]) > min(needed[1], aspects[1]):
@@ -235,14 +243,14 @@ class Problem:
                 )
 
 
-def _checked_station(given: object) -> Station:
+def _checked_station(given: object, unit: str) -> Station:
     if not isinstance(given, list | tuple) or len(given) != 2:
         raise InvalidInput(f"stations: {shown(given)} is no Station(x, thickness)")
     given = Station(*given)
     x = finite_number("station x/c", given.x)
     if not 0 < x < 1:
         raise InvalidInput(f"station x/c = {x:g}: between 0 (nose) and 1 (tail)")
-    return Station(x, _checked_length(f"thickness at {x:g} c", given.thickness))
+    return Station(x, _checked_length(f"thickness at {x:g} c", given.thickness, unit))
 
 
 def _checked_load(scene: Scene, name: str, given: object) -> float:
@@ -255,8 +263,8 @@ def _checked_load(scene: Scene, name: str, given: object) -> float:
     return value
 
 
-def _checked_length(name: str, given: object) -> float:
+def _checked_length(name: str, given: object, unit: str) -> float:
     length = finite_number(name, given)
     if not length > 0:
-        raise InvalidInput(f"{name} {length:g}: must be a finite length above 0, in D")
+        raise InvalidInput(f"{name} {length:g}: must be a finite length above 0, in {unit}")
     return length

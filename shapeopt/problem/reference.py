@@ -6,6 +6,7 @@ import functools
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from shapeopt.problem.scenarios import LoadModel
@@ -34,9 +35,9 @@ class Reference:
         """The length's symbol, for messages."""
         return "c" if self.by_chord else "D"
 
-    def length(self, parameters: Float[AnyArray, " parameters"]) -> Float[Array, ""]:
+    def length(self, parameters: Float[AnyArray, " parameters"]) -> Float[AnyArray, ""]:
         """Return the reference length of a body, in D."""
-        return self.body_class.length(parameters) if self.by_chord else jnp.ones(())
+        return self.body_class.length(parameters) if self.by_chord else np.ones(())
 
     def query(
         self, parameters: Float[AnyArray, " parameters"], reynolds: float
@@ -46,16 +47,16 @@ class Reference:
 
     def loads(
         self, parameters: Float[AnyArray, " parameters"], loads: Float[AnyArray, " loads"]
-    ) -> Float[Array, " loads"]:
+    ) -> Float[AnyArray, " loads"]:
         """Return the loads of a body by the reference length, from those by D."""
-        return loads_by_chord(jnp.asarray(loads), self.length(parameters))
+        return loads_by_chord(loads, self.length(parameters))
 
     def slopes(
         self,
         parameters: Float[AnyArray, " parameters"],
         loads: Float[AnyArray, " loads"],
         slopes: Float[AnyArray, "loads inputs"],
-    ) -> Float[Array, "loads inputs"]:
+    ) -> Float[AnyArray, "loads inputs"]:
         """Return derivatives of ``loads(parameters, loads)`` by the parameters and log Re.
 
         Args:
@@ -64,7 +65,7 @@ class Reference:
           slopes: their derivatives by the parameters and log Re, by D, where Re is by D too.
         """
         if not self.by_chord:
-            return jnp.asarray(slopes)
+            return slopes
         return _slopes_by_chord(self, parameters, loads, slopes)
 
     def model(self, model: LoadModel) -> LoadModel:

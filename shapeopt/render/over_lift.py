@@ -38,6 +38,8 @@ def plot_over_lift(
       path: of the picture.
       by_chord: whether Re and coefficients are by the chord.
     """
+    number = best["chord_reynolds"] if by_chord else best["reynolds"]
+    reynolds = f"{'chord ' * by_chord}Re {number:.4g}"
     lifts = [0.0, *(row["cl"] for row in (*rows, best))]
     span = max(lifts) - min(lifts) or 1.0
     left, right = min(lifts) - 0.08 * span, max(lifts) + 0.1 * span
@@ -52,7 +54,7 @@ def plot_over_lift(
             ylim=(0, 1.35 * max(row["cd"] for row in (*rows, best))),
             xlabel="$C_l$",
             ylabel="$C_d$",
-            title=f"least drag over the lift, Re {best['reynolds']:g}{' by the chord' * by_chord}",
+            title=f"least drag over the lift, {reynolds}",
         )
         axis.axvline(0, color=INK, lw=0.6, zorder=0)
         axis.legend(loc="lower right")

@@ -19,7 +19,11 @@ LABELS = {
     "chord_reynolds": "Reynolds number $U c / \\nu$",
 }
 SYMBOLS = {"reynolds": "Re", "chord_reynolds": "chord Re"}
-BOUNDS = {"cl": "estimated_lift_error", "cm": "estimated_moment_error"}
+ERRORS = {
+    "cd": "estimated_error",  # over Cd
+    "cl": "estimated_lift_error",
+    "cm": "estimated_moment_error",
+}
 PANELS = (("cd", "cl"), ("incidence", "cl"), ("incidence", "cd"), ("incidence", "cm"))
 
 
@@ -89,10 +93,11 @@ def _draw(axis: plt.Axes, rows: list[JsonObject], x: str, y: str, **look: object
 
 
 def _bound(row: JsonObject, name: str) -> float:
-    """Return the bound of the error of a load; 0 of what has none, and where it is not known."""
-    if name == "cd":
-        return (row.get("estimated_error") or 0.0) * row["cd"]
-    return row.get(BOUNDS.get(name, "")) or 0.0
+    """Return the bound of the error of a load; NaN, which draws no bar, of what has none."""
+    bound = row.get(ERRORS[name]) if name in ERRORS else None
+    if bound is None:
+        return np.nan
+    return bound * row["cd"] if name == "cd" else bound
 
 
 def _plain_ticks(axis: Axis) -> None:

@@ -32,8 +32,8 @@ def reference_name(record: JsonObject) -> str:
     """Return the name of a run's reference body.
 
     It is the cylinder (in 3-D the sphere), with whose drag the optimum's is compared. Where it is
-    not, since the run was about lift or the cylinder's flow does not converge, it is the ellipse
-    (spheroid) of the optimum's aspect along the stream.
+    not, as the run was by the chord or about lift, or the cylinder's flow does not converge, it is
+    the ellipse (spheroid) of the optimum's aspect along the stream.
     """
     scene = run_scene(record)
     if is_compared(record):
@@ -68,7 +68,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 def is_compared(record: JsonObject) -> bool:
     """Return whether a run's drag is compared with that of the cylinder (sphere)."""
     unsolved = record.get("cd_verified") is not None and record.get("cd_start") is None
-    return not unsolved and not is_about_lift(record)
+    return not (unsolved or is_about_lift(record) or run_reference(record).by_chord)
 
 
 def is_about_lift(record: JsonObject) -> bool:

@@ -56,14 +56,16 @@ class Design:
 
     def summary(self) -> str:
         """Return the body, and how it was found, as lines of text."""
+        by = " by the chord" if self.problem.by_chord else ""
         lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self._has_lift else {}
+        lift = {name: f"{text}{by}" for name, text in lift.items()}
         return aligned(
             {
                 "body": listed(self._named),
                 "chord": f"{self.chord:.4g} D",
                 **self._camber,
-                "objective": f"{self.objective:.5g}, from {self.start:.5g} where the search began",
-                "Cd": f"{self.drag:.5g}",
+                "objective": f"{self.objective:.5g}, from {self.start + 0.0:.5g} where the search began",
+                "Cd": f"{self.drag:.5g}{by}",
                 **lift,
                 **self._ends,
                 **self._costs,

@@ -20,7 +20,7 @@ from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Kriging, Observation, kriging, likeliest, uncorrected
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
-from surrogate.scene.limits import REYNOLDS
+from surrogate.scene.limits import REYNOLDS, ROUNDING
 
 KIND = "flows of a designer"  # "kind" of the file
 LARGEST = 1e7  # magnitude of a drag or slope beyond which a file is damaged
@@ -187,7 +187,8 @@ def _rows(record, flow):
         for p, re, loads, slopes in record["flows"]
     ]
     count = len(flow.bodies.loads)
-    size, (least, most) = len(flow.scene.family.names), REYNOLDS[flow.scene.dimension]
+    size = len(flow.scene.family.names)
+    least, most = np.multiply(REYNOLDS[flow.scene.dimension], (1 - ROUNDING, 1 + ROUNDING))
     for seen in rows:
         numbers = np.concatenate([seen.parameters, seen.loads, seen.slopes.ravel()])
         shapes = seen.parameters.shape, seen.loads.shape, seen.slopes.shape

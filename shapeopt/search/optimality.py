@@ -79,7 +79,8 @@ def multipliers(
 
     They are the Lagrange multipliers m of ``kkt_residual`` in the units of the bounds: positive
     where a larger value of the bound raises the objective. Those of several active constraints of
-    one bound, as of a greatest thickness at several stations, are summed.
+    one bound, as of a greatest thickness at several stations, are summed. They hold at constant
+    Reynolds numbers, also where the objective finds its own, as ``Settling``.
 
     Args:
       problem: objective and constraints.

@@ -110,7 +110,7 @@ def propose_all(
     ends, values, evaluations = map_over_devices(devices, minimise_from_all, model, rows)
     found = []
     for k, problem in enumerate(problems):
-        end = jax.tree.map(lambda leaf, k=k: leaf[k], ends)
+        end = _without_padding(jax.tree.map(lambda leaf, k=k: leaf[k], ends), problem)
         sound = end.feasibility >= FEASIBLE and np.isfinite(end.value)
         if not (sound and (end.converged or not require_converged)):
             raise NotConverged(_failure(problem, model, end))
@@ -130,6 +130,19 @@ def propose_all(
             )
         )
     return found
+
+
+def _without_padding(end: SqpResult, problem: Problem) -> SqpResult:
+    """Return the end of a search with the constraints on loads of the problem's own cases alone."""
+    cases = len(problem.scenarios.weight)
+
+    def kept(rows):
+        by_bound = np.reshape(rows, (len(LOAD_BOUNDS), -1, *rows.shape[1:]))
+        return by_bound[:, :cases].reshape(-1, *rows.shape[1:])
+
+    if not len(end.of_loads):
+        return end
+    return end._replace(of_loads=kept(end.of_loads), by_loads=kept(end.by_loads))
 
 
 def best_draws(

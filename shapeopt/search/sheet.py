@@ -68,17 +68,23 @@ def _optimum(model: Surrogate | Designer, problem: Problem) -> Design | NotConve
 def row_of(problem: Problem, found: Design | NotConverged) -> Row:
     """Return a problem's Reynolds number and its optimum as a row; without one "why_not" says why.
 
-    Coefficients and Reynolds numbers, also that of the onset, are by the problem's reference
-    length.
+    Coefficients are by the problem's reference length, "reynolds" and "onset" by D. Without an
+    optimum by the chord "reynolds" is None, without one by D "chord_reynolds" is.
 
     "flows" are those of this design alone, which used the flows of the designs before it.
     """
-    row: Row = dict.fromkeys(OPTIMUM) | {"reynolds": problem.objective.nominal, "why_not": None}
+    nominal, by_chord = problem.objective.nominal, problem.by_chord
+    row: Row = dict.fromkeys(OPTIMUM) | {"why_not": None}
+    row["reynolds"] = None if by_chord else nominal
+    row["chord_reynolds"] = nominal if by_chord else None
     if isinstance(found, NotConverged):
         return row | {"why_not": str(found)}
     family = problem.scene.family
-    body, unit = family.named(found.parameters), float(problem.reference.length(found.parameters))
+    body = family.named(found.parameters)
+    reynolds = problem.reference.query(found.parameters, nominal)[1]
     return row | {
+        "reynolds": reynolds,
+        "chord_reynolds": reynolds * found.chord,
         "parameters": body,
         "chord": found.chord,
         "cd": found.drag,
@@ -87,7 +93,7 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "glide": found.lift / found.drag,
         "kkt_residual": found.kkt_residual,
         "flows": found.flows,
-        "onset": unit * onset_of(family_shape(body, dimension=problem.scene.dimension)),
+        "onset": onset_of(family_shape(body, dimension=problem.scene.dimension)),
         "at_range_ends": problem.at_range_ends(found.parameters),
     }
 

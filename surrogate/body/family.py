@@ -142,15 +142,25 @@ class Family:
             number.
         """
         expect("body", named, Mapping, "table of parameters, as {'aspect': 2}")
+        self._check_aspect(named)
+        values = {name: one_number(name, value) for name, value in named.items()}
+        self._check_names(values)
+        ordered = [values.get(name, PARAMETERS[name].neutral) for name in self.names]
+        return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)
+
+    def _check_aspect(self, named):
         if "aspect" not in named:
             raise InvalidInput(f"body: has no aspect; {self._wanted}")
-        values = {name: one_number(name, value) for name, value in named.items()}
-        neutral = {name: parameter.neutral for name, parameter in PARAMETERS.items()}
-        others = {n: value for n, value in values.items() if n not in self.names}
-        foreign = [n for n, value in others.items() if traced(value) or value != neutral.get(n)]
-        if foreign:
-            name, hint = foreign[0], did_you_mean(foreign[0], self.names)
-            if name in PARAMETERS:
+
+    def _check_names(self, values):
+        """Raise InvalidInput where a parameter that the family lacks is not neutral."""
+        for name, value in values.items():
+            known = PARAMETERS.get(name)
+            neutral = known and not traced(value) and np.all(value == known.neutral)
+            if name in self.names or neutral:
+                continue
+            hint = did_you_mean(name, self.names)
+            if known:
                 hint = (
                     f"; scenes that give {name} a range have it (pretrained:lift has camber and "
                     "incidence in 2-D, pretrained:particle flatness and incidence in 3-D)"
@@ -158,15 +168,13 @@ class Family:
             raise InvalidInput(
                 f"body: {name} is none of the family's {', '.join(self.names)}{hint}"
             )
-        ordered = [values.get(name, neutral[name]) for name in self.names]
-        return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)
 
     def array(self, body: Bodies) -> Bodies:
         """Return tables of parameters as an array, and anything else as it is.
 
         Several bodies are a list of tables, or one table of arrays that broadcast as in NumPy.
         """
-        if isinstance(body, Mapping) and any(map(np.ndim, body.values())):
+        if isinstance(body, Mapping) and any(map(_is_array, body.values())):
             return self._columns(body)
         if isinstance(body, list | tuple) and body and all(isinstance(b, Mapping) for b in body):
             rows = [self.parameters(one) for one in body]
@@ -177,23 +185,21 @@ class Family:
         """Return bodies from arrays of their parameters by name, the parameters in the last axis.
 
         Raises:
-          InvalidInput: as ``parameters`` of one of them; or the arrays do not broadcast.
+          InvalidInput: as ``parameters``; or a value is no array of numbers, or they do not
+            broadcast.
         """
-        values = {n: x if traced(x) else real_numbers(x) for n, x in named.items()}
+        self._check_aspect(named)
+        values = {name: x if traced(x) else real_numbers(x) for name, x in named.items()}
         for name, value in values.items():
-            neutral = PARAMETERS[name].neutral if name in PARAMETERS else None
-            unlike = None if value is None or traced(value) else value[value != neutral]
-            if name not in self.names and (unlike is None or unlike.size):
-                self.parameters({"aspect": 1.0, name: np.nan if unlike is None else unlike[0]})
             if value is None:
                 raise InvalidInput(f"body: {name} {shown(named[name])}: must be numbers")
-        self.parameters(dict.fromkeys(set(values) & set(self.names), 1.0))  # refuses no aspect
-        columns = [values.get(n, PARAMETERS[n].neutral) for n in self.names]
+        self._check_names(values)
+        columns = [values.get(name, PARAMETERS[name].neutral) for name in self.names]
         xp = jnp if traced(*columns) else np
         try:
             return xp.stack(xp.broadcast_arrays(*map(xp.asarray, columns)), axis=-1)
         except ValueError:
-            shapes = ", ".join(f"{n} {np.shape(x)}" for n, x in values.items())
+            shapes = ", ".join(f"{name} {np.shape(x)}" for name, x in values.items())
             raise InvalidInput(f"body: arrays that do not broadcast, of shapes {shapes}") from None
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
@@ -310,6 +316,10 @@ class Family:
     @property
     def _wanted(self):
         return f"{len(self.names)} parameters are needed: {', '.join(self.names)}"
+
+
+def _is_array(value):
+    return isinstance(value, list | tuple) or getattr(value, "ndim", 0) > 0
 
 
 def _range(name, given):
