@@ -56,6 +56,7 @@ class Design:
 
     def summary(self) -> str:
         """Return the body, and how it was found, as lines of text."""
+        start = self.start + 0.0  # no minus zero
         by = " by the chord" if self.problem.by_chord else ""
         lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self._has_lift else {}
         lift = {name: f"{text}{by}" for name, text in lift.items()}
@@ -64,7 +65,7 @@ class Design:
                 "body": listed(self._named),
                 "chord": f"{self.chord:.4g} D",
                 **self._camber,
-                "objective": f"{self.objective:.5g}, from {self.start + 0.0:.5g} where the search began",
+                "objective": f"{self.objective:.5g}, from {start:.5g} where the search began",
                 "Cd": f"{self.drag:.5g}{by}",
                 **lift,
                 **self._ends,
