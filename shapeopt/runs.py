@@ -127,13 +127,17 @@ def check_run_folder(folder: str | Path) -> None:
 
 def _search_record(design: Design) -> dict[str, Any]:
     """Return the objective, the constraints that are set, and the result of the search."""
-    problem = design.problem
-    reynolds = problem.reference.query(design.parameters, problem.objective.nominal)[1]
+    problem, body = design.problem, design.problem.scene.family.body_class
+    camber = {}
+    if body.camber_modes:
+        camber["camber"] = float(body.camber(design.parameters))
     return {
         "parameters": problem.scene.family.named(design.parameters),
         "chord": design.chord,
-        "reynolds": reynolds,
-        "chord_reynolds": reynolds * design.chord,
+        "thickness": float(body.thickness(design.parameters)),
+        **camber,
+        "reynolds": design.reynolds,
+        "chord_reynolds": design.chord_reynolds,
         "reference": CHORD if problem.by_chord else DIAMETER,
         "objective": {
             "kind": type(problem.objective).__name__,

@@ -1,4 +1,4 @@
-"""Designs by the chord: bodies of one chord, with loads, bounds and lengths by it."""
+"""Designs at fixed chord: loads, bounds and lengths are based on it."""
 
 import jax
 import jax.numpy as jnp
@@ -92,7 +92,8 @@ def test_the_optimum_is_that_of_scipy(pretrained, generator):
     assert found.objective == pytest.approx(theirs.fun, rel=1e-6)
     np.testing.assert_allclose(found.parameters, theirs.x, atol=2e-3)
     assert found.drag == pytest.approx(found.objective, rel=1e-12)
-    assert "by the chord" in found.summary()
+    assert f"{found.reynolds:.4g}, by the chord {reynolds:g}" in found.summary()
+    assert "over c" in repr(found)
     assert float(room(found.parameters)) == pytest.approx(0, abs=1e-6)
     assert found.kkt_residual < KKT_TOLERANCE
 
@@ -183,8 +184,8 @@ def test_what_has_no_chord_of_its_own_is_refused(pretrained):
         optimise(Problem(pretrained.scene, 10.0, min_thickness=1.5, by_chord=True), pretrained)
     with pytest.raises(InvalidInput, match="not with Robust"):
         Problem(pretrained.scene, Robust(10.0, 0.2), by_chord=True)
-    with pytest.raises(InvalidInput, match="by the chord: the family and"):
+    with pytest.raises(InvalidInput, match=r"chord Reynolds number 0\.5: the family and"):
         Problem(pretrained.scene, 0.5, by_chord=True)
     mixed = [Problem(pretrained.scene, 10.0), Problem(pretrained.scene, 10.0, by_chord=True)]
-    with pytest.raises(InvalidInput, match="a call of their own"):
+    with pytest.raises(InvalidInput, match="need the same by_chord"):
         optimise_all(mixed, pretrained)

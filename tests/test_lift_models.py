@@ -398,8 +398,11 @@ def test_designs_by_the_chord(trained, tmp_path, capsys):
     words = ["--surrogate", str(trained[0]), "--chord-reynolds", "15", "--min-thickness", "0.35"]
     record = optimize_shape([*words, "--lift", "0.1", "--out", str(tmp_path / "run")])
     said, chord = capsys.readouterr().out, record["chord"]
-    assert "Re 15 by the chord, " in said
-    assert "verified, by the chord" in said
+    assert "chord Re 15, U D / nu " in said
+    assert "verified, over c and c^2, Cm about the centroid" in said
+    assert "Cd over c " in said
+    assert f"{record['thickness'] / chord:.1%} thickness" in said
+    assert "  by the surrogate: d(objective) / d(bound): " in said
     assert record["reference"] == "chord"
     numbers = record["chord_reynolds"], record["reynolds"]
     assert numbers == pytest.approx((15, 15 / chord))

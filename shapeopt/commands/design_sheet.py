@@ -96,7 +96,7 @@ def _reynolds(arguments: argparse.Namespace) -> list[float]:
     if by_chord is None:
         return sorted(set(numbers(by_diameter)))
     if arguments.lifts is None:
-        raise InvalidInput("--chord-reynolds: goes with --lifts; --max-length varies the chord")
+        raise InvalidInput("--chord-reynolds: goes with --lifts; with --max-length chords differ")
     return sorted(set(numbers(by_chord, "--chord-reynolds")))
 
 
@@ -166,10 +166,13 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     add = parser.add_argument
     add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
-    add("--reynolds", help="one, several as 1,3,10,40, or 1:40:log5")
-    add("--chord-reynolds", help=CHORD_HELP)
+    add("--reynolds", help="U D / nu: one, several as 1,3,10,40, or 1:40:log5")
+    add("--chord-reynolds", help=f"with --lifts: {CHORD_HELP}")
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
-    add("--lifts", help="lower bounds on Cl, by D, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number")
+    add(
+        "--lifts",
+        help="lower bounds on Cl, over D (with --chord-reynolds: c), as 0:0.6:7, at one Re",
+    )
     add_constraint_arguments(parser)
     add("--until", choices=["surrogate", "flow"], default="surrogate", help=UNTIL_HELP)
     add("--memory", help=MEMORY_HELP)

@@ -139,9 +139,11 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
-    lifts, by = "", "by the chord" if problem.by_chord else "by D"
+    lifts, unit = "", problem.reference.symbol
     if lifting and r["cl_verified"] is not None:
-        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, {by}"
+        planar = problem.scene.dimension == 2
+        about = f"over {unit} and {unit}^2, " * planar + "Cm about the centroid"
+        lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, {about}"
     if "glide" in r:
         lifts += f", glide ratio {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
@@ -150,10 +152,13 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     beside = "" if lifting else _beside(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     at = ", ".join(f"{reynolds:g}" for reynolds in numbers)
+    at = f"Re {at}"
     if problem.by_chord:
-        at = f"{r['chord_reynolds']:g} by the chord, {r['reynolds']:.4g} by D"
+        at, name = f"chord Re {r['chord_reynolds']:g}, U D / nu {r['reynolds']:.4g}", "Cd over c"
+        ratios = [f"{r[key] / r['chord']:.1%} {key}" for key in ("thickness", "camber") if key in r]
+        shape += f", {', '.join(ratios)}"
     lines = [
-        f"Re {at}: {shape}, chord {r['chord']:.4f} D{lifts}",
+        f"{at}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {r['cd_verified']:.4f} verified{grid}, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
@@ -170,10 +175,10 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     if ends := r.get("at_range_ends"):
         wider = "surrogates and scenes of wider ranges may have better"
         lines.append(f"  at the end of its range: {', '.join(ends)}; {wider}")
-    if costs := multiplier_words(r.get("multipliers", {})):
-        what = "-Cl / Cd" if "glide" in r else "the objective"
-        where = "" if problem.objective.fixed else ", at this Re"
-        lines.append(f"  change of {what} per unit of each active bound{where}: {', '.join(costs)}")
+    if slopes := r.get("multipliers"):
+        by = "flow" if r["settings"]["until"] == "flow" else "surrogate"
+        at = "" if problem.objective.fixed else ", at this Re"
+        lines.append(f"  by the {by}{at}: {multiplier_words(slopes, 'glide' in r)}")
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "

@@ -25,8 +25,10 @@ UNTIL_HELP = (
     f"violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most {KKT_ACCEPTED:g}"
 )
 CHORD_HELP = (
-    "U c / nu instead, for the best body of one chord c, whatever its area: Cl, Cm and lengths of "
-    "bounds are then by c, as --min-thickness 0.3"
+    "chord Reynolds number U c / nu instead of --reynolds: optimise at fixed chord c, with the "
+    "area free (2-D, one number without --spread, no tunnel). Unlike in solve_drag.py, Cd, Cl and "
+    "Cm are then over c (Cm: c^2) and lengths of bounds in c: --min-thickness 0.3 is t/c, without "
+    "which the thinnest body of the family mostly wins"
 )
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
@@ -46,7 +48,7 @@ def add_problem_arguments(parser: Parser) -> None:
     objective += "of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
-    add("--lift", type=float, help="lower bound on Cl, by D (none)")
+    add("--lift", type=float, help="lower bound on Cl, over D (with --chord-reynolds: c) (none)")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
     add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
@@ -61,14 +63,14 @@ def add_problem_arguments(parser: Parser) -> None:
 def add_constraint_arguments(parser: Parser) -> None:
     """Add the options of constraints other than on length and lift."""
     add = parser.add_argument
-    moment = "lower bound on Cm, by D, about the centroid, nose up (none)"
+    moment = "lower bound on Cm, over D^2 (c^2), about the centroid, nose up (none)"
     add("--min-moment", type=float, help=moment)
     add("--max-moment", type=float, help="upper bound on it (none)")
-    add("--min-thickness", type=float, help="lower bound on the maximum thickness in D (none)")
-    add("--max-thickness", type=float, help="upper bound on it, 3-D: on the height, in D (none)")
-    add("--max-camber", type=float, help="upper bound on the camber, in D, 2-D (none)")
-    add("--thickness-at", help="x/c:minimum thickness in D, as 0.25:0.5,0.75:0.3")
-    add("--min-radius", type=float, help="lower bound on the radius of curvature in D (none)")
+    add("--min-thickness", type=float, help="lower bound on the greatest thickness in D (c) (none)")
+    add("--max-thickness", type=float, help="upper bound on it, 3-D: the height, in D (c) (none)")
+    add("--max-camber", type=float, help="upper bound on the camber in D (c), 2-D (none)")
+    add("--thickness-at", help="x/c:minimum thickness in D (c), as 0.25:0.5,0.75:0.3")
+    add("--min-radius", type=float, help="lower bound on the radius of curvature in D (c) (none)")
     family = parser.add_argument_group("bodies of the family", FAMILY)
     family.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
     add(

@@ -54,7 +54,7 @@ def explain_conflict(problem: Problem) -> str:
         if not _feasible(_without(problem, [*dropped, constraint])):
             dropped.append(constraint)
     names = [constraint.name for constraint in constraints if constraint not in dropped]
-    size = "one chord" if problem.by_chord else problem.scene.family.body_class.size
+    size = "fixed chord" if problem.by_chord else problem.scene.family.body_class.size
     return f"{' and '.join(names)} contradict each other for bodies of {size}; relax one of them"
 
 

@@ -18,7 +18,7 @@ from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Unbounded
 
 LEAST_GAP = 1e-6  # between the bounds on Cm: searches need an interior
-NO_CONSTRAINTS = ("scene", "reynolds", "by_chord")  # fields of a problem
+NO_CONSTRAINTS = ("scene", "reynolds", "by_chord")  # fields of Problem that are none
 RANGE_END = 1e-6  # of a range's width, within which a parameter is at its end
 
 
@@ -31,9 +31,9 @@ class Problem:
 
     Args:
       scene: stream, family of bodies and fidelity.
-      reynolds: a Reynolds number U D / nu, to minimise Cd there; or an objective, ``Glide``,
-        ``Settling``, ``Tumbling``, ``Weighted`` or ``Robust``; several numbers are ``Weighted``
-        equally.
+      reynolds: a Reynolds number U D / nu (``by_chord``: U c / nu), to minimise Cd there; or an
+        objective, ``Glide``, ``Settling``, ``Tumbling``, ``Weighted`` or ``Robust``; several
+        numbers are ``Weighted`` equally.
       max_length: upper bound on the chord.
       min_thickness: lower bound on the greatest thickness; in 3-D on the height.
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
@@ -49,10 +49,10 @@ class Problem:
       max_moment: upper bound on Cm; if it is the lower bound too, Cm is held within 5e-7 of it.
       max_camber: upper bound on the distance of the camber line from the chord, for scenes whose
         bodies have camber.
-      by_chord: whether bodies of one chord c are compared in place of bodies of one area, in 2-D:
+      by_chord: whether to optimise at fixed chord c, with the area free, in place of fixed area:
         Reynolds numbers are U c / nu, loads and their bounds Cd / c, Cl / c and Cm / c^2 with c in
-        D, and lengths are in chords, as ``min_thickness`` 0.3. It goes with one Reynolds number
-        (also that of ``Glide``) in unbounded streams, and without ``max_length``.
+        D, and lengths are in chords, so that ``min_thickness`` is t/c. For 2-D bodies in unbounded
+        streams at a single Reynolds number (also of ``Glide``), without ``max_length``.
 
     Raises:
       InvalidInput: a value is out of its range, or the ranges of parameters contradict each other.
@@ -128,7 +128,7 @@ class Problem:
 
     @property
     def reference(self) -> Reference:
-        """The length by which Reynolds numbers, coefficients and lengths are."""
+        """Reference length of Reynolds numbers, coefficients and bounds."""
         return Reference(self.scene.family.body_class, self.by_chord)
 
     @functools.cached_property
@@ -201,22 +201,28 @@ class Problem:
 
     def _check_by_chord(self):
         if self.scene.dimension != 2:
-            raise InvalidInput("by chord: is for 2-D bodies; coefficients of 3-D ones are by areas")
+            raise InvalidInput(
+                "by chord: is for 2-D bodies; coefficients of 3-D ones are over areas"
+            )
         if self.scene.stream != Unbounded():
             raise InvalidInput("by chord: is for unbounded streams; the height of tunnels is in D")
         if self.max_length is not None:
-            raise InvalidInput("max length: by the chord all bodies have the length 1")
+            raise InvalidInput(
+                "max length: at fixed chord all bodies have the length 1 c; bound the thickness"
+            )
         if not isinstance(self.objective, AtReynolds):
             kind = type(self.objective).__name__
-            raise InvalidInput(f"by chord: goes with one certain Reynolds number, not with {kind}")
+            raise InvalidInput(
+                f"by chord: goes with a single Reynolds number without spread, not with {kind}"
+            )
         if not self.objective.nominal > 0:
-            raise InvalidInput(f"Reynolds number {self.objective.nominal:g}: must be above 0")
+            raise InvalidInput(f"chord Reynolds number {self.objective.nominal:g}: must be above 0")
         needed = covered_aspects(self.scenarios.reynolds, self.scene.reynolds)
         aspects = dict(self.scene.family.ranges)["aspect"]
         if max(needed[0], aspects[0]) > min(needed[1], aspects[1]):
             ends = np.sqrt(aspects) * self.scene.reynolds
             raise InvalidInput(
-                f"Reynolds number {self.objective.nominal:g} by the chord: the family and the "
+                f"chord Reynolds number {self.objective.nominal:g}: the family and the "
                 f"scene's range cover {ends[0]:.3g} to {ends[1]:.3g}"
             )
 
@@ -238,8 +244,8 @@ class Problem:
                 raise InvalidInput(f"range of {name}: the objective holds it at {held[name]:g}")
             if low > high:
                 raise InvalidInput(
-                    f"{name}: its range and trust {self.trust:g} (or the tolerance, or Reynolds "
-                    "numbers by the chord) contradict each other; relax one of them"
+                    f"{name}: its range and trust {self.trust:g} (or the tolerance, or the "
+                    "chord Reynolds number) contradict each other; relax one of them"
                 )
 
 

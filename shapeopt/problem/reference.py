@@ -1,4 +1,4 @@
-"""The reference length of a problem: the equivalent diameter D, or the chord of each body."""
+"""The reference length of a problem: the equivalent diameter D, or the chord c of each body."""
 
 import dataclasses
 import functools
@@ -17,10 +17,10 @@ from surrogate.body.chord_line import loads_by_chord
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """The length by which Reynolds numbers, coefficients and bounds of a problem are.
+    """Reference length of the Reynolds numbers, coefficients and bounds of a problem.
 
-    By the chord c, a problem is to find the best body of one given chord, whatever its area: at a
-    given U c / nu, its loads are Cd / c, Cl / c and Cm / c^2 with c in D.
+    Based on the chord c, a problem asks for the best body of fixed chord, with its area free: at a
+    given U c / nu its loads are Cd / c, Cl / c and Cm / c^2, with c in D.
 
     Args:
       body_class: of the bodies.
@@ -42,13 +42,13 @@ class Reference:
     def query(
         self, parameters: Float[AnyArray, " parameters"], reynolds: float
     ) -> tuple[Float[AnyArray, " parameters"], float]:
-        """Return a body with its U D / nu, from its Reynolds number by the reference length."""
+        """Return the body and U D / nu, from a Reynolds number based on the reference length."""
         return parameters, float(reynolds / self.length(parameters))
 
     def loads(
         self, parameters: Float[AnyArray, " parameters"], loads: Float[AnyArray, " loads"]
     ) -> Float[AnyArray, " loads"]:
-        """Return the loads of a body by the reference length, from those by D."""
+        """Return the loads of a body based on the reference length, from those based on D."""
         return loads_by_chord(loads, self.length(parameters))
 
     def slopes(
@@ -69,7 +69,7 @@ class Reference:
         return _slopes_by_chord(self, parameters, loads, slopes)
 
     def model(self, model: LoadModel) -> LoadModel:
-        """Return a model of the loads by the reference length, from one by D."""
+        """Return a model of loads based on the reference length, from one based on D."""
         return ByChord(model, self) if self.by_chord else model
 
 
@@ -89,7 +89,7 @@ def covered_aspects(
 
 
 class ByChord(eqx.Module):
-    """A model of the loads by the chord at Reynolds numbers by the chord, from one by D."""
+    """Wraps a model of loads based on D: takes chord Reynolds numbers, returns loads over c."""
 
     model: LoadModel
     reference: Reference = eqx.field(static=True)
@@ -103,7 +103,7 @@ class ByChord(eqx.Module):
 
 
 class _Linear(eqx.Module):
-    """Loads by D to first order about a body and Re = 1."""
+    """First-order Taylor model of loads based on D, about a body and U D / nu = 1."""
 
     body: Float[AnyArray, " parameters"]
     values: Float[AnyArray, " loads"]

@@ -36,7 +36,7 @@ def plot_over_lift(
       rows: the bodies of least drag, with "parameters", "cd" and "cl".
       best: the body of best glide, with "glide" too.
       path: of the picture.
-      by_chord: whether Re and coefficients are by the chord.
+      by_chord: whether Re and coefficients are based on the chord; bodies are then of one chord.
     """
     number = best["chord_reynolds"] if by_chord else best["reynolds"]
     reynolds = f"{'chord ' * by_chord}Re {number:.4g}"
@@ -47,32 +47,37 @@ def plot_over_lift(
         figure, axis = plt.subplots(figsize=SIZE, layout="constrained")
         points = sorted((row["cl"], row["cd"]) for row in rows)
         axis.plot(*np.transpose(points), color=OPTIMUM, lw=2, marker="o", ms=5)
-        scale = _draw_bodies(axis, family, rows, WIDTH / (right - left))
-        _draw_best(axis, scale * _contour(family, best), best)
+        bodies = [_contour(family, row, by_chord) for row in rows]
+        scale = _draw_bodies(axis, bodies, rows, WIDTH / (right - left))
+        _draw_best(axis, scale * _contour(family, best, by_chord), best)
         axis.set(
             xlim=(left, right),
             ylim=(0, 1.35 * max(row["cd"] for row in (*rows, best))),
-            xlabel="$C_l$",
-            ylabel="$C_d$",
-            title=f"least drag over the lift, {reynolds}",
+            xlabel="$C_l$, over c" if by_chord else "$C_l$",
+            ylabel="$C_d$, over c" if by_chord else "$C_d$",
+            title=f"least $C_d$ at $C_l$ of at least a bound, {reynolds}",
         )
         axis.axvline(0, color=INK, lw=0.6, zorder=0)
         axis.legend(loc="lower right")
         return save_figure(figure, path)
 
 
-def _draw_bodies(axis: plt.Axes, family: Family, rows: list[JsonObject], inches: float) -> float:
-    """Draw the bodies side by side, as large as there is room; return the inches of one D.
+def _draw_bodies(
+    axis: plt.Axes,
+    bodies: list[Float[np.ndarray, "nodes 2"]],
+    rows: list[JsonObject],
+    inches: float,
+) -> float:
+    """Draw the bodies side by side, as large as there is room; return the inches of one unit.
 
     Bodies that would lie on the one before are left out, as where a bound on the lift is slack.
 
     Args:
       axis: of the figure.
-      family: of the bodies.
+      bodies: their contours.
       rows: the bodies.
       inches: of one unit of Cl in the figure.
     """
-    bodies = [_contour(family, row) for row in rows]
     length = max(float(np.ptp(body[:, 0])) for body in bodies)
     kept: list[int] = []
     for k in np.argsort([row["cl"] for row in rows]):
@@ -109,6 +114,8 @@ def _draw_at(
     axis.add_artist(Polygon(body, color=colour, lw=0, alpha=0.85, transform=place, clip_on=False))
 
 
-def _contour(family: Family, row: JsonObject) -> Float[np.ndarray, "nodes 2"]:
+def _contour(family: Family, row: JsonObject, by_chord: bool) -> Float[np.ndarray, "nodes 2"]:
+    """Return the contour of a body as it lies in the stream, in D or in chords."""
     body = family.parameters(row["parameters"])
-    return np.asarray(drawn_contour(family.body_class, body, 300))
+    unit = row["chord"] if by_chord else 1.0
+    return np.asarray(drawn_contour(family.body_class, body, 300)) / unit

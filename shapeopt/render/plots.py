@@ -126,7 +126,7 @@ def _draw_over_reynolds(
     axis.set(
         xscale="log",
         xlim=(min(reynolds) / max(span, 2) ** 0.12, max(reynolds) * max(span, 2) ** 0.12),
-        xlabel="Reynolds number by the chord" if by_chord else "Reynolds number",
+        xlabel="chord Reynolds number $U c / \\nu$" if by_chord else "Reynolds number",
     )
     axis.set_xticks(reynolds, [f"{value:g}" for value in reynolds])
     axis.minorticks_off()

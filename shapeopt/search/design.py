@@ -11,6 +11,7 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.optimality import KKT_ACCEPTED, Derivatives, multipliers
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
+from surrogate.body.parameters import PARAMETERS
 from surrogate.summary import aligned, listed
 
 
@@ -51,25 +52,33 @@ class Design:
 
     def __repr__(self) -> str:
         lift = f"Cl {self.lift:.4f}, " if self._has_lift else ""
+        lift += "over c, " if self.problem.by_chord else ""
         work = f"{self.flows} flows, KKT residual {self.kkt_residual:.0e}"
         return f"Design({listed(self._named)}: Cd {self.drag:.4f}, {lift}{work})"
 
     def summary(self) -> str:
         """Return the body, and how it was found, as lines of text."""
+        by_chord = f", by the chord {self.chord_reynolds:.4g}"
+        by_chord = by_chord if self.problem.scene.dimension == 2 else ""
         start = self.start + 0.0  # no minus zero
-        by = " by the chord" if self.problem.by_chord else ""
-        lift = {"Cl": f"{self.lift:.5g}", "Cm": f"{self.moment:.5g}"} if self._has_lift else {}
-        lift = {name: f"{text}{by}" for name, text in lift.items()}
+        over = [" over c", " over c^2"] if self.problem.by_chord else ["", ""]
+        lift = {}
+        if self._has_lift:
+            lift["Cl" + over[0]] = f"{self.lift:.5g}"
+            lift["Cm" + over[1]] = f"{self.moment:.5g}, about the centroid"
+        objective = "-Cl / Cd" if bool(self.problem.scenarios.glide) else "objective"
         return aligned(
             {
                 "body": listed(self._named),
+                "Reynolds number": f"{self.reynolds:.4g}{by_chord}",
                 "chord": f"{self.chord:.4g} D",
-                **self._camber,
-                "objective": f"{self.objective:.5g}, from {start:.5g} where the search began",
-                "Cd": f"{self.drag:.5g}{by}",
+                "thickness": self._in_chords("thickness"),
+                **({"camber": self._in_chords("camber")} if self._has_camber else {}),
+                objective: f"{self.objective:.5g}, from {start:.5g} where the search began",
+                "Cd" + over[0]: f"{self.drag:.5g}",
                 **lift,
                 **self._ends,
-                **self._costs,
+                **self._slopes,
                 "KKT residual": f"{self.kkt_residual:.1e}, 0 at a local optimum",
                 "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
             }
@@ -99,12 +108,13 @@ class Design:
         return self.problem.scene.family.named(self.parameters)
 
     @property
-    def _camber(self):
-        body = self.problem.scene.family.body_class
-        if not body.camber_modes:
-            return {}
-        camber = float(body.camber(self.parameters))
-        return {"camber": f"{camber:.3g} D, {camber / self.chord:.1%} of the chord"}
+    def _has_camber(self):
+        return bool(self.problem.scene.family.body_class.camber_modes)
+
+    def _in_chords(self, measure):
+        """Return a length of the body, a method of its class, in D and in chords as text."""
+        length = float(getattr(self.problem.scene.family.body_class, measure)(self.parameters))
+        return f"{length:.3g} D, {length / self.chord:.1%} of the chord"
 
     @property
     def _ends(self):
@@ -112,9 +122,11 @@ class Design:
         return {"at the end of its range": ", ".join(names)} if names else {}
 
     @property
-    def _costs(self):
-        costs = multiplier_words(self.multipliers)
-        return {"objective per unit of a bound": ", ".join(costs)} if costs else {}
+    def _slopes(self):
+        found, glide = self.multipliers, bool(self.problem.scenarios.glide)
+        if not found:
+            return {}
+        return dict([multiplier_words(found, glide).split(": ", 1)])
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}
@@ -123,6 +135,16 @@ class Design:
     def chord(self) -> float:
         """The body's length from nose to tail, in D."""
         return float(self.problem.scene.family.body_class.length(self.parameters))
+
+    @property
+    def reynolds(self) -> float:
+        """The nominal Reynolds number U D / nu."""
+        return self.problem.reference.query(self.parameters, self.problem.objective.nominal)[1]
+
+    @property
+    def chord_reynolds(self) -> float:
+        """The nominal Reynolds number U c / nu, by the chord c."""
+        return self.reynolds * self.chord
 
     @property
     def converged(self) -> bool:
@@ -160,10 +182,18 @@ class Design:
         return self.verified.estimated_error
 
 
-def multiplier_words(found: Mapping[str, float]) -> list[str]:
-    """Return multipliers as words, the largest first."""
-    order = sorted(found, key=lambda name: -abs(found[name]))
-    return [f"{name.replace('_', ' ')} {found[name]:+.3g}" for name in order]
+def multiplier_words(found: Mapping[str, float], glide: bool) -> str:
+    """Return multipliers as words: what changes with which bound, or end of a parameter's range.
+
+    Args:
+      found: derivatives of the objective by the name of a bound or a parameter.
+      glide: whether the objective is -Cl / Cd; the words are then of Cl / Cd.
+    """
+    words = []
+    for name, slope in found.items():
+        end = f"{'lower' if slope > 0 else 'upper'} end of " if name in PARAMETERS else ""
+        words.append(f"{end}{name.replace('_', ' ')} {-slope if glide else slope:+.3g}")
+    return f"d({'Cl / Cd' if glide else 'objective'}) / d(bound): {', '.join(words)}"
 
 
 def padded_loads(

@@ -93,7 +93,7 @@ def propose_all(
       NotConverged: no search of a problem converged, or none ended at a feasible body.
     """
     if len({problem.by_chord for problem in problems}) > 1:
-        raise InvalidInput("optimise: problems by the chord need a call of their own")
+        raise InvalidInput("optimise: all problems of a call need the same by_chord")
     model = problems[0].reference.model(model)
     limits, scenarios = _stacked(problems)
     drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])

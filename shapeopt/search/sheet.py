@@ -68,8 +68,8 @@ def _optimum(model: Surrogate | Designer, problem: Problem) -> Design | NotConve
 def row_of(problem: Problem, found: Design | NotConverged) -> Row:
     """Return a problem's Reynolds number and its optimum as a row; without one "why_not" says why.
 
-    Coefficients are by the problem's reference length, "reynolds" and "onset" by D. Without an
-    optimum by the chord "reynolds" is None, without one by D "chord_reynolds" is.
+    Coefficients are by the problem's reference length, "reynolds" and "onset" by D. Where
+    no optimum was found, the Reynolds number that depends on its chord is None.
 
     "flows" are those of this design alone, which used the flows of the designs before it.
     """
@@ -81,10 +81,9 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         return row | {"why_not": str(found)}
     family = problem.scene.family
     body = family.named(found.parameters)
-    reynolds = problem.reference.query(found.parameters, nominal)[1]
     return row | {
-        "reynolds": reynolds,
-        "chord_reynolds": reynolds * found.chord,
+        "reynolds": found.reynolds,
+        "chord_reynolds": found.chord_reynolds,
         "parameters": body,
         "chord": found.chord,
         "cd": found.drag,

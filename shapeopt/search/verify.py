@@ -71,7 +71,7 @@ class Verified:
 def violated_bounds(
     problem: Problem, loads: Float[AnyArray, "cases loads"], tolerance: float = NOTICED
 ) -> dict[str, float]:
-    """Return the bounds on loads that a body violates in its own flows, with the farthest load.
+    """Return the bounds on loads that a body violates in its own flows, with the load farthest off.
 
     Args:
       problem: that sets the bounds.

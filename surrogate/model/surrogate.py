@@ -77,7 +77,7 @@ class Surrogate:
 
         Args:
           parameters: of one body, shape (parameters,), in the order of ``scene.family.names``; of
-            many, shape (..., parameters); or a table by name, of numbers or of arrays.
+            many, shape (..., parameters); or numbers, or arrays that broadcast, by name.
           reynolds: U D / nu, D the diameter of the circle (sphere) of equal area (volume).
           extrapolate: answer outside the trained ranges as well.
 

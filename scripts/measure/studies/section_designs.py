@@ -1,20 +1,22 @@
-"""Sections of least drag over a bound on the lift, at optima of the flow, and a polar.
+"""Sections of least drag over a bound on the lift, at optima of the flow, and a polar; by chord.
 
 The polar is that of the section with the best glide ratio, by the flow. With pictures: Cd over Cl
 with every body, the polar, and streamlines at incidence.
 """
 
+import contextlib
 import dataclasses
 from pathlib import Path
 
 import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, columns
 
-from shapeopt import Designer, Problem, optimise_all
+from shapeopt import Designer, Glide, Problem, optimise, optimise_all
+from shapeopt.payoff.direct import design_directly
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.render.polar import plot_polar
 from shapeopt.search.over_lift import designs_over_lift
-from surrogate import Flow, Scene, Solution, family_shape, load
+from surrogate import Flow, NotConverged, Scene, Solution, family_shape, load
 from surrogate.flow.output.folder import flow_as_stored
 from surrogate.flow.output.picture import draw_flows
 
@@ -43,6 +45,42 @@ def over_lift(run: Run) -> list[Row]:
     asked = [f"Cl at least {lift:.1f}" for lift in lifts]
     bodies = zip([*asked, "best glide"], [*rows, best], [*own, None], strict=True)
     return [row | {"asked": name, "network": cd} for name, row, cd in bodies]
+
+
+def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, float]) -> Row:
+    """Return the best body of one chord, by the flow led by the network, and directly by SLSQP.
+
+    ``by_thickness`` is the multiplier of the bound on the thickness over the chord,
+    ``network_error`` the objective at the network's own optimum over that of the flow's, minus 1,
+    ``beside`` the same of the direct optimum.
+    """
+    net = load(NAME)
+    scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    limits = {"within": run.pick(ELLIPSE, None), **bounds, "by_chord": True}
+    objective = Glide(chord_reynolds) if glide else chord_reynolds
+    problem = Problem(scene, objective, **limits)
+    found = Designer(run.pick(Flow(scene), net)).design(problem)
+    own = optimise(Problem(net.scene, objective, **limits), net)
+    row = {
+        "asked": "glide ratio" if glide else f"Cl {bounds['lift']:g}",
+        "max_moment": bounds.get("max_moment"),
+        "reynolds": chord_reynolds / found.chord,
+        "parameters": scene.family.named(found.parameters),
+        "cd": found.drag,
+        "cl": found.lift,
+        "cm": found.moment,
+        "by_thickness": found.multipliers.get("min_thickness"),
+        "network_flows": found.flows,
+        "kkt_residual": found.kkt_residual,
+        "network_error": own.objective / found.objective - 1,
+        "direct_flows": None,
+        "beside": None,
+    }
+    with contextlib.suppress(NotConverged):
+        direct = design_directly(problem, Flow(scene))
+        row["direct_flows"] = direct.flows
+        row["beside"] = (direct.objective - found.objective) / abs(found.objective)
+    return row
 
 
 def polar(_: Run, result: Result) -> Result:
@@ -96,4 +134,18 @@ POLAR = columns(
     "incidence {incidence:g} | Re {reynolds:g} | Cd {cd:.4f} | Cl {cl:z.4f} | Cm {cm:z.4f}"
     " | status {status}"
 )
-STUDIES = {"section_designs": Study([Table([{}], over_lift, FORM)], text, polar, draw)}
+BY_CHORD = columns(
+    "chord Re {chord_reynolds:g} | asked {asked} | Cm at most {max_moment:g} | Re {reynolds:.1f}"
+    " | Cd / c {cd:.4f} | Cl / c {cl:.4f} | Cm / c^2 {cm:z.4f} | aspect {parameters[aspect]:.2f}"
+    " | incidence {parameters[incidence]:.2f} | objective per t/c {by_thickness:+.2f}"
+    " | flows {network_flows} | KKT residual {kkt_residual:.0e} | network {network_error:+.2%}"
+    " | SLSQP: flows {direct_flows} | excess {beside:+.2%}"
+)
+THICK = {"min_thickness": 0.3}  # over the chord
+CHORDS = [
+    {"chord_reynolds": re, "glide": glide, "bounds": THICK | bounds}
+    for re in (30.0, 100.0, 200.0)
+    for glide, bounds in ((False, {"lift": 0.3}), (True, {"max_moment": 0.1}))
+]
+TABLES = [Table([{}], over_lift, FORM), Table(CHORDS, by_chord, BY_CHORD, "by_chord")]
+STUDIES = {"section_designs": Study(TABLES, text, polar, draw)}

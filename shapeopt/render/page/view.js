@@ -49,7 +49,7 @@ function showLift(body, re, loads, valid) {
 function byChord(body, re, { cl, cm }, cd) {
   const c = model.chord(body);
   const [drag, lift, moment] = [significant(cd / c), fixed(cl / c, 3), fixed(cm / c ** 2, 3)];
-  return `By the chord, ${c.toFixed(3)} D: Re ${significant(re * c)}, Cd ${drag}, Cl ${lift}, Cm ${moment}`;
+  return `Over the chord c = ${c.toFixed(3)} D: chord Re ${significant(re * c)}, Cd ${drag}, Cl ${lift}, Cm ${moment} (c\u00b2, about the centroid)`;
 }
 
 // Show a slider's value in its field and to screen readers: Re, not its logarithm.
