@@ -5,18 +5,37 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import SECTIONS, TINY
+from pictures import pixels
 from scipy.optimize import minimize
 
-from shapeopt import Designer, Glide, Problem, Robust, Station, optimise, optimise_all
-from shapeopt.payoff.direct import design_directly
+from shapeopt import (
+    Designer,
+    Glide,
+    Problem,
+    Robust,
+    Station,
+    load_run,
+    optimise,
+    optimise_all,
+    save_run,
+)
+from shapeopt.commands.cli import run
+from shapeopt.commands.design_sheet import main as design_sheet
+from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.problem.constraints import constraint_values
 from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.reference import Reference
+from shapeopt.problem.scenarios import load_constraints
+from shapeopt.render.over_lift import plot_over_lift
+from shapeopt.render.sheets import before_and_after
 from shapeopt.search.evaluated import evaluate_design
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_TOLERANCE
+from shapeopt.search.propose import without_padding
+from shapeopt.search.sheet import row_of
+from shapeopt.search.sqp import SqpResult
 from shapeopt.stored import design_settings
-from surrogate import Flow, InvalidInput, Scene, Tunnel, load
+from surrogate import Flow, InvalidInput, NotConverged, Scene, Tunnel, load
 
 SCENE = Scene(family=SECTIONS, fidelity=TINY, reynolds=(5, 20))
 LONG = np.array([3.5, 0.1, 0.05, 0.04])  # of the default family: chord sqrt(3.5)
@@ -126,33 +145,80 @@ def test_gradients_on_the_flow_are_those_of_its_loads():
     assert np.all(rates > 1.9), rates
 
 
-def test_designs_on_the_flow_are_its_optima():
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory):
+    """A design on the flow, with the file of its flows."""
+    memory = tmp_path_factory.mktemp("designed") / "flows.json"
     problem = Problem(SCENE, 15.0, lift=0.1, min_thickness=0.35, by_chord=True)
-    direct, led = design_directly(problem, Flow(SCENE)), Designer(Flow(SCENE)).design(problem)
-    assert led.objective == pytest.approx(direct.objective, rel=1e-4)
-    assert led.kkt_residual <= KKT_TOLERANCE
-    chord = np.sqrt(led.parameters[0])
-    flow = led.verified.solutions[0]
-    assert flow.reynolds == pytest.approx(15.0 / chord)
-    assert led.drag == pytest.approx(flow.drag / chord, rel=1e-6)
-    assert led.lift == pytest.approx(0.1, abs=1e-3)
-    assert led.moment == pytest.approx(flow.moment / chord**2, rel=1e-5)
-    assert led.verified.objective == pytest.approx(led.objective, rel=1e-6)
+    return Designer(Flow(SCENE), memory).design(problem), memory
 
 
-OBJECTIVES = [
-    (AtReynolds(60.0), {"lift": 0.5, "max_moment": 0.15, "min_thickness": 0.3}, True),
-    (Glide(60.0), {"min_moment": 0.7, "max_thickness": 0.5, "max_camber": 0.1}, False),
-    (Robust(40.0, 0.2, cases=8), {"lift": 0.3, "max_moment": 0.15}, False),
-]
+def test_a_design_on_the_flow_is_saved_with_loads_over_the_chord(designed, tmp_path):
+    """It is a local optimum of the flow, whose gradients the test above checks."""
+    design, chord = designed[0], np.sqrt(designed[0].parameters[0])
+    flow = design.verified.solutions[0]
+    assert design.kkt_residual <= KKT_TOLERANCE
+    assert design.reynolds == flow.reynolds == pytest.approx(15.0 / chord)
+    loads = np.array([flow.drag, flow.lift, flow.moment]) / [chord, chord, chord**2]
+    np.testing.assert_allclose(design.loads, loads, rtol=1e-5)
+    assert design.lift == pytest.approx(0.1, abs=1e-3)
+    assert design.verified.objective == pytest.approx(design.objective, rel=1e-6)
+    record = save_run(tmp_path / "run", design)
+    assert load_run(tmp_path / "run") == record
+    numbers = record["reference"], record["chord_reynolds"], record["reynolds"]
+    assert numbers == ("chord", pytest.approx(15), flow.reynolds)
+    for kept in (record, record["cases"][0]):
+        found = [kept[f"{load}_verified"] for load in ("cd", "cl", "cm")]
+        np.testing.assert_allclose(found, loads, rtol=1e-12)
+    assert record["cd_start"] is None
+    panels = before_and_after(record)
+    assert panels[1].title.startswith(f"chord Re 15    optimum    Cd {loads[0]:.4f}    Cl 0.1")
 
 
-@pytest.mark.parametrize(("objective", "bounds", "by_chord"), OBJECTIVES)
-def test_multipliers_are_slopes_of_the_optimum_over_its_bounds(objective, bounds, by_chord):
+def test_rows_of_sheets_have_both_reynolds_numbers(designed, tmp_path):
+    design, _ = designed
+    row = row_of(design.problem, design)
+    assert (row["reynolds"], row["chord_reynolds"]) == (design.reynolds, pytest.approx(15))
+    assert row["cl"] == design.lift
+    lost = row_of(design.problem, NotConverged("none"))
+    assert (lost["reynolds"], lost["chord_reynolds"]) == (None, 15.0)
+    pictures = [
+        pixels(plot_over_lift(SCENE.family, [row], row, tmp_path / "sheet.png", by_chord))[1]
+        for by_chord in (True, False)
+    ]
+    assert np.any(pictures[0] != pictures[1])
+
+
+def test_commands_say_what_is_over_the_chord(designed, tmp_path, capsys):
+    scene, out = tmp_path / "scene.toml", tmp_path / "run"
+    SCENE.write(scene)
+    words = ["--surrogate", "none", "--scene", str(scene), "--chord-reynolds", "15"]
+    bounds = ["--lift", "0.1", "--min-thickness", "0.35", "--memory", str(designed[1])]
+    record = optimize_shape([*words, *bounds, "--out", str(out)])
+    said = capsys.readouterr().out
+    assert record["flows"] == 0
+    assert f"chord Re 15, U D / nu {record['reynolds']:.4g}: aspect " in said
+    assert f"{record['thickness'] / record['chord']:.1%} thickness" in said
+    assert "verified, over c and c^2, Cm about the centroid" in said
+    assert f"Cd over c {record['cd_verified']:.4f} verified" in said
+    assert "  by the flow: d(objective) / d(bound): " in said
+    words = ["--surrogate", "pretrained:lift", "--chord-reynolds", "15", "--max-length", "2"]
+    assert run(design_sheet, [*words, "--out", "x.png"]) == 2
+    assert "--chord-reynolds: goes with --lifts" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("objective", "bounds"),
+    [
+        (AtReynolds(60.0), {"lift": 0.5, "max_moment": 0.15, "min_thickness": 0.3}),
+        (Glide(60.0), {"min_moment": 0.25, "min_thickness": 0.35}),
+    ],
+)
+def test_multipliers_are_slopes_of_the_optimum_over_its_bounds(objective, bounds):
     net = load("pretrained:lift")
 
     def optimum(**changed):
-        return optimise(Problem(net.scene, objective, **bounds | changed, by_chord=by_chord), net)
+        return optimise(Problem(net.scene, objective, **bounds | changed, by_chord=True), net)
 
     found = optimum()
     active = set(found.multipliers) & set(bounds)
@@ -162,13 +228,17 @@ def test_multipliers_are_slopes_of_the_optimum_over_its_bounds(objective, bounds
         assert found.multipliers[name] == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=3e-2), name
 
 
-def test_multipliers_of_a_batch_are_those_of_its_problems():
-    """Padding problems to the most cases among them changes nothing."""
-    net = load("pretrained:lift")
-    problems = [Problem(net.scene, one, lift=0.3) for one in (40.0, Robust(40.0, 0.2, cases=8))]
-    for together, problem in zip(optimise_all(problems, net), problems, strict=True):
-        alone = optimise(problem, net)
-        assert together.multipliers == pytest.approx(alone.multipliers, rel=1e-3, abs=1e-5)
+def test_constraints_of_padded_problems_are_those_of_their_own_cases(generator):
+    problem = Problem(SCENE, Robust(10.0, 0.2, cases=3), lift=0.3)
+    loads = generator.uniform(1, 2, (3, 3))
+    more = np.concatenate([loads, loads[-1:].repeat(2, axis=0)])
+    of_loads = load_constraints(more, problem.scenarios.padded(5))
+    by_loads = generator.normal(size=(of_loads.size, 4))
+    end = SqpResult(*[np.zeros(0)] * 10)._replace(of_loads=of_loads, by_loads=by_loads)
+    kept = without_padding(end, problem)
+    np.testing.assert_array_equal(kept.of_loads, load_constraints(loads, problem.scenarios))
+    np.testing.assert_array_equal(kept.by_loads[3], by_loads[5])  # of the first case's second bound
+    assert kept.by_loads.shape == (9, 4)
 
 
 def test_what_has_no_chord_of_its_own_is_refused(pretrained):

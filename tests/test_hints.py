@@ -130,9 +130,15 @@ def test_tables_of_parameters_can_be_traced(net, tiny_scene):
     assert by_name["beta2"] == pytest.approx(float(by_array[1]))
     flow = Flow(tiny_scene)
     assert jax.jit(drag(flow, 10.0))(named) == pytest.approx(float(flow.drag(BODY, 10.0)))
-    for wrong, hint in (({"bet2": 0.1}, "did you mean beta2"), ({"beta2": BODY}, "one number")):
+    several, one = {"aspect": 2.0, "beta2": [0.0, 0.1]}, jnp.array([0.0, 0.1])
+    np.testing.assert_allclose(jax.jit(drag(net, 20.0))(several), net.drag(several, 20.0))
+    np.testing.assert_allclose(net.drag(several, 20.0)[1], net.drag(named, 20.0))
+    for model, wrong, hint in (
+        (net, {"bet2": 0.1}, "did you mean beta2"),
+        (flow, {"beta2": one}, r"jax\.vmap"),
+    ):
         with pytest.raises(InvalidInput, match=hint):
-            jax.jit(drag(net, 20.0))({"aspect": 2.0} | jax.tree.map(jnp.asarray, wrong))
+            jax.jit(drag(model, 20.0))({"aspect": 2.0} | wrong)
 
 
 def test_lists_of_tables_are_batches(net, tiny_scene):

@@ -17,7 +17,6 @@ from shapeopt.commands.design_sheet import main as design_sheet
 from shapeopt.commands.optimize_shape import bound_lines
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.commands.predict_drag import main as predict_drag
-from shapeopt.commands.render_shapes import main as render_shapes
 from shapeopt.payoff.direct import design_directly
 from shapeopt.payoff.queries import query_stream
 from shapeopt.render.sheets import origin
@@ -392,31 +391,3 @@ def test_commands_know_lift(trained, tmp_path, capsys):
     assert "glide ratio" in lines
     with pytest.raises(InvalidInput, match="--objective glide: goes with one Reynolds number"):
         optimize_shape([*arguments, "8,10", "--out", str(tmp_path / "other")])
-
-
-def test_designs_by_the_chord(trained, tmp_path, capsys):
-    words = ["--surrogate", str(trained[0]), "--chord-reynolds", "15", "--min-thickness", "0.35"]
-    record = optimize_shape([*words, "--lift", "0.1", "--out", str(tmp_path / "run")])
-    said, chord = capsys.readouterr().out, record["chord"]
-    assert "chord Re 15, U D / nu " in said
-    assert "verified, over c and c^2, Cm about the centroid" in said
-    assert "Cd over c " in said
-    assert f"{record['thickness'] / chord:.1%} thickness" in said
-    assert "  by the surrogate: d(objective) / d(bound): " in said
-    assert record["reference"] == "chord"
-    numbers = record["chord_reynolds"], record["reynolds"]
-    assert numbers == pytest.approx((15, 15 / chord))
-    case = record["cases"][0]
-    assert record["cd_verified"] == case["cd_verified"]
-    flow = trained[1].scene.family.parameters(record["parameters"])
-    found = Flow(SCENE).solve(flow, 15 / chord)
-    assert record["cd_verified"] == pytest.approx(found.drag / chord, rel=1e-6)
-    assert record["cm_verified"] == pytest.approx(found.moment / chord**2, rel=1e-5)
-    assert record["cd_start"] is None
-    render_shapes(["--runs", str(tmp_path / "run"), "--out", str(tmp_path / "flow.png")])
-    sheet = design_sheet([*words, "--lifts", "0.05,0.1", "--out", str(tmp_path / "sheet.png")])
-    assert sheet["reference"] == "chord"
-    assert sheet["designs"][1]["cd"] == pytest.approx(record["cd_surrogate"], rel=1e-6)
-    capsys.readouterr()
-    assert run(design_sheet, [*words, "--max-length", "2", "--out", "x.png"]) == 2
-    assert "--chord-reynolds: goes with --lifts" in capsys.readouterr().err

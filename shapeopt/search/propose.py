@@ -110,7 +110,7 @@ def propose_all(
     ends, values, evaluations = map_over_devices(devices, minimise_from_all, model, rows)
     found = []
     for k, problem in enumerate(problems):
-        end = _without_padding(jax.tree.map(lambda leaf, k=k: leaf[k], ends), problem)
+        end = without_padding(jax.tree.map(lambda leaf, k=k: leaf[k], ends), problem)
         sound = end.feasibility >= FEASIBLE and np.isfinite(end.value)
         if not (sound and (end.converged or not require_converged)):
             raise NotConverged(_failure(problem, model, end))
@@ -132,7 +132,7 @@ def propose_all(
     return found
 
 
-def _without_padding(end: SqpResult, problem: Problem) -> SqpResult:
+def without_padding(end: SqpResult, problem: Problem) -> SqpResult:
     """Return the end of a search with the constraints on loads of the problem's own cases alone."""
     cases = len(problem.scenarios.weight)
 

@@ -189,7 +189,7 @@ class Family:
             broadcast.
         """
         self._check_aspect(named)
-        values = {name: x if traced(x) else real_numbers(x) for name, x in named.items()}
+        values = {name: _numbers(x) for name, x in named.items()}
         for name, value in values.items():
             if value is None:
                 raise InvalidInput(f"body: {name} {shown(named[name])}: must be numbers")
@@ -316,6 +316,13 @@ class Family:
     @property
     def _wanted(self):
         return f"{len(self.names)} parameters are needed: {', '.join(self.names)}"
+
+
+def _numbers(value):
+    """Return an array of numbers, which JAX may trace; None of what is none."""
+    if isinstance(value, list | tuple) and traced(*value):
+        return jnp.stack(value)
+    return value if traced(value) else real_numbers(value)
 
 
 def _is_array(value):
