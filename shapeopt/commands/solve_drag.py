@@ -224,7 +224,7 @@ def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
     if arguments.aspect is not None:
         given = {n: v for n, v in family_named(arguments, SINGLE_VALUED).items() if v}
         name = ", ".join(f"{n} {v:g}" for n, v in given.items())
-    by = f"coefficients by the {row['reference']}, bars: error bounds where known"
+    by = f"coefficients by the {row['reference']}, bars: 95 % error bounds where known"
     return f"{name}: chord {row['chord']:.3f} D, {by}"
 
 

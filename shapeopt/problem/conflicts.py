@@ -48,6 +48,11 @@ def explain_conflict(problem: Problem) -> str:
     ]
     if impossible:
         wider = [] if problem.within or problem.trust else ["wider ranges of the scene may help"]
+        if problem.by_chord:
+            limits = problem.limits
+            ends = [float(limits.body_class.aspect(one)) for one in (limits.low, limits.high)]
+            low, high = (f"{aspect:.3g}" for aspect in ends)
+            wider.append(f"at this chord Reynolds number aspects {low} to {high} can be solved")
         return "; ".join([*impossible, *wider])
     dropped: list[_Constraint] = []
     for constraint in constraints:

@@ -57,11 +57,15 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     """Draw the optima of several runs to one scale in order of Re, and plot their drag reduction.
 
     Where a run was for lift, the glide ratios stand for the drag reductions. Bodies wider than
-    high are also drawn from above, as a line. Returns the path of the PNG.
+    high are also drawn from above, as a line. The dashed circle has the same area (volume), at
+    fixed chord the same chord. Returns the path of the PNG.
     """
     records = sorted(records, key=run_reynolds)
+    by_chord = run_reference(records[0]).by_chord
     bodies = [
-        np.asarray(drawn_contour(run_scene(r).family.body_class, run_body(r), 400)) for r in records
+        np.asarray(drawn_contour(run_scene(r).family.body_class, run_body(r), 400))
+        / (r["chord"] if by_chord else 1.0)
+        for r in records
     ]
     wide = [width_over_height(record["parameters"]) for record in records]
     sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]

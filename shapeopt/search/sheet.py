@@ -16,8 +16,8 @@ from surrogate.scene.limits import onset_of
 
 Row = dict[str, Any]
 OPTIMUM = (  # the entries of a row that has an optimum
-    "parameters", "chord", "cd", "cl", "cm", "glide", "kkt_residual", "flows", "onset",
-    "at_range_ends",
+    "parameters", "chord", "thickness", "cd", "cl", "cm", "glide", "kkt_residual", "multipliers",
+    "flows", "onset", "at_range_ends",
 )  # fmt: skip
 
 
@@ -86,6 +86,8 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "chord_reynolds": found.chord_reynolds,
         "parameters": body,
         "chord": found.chord,
+        "thickness": float(family.body_class.thickness(found.parameters)),
+        "multipliers": found.multipliers,
         "cd": found.drag,
         "cl": found.lift,
         "cm": found.moment,
