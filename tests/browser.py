@@ -31,7 +31,7 @@ DRIVER = """
     difference: find("difference").textContent,
     lift: Object.fromEntries(["cl", "cm", "ratio"].map((id) => [id, find(id).textContent])),
     seen: ["cl", "glide", "lift"].filter((id) => find(id).getClientRects().length),
-    byChord: find("by-chord").textContent,
+    byChord: find("by-chord").getClientRects().length ? find("by-chord").textContent : "",
     force: find("force").getAttribute("d"),
     best: find("best-glide").textContent,
     curves: ["cl-curve", "glide-curve"].map((id) => find(id).innerHTML),

@@ -40,7 +40,7 @@ function showLift(body, re, loads, valid) {
   for (const [id, value] of Object.entries(numbers)) {
     element(id).textContent = valid ? fixed(value, id === "ratio" ? 3 : decimals) : "\u2013";
   }
-  element("by-chord").textContent = valid && model.dimension === 2 ? byChord(body, re, numbers, drag) : "";
+  element("by-chord").textContent = valid ? byChord(body, re, numbers, drag) : "";
   drawForce(loads, model.loads(model.reference, re)[0].value, valid);
   drawLift(body, re, valid);
 }
@@ -133,6 +133,7 @@ function press(event) {
     update();
   });
 });
+element("by-chord").hidden = model.dimension === 3;
 const moveToBest = (goal) => moveTo(model.best(goal, parameters(), reynolds()).parameters);
 element("least").addEventListener("click", () => moveToBest("drag"));
 element("glide").addEventListener("click", () => moveToBest("glide"));
