@@ -111,6 +111,7 @@ def _emitted(
     pairs = list(zip(rows, bounds, strict=True))
     on_flow = result["until"] == "flow"
     lines = [f"{_at(row, result):10} {bound:16} {_line(row, on_flow)}" for row, bound in pairs]
+    lines += ["  coefficients are over the chord"] * (result.get("reference") == CHORD)
     late = [row for row in rows if row["onset"] and row["reynolds"] > row["onset"]]
     lines += [f"  {unsteady_remark(min(late, key=lambda row: row['onset']))}"] if late else []
     ends = sorted({name for row in rows for name in row["at_range_ends"] or ()})

@@ -47,15 +47,16 @@ def plot_over_lift(
         figure, axis = plt.subplots(figsize=SIZE, layout="constrained")
         points = sorted((row["cl"], row["cd"]) for row in rows)
         axis.plot(*np.transpose(points), color=OPTIMUM, lw=2, marker="o", ms=5)
-        bodies = [_contour(family, row, by_chord) for row in rows]
+        longest = max(row["chord"] for row in (*rows, best)) if by_chord else None
+        bodies = [_contour(family, row, longest) for row in rows]
         scale = _draw_bodies(axis, bodies, rows, WIDTH / (right - left))
-        _draw_best(axis, scale * _contour(family, best, by_chord), best)
+        _draw_best(axis, scale * _contour(family, best, longest), best)
         axis.set(
             xlim=(left, right),
             ylim=(0, 1.35 * max(row["cd"] for row in (*rows, best))),
             xlabel="$C_l$, over c" if by_chord else "$C_l$",
             ylabel="$C_d$, over c" if by_chord else "$C_d$",
-            title=f"least $C_d$ at $C_l$ of at least a bound, {reynolds}",
+            title=f"least $C_d$ for $C_l$, {reynolds}",
         )
         axis.axvline(0, color=INK, lw=0.6, zorder=0)
         axis.legend(loc="lower right")
@@ -68,7 +69,7 @@ def _draw_bodies(
     rows: list[JsonObject],
     inches: float,
 ) -> float:
-    """Draw the bodies side by side, as large as there is room; return the inches of one unit.
+    """Draw the bodies side by side, as large as there is room; return the inches of one D.
 
     Bodies that would lie on the one before are left out, as where a bound on the lift is slack.
 
@@ -114,8 +115,8 @@ def _draw_at(
     axis.add_artist(Polygon(body, color=colour, lw=0, alpha=0.85, transform=place, clip_on=False))
 
 
-def _contour(family: Family, row: JsonObject, by_chord: bool) -> Float[np.ndarray, "nodes 2"]:
-    """Return the contour of a body as it lies in the stream, in D or in chords."""
+def _contour(family: Family, row: JsonObject, chord: float | None) -> Float[np.ndarray, "nodes 2"]:
+    """Return the contour of a body as it lies in the stream, in D; scaled to a chord if given."""
     body = family.parameters(row["parameters"])
-    unit = row["chord"] if by_chord else 1.0
-    return np.asarray(drawn_contour(family.body_class, body, 300)) / unit
+    scale = 1.0 if chord is None else chord / row["chord"]
+    return scale * np.asarray(drawn_contour(family.body_class, body, 300))
