@@ -11,11 +11,11 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int, PyTree
 
 AnyArray = jax.Array | np.ndarray
 Number = float | np.number | AnyArray  # one number; an array of shape () as well
-# Parameters of one body of a family, shape (parameters,), or a table of them by name; a table of
-# arrays that broadcast is many bodies.
+# Parameters of one body of a family, shape (parameters,), or a table of them by name.
 Body = Sequence[float] | AnyArray | Mapping[str, Number]
 Numbers = Number | Sequence[float]  # one number, or an array of them
-Bodies = Body | Sequence[Body]  # one body, or many in the leading axes, shape (..., parameters)
+# One body; or many, in the leading axes, shape (..., parameters), or as a table of arrays.
+Bodies = Body | Sequence[Body] | Mapping[str, Numbers]
 
 
 def picked(values: ArrayLike, index: int | Int[np.ndarray, " picked"]) -> jax.Array:

@@ -6,6 +6,8 @@ import os
 import sys
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy's threads spin on the other's core
+
 from jaxtyping import config, install_import_hook
 
 if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA aborts at unknown flags
@@ -13,7 +15,6 @@ if importlib.metadata.version("jaxlib").startswith("0.10."):  # XLA aborts at un
     quick += " --xla_cpu_parallel_codegen_split_count=1"  # as other tests have the other core
     os.environ.setdefault("XLA_FLAGS", quick)  # compiles 8 times as fast, runs at half speed
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy's threads spin on the other's core
 gc.set_threshold(100_000)  # else garbage collection takes a tenth of the time, by what JAX traces
 hook = install_import_hook(["surrogate", "shapeopt"], "typecheck.check")
 

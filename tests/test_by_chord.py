@@ -26,11 +26,11 @@ from shapeopt.problem.constraints import constraint_values
 from shapeopt.problem.objective import AtReynolds
 from shapeopt.problem.reference import Reference
 from shapeopt.problem.scenarios import load_constraints
-from shapeopt.render.over_lift import plot_over_lift
+from shapeopt.render.over_lift import plot_over_lift, section_contour
 from shapeopt.render.sheets import before_and_after
 from shapeopt.search.evaluated import evaluate_design
 from shapeopt.search.memory import Memory
-from shapeopt.search.optimality import KKT_TOLERANCE
+from shapeopt.search.optimality import KKT_TOLERANCE, Derivatives, multipliers
 from shapeopt.search.propose import without_padding
 from shapeopt.search.sheet import row_of
 from shapeopt.search.sqp import SqpResult
@@ -187,6 +187,9 @@ def test_rows_of_sheets_have_both_reynolds_numbers(designed, tmp_path):
         for by_chord in (True, False)
     ]
     assert np.any(pictures[0] != pictures[1])
+    other = {"parameters": {"aspect": 1.6}, "chord": np.sqrt(1.6)}
+    drawn = section_contour(SCENE.family, other, 2.0), section_contour(SCENE.family, other, None)
+    assert [np.ptp(one[:, 0]) for one in drawn] == pytest.approx([2.0, np.sqrt(1.6)], rel=1e-3)
 
 
 def test_commands_say_what_is_over_the_chord(designed, tmp_path, capsys):
@@ -226,6 +229,16 @@ def test_multipliers_are_slopes_of_the_optimum_over_its_bounds(objective, bounds
     for name in active:
         ends = [optimum(**{name: bounds[name] + step}).objective for step in (2e-3, -2e-3)]
         assert found.multipliers[name] == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=3e-2), name
+
+
+def test_multipliers_of_several_cases_are_summed(generator):
+    """Of a body within all other bounds, whose gradient two constraints on Cl hold exactly."""
+    problem = Problem(SCENE, Robust(10.0, 0.2, cases=3), lift=0.3)
+    held, drags = np.array([0.7, 0.0, 0.4]), np.array([1.5, 2.0, 2.5])
+    of_loads, by_loads = np.ones(9), generator.normal(size=(9, 4))
+    of_loads[[0, 2]] = 0.0
+    found = Derivatives(by_loads[:3].T @ held, of_loads, by_loads, drags)
+    assert multipliers(problem, SECTION, found) == pytest.approx({"lift": np.sum(held / drags)})
 
 
 def test_constraints_of_padded_problems_are_those_of_their_own_cases(generator):

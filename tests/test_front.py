@@ -358,6 +358,7 @@ def test_a_table_of_arrays_is_many_bodies():
     table, expected = {"aspect": aspects, "beta2": 0.1}, net.drag(rows, 20.0)
     np.testing.assert_array_equal(net.drag(table, 20.0), expected)
     np.testing.assert_array_equal(net.drag(table | {"incidence": np.zeros(3)}, 20.0), expected)
+    assert net.drag({"aspect": 2.0, "incidence": np.zeros(3)}, 20.0).shape == (3,)
     np.testing.assert_array_equal(net.error_bounds(table, 20.0), net.error_bounds(rows, 20.0))
 
     def drag(aspect):

@@ -172,7 +172,7 @@ def _parser() -> Parser:
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
     add(
         "--lifts",
-        help="lower bounds on Cl, over D (with --chord-reynolds: c), as 0:0.6:7, at one Re",
+        help="lower bounds on Cl, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number",
     )
     add_constraint_arguments(parser)
     add("--until", choices=["surrogate", "flow"], default="surrogate", help=UNTIL_HELP)

@@ -48,7 +48,7 @@ def add_problem_arguments(parser: Parser) -> None:
     objective += "of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
-    add("--lift", type=float, help="lower bound on Cl, over D (with --chord-reynolds: c) (none)")
+    add("--lift", type=float, help="lower bound on Cl (none)")
     add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
     add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
@@ -63,7 +63,7 @@ def add_problem_arguments(parser: Parser) -> None:
 def add_constraint_arguments(parser: Parser) -> None:
     """Add the options of constraints other than on length and lift."""
     add = parser.add_argument
-    moment = "lower bound on Cm, over D^2 (c^2), about the centroid, nose up (none)"
+    moment = "lower bound on Cm about the centroid, nose up (none)"
     add("--min-moment", type=float, help=moment)
     add("--max-moment", type=float, help="upper bound on it (none)")
     add("--min-thickness", type=float, help="lower bound on the greatest thickness in D (c) (none)")

@@ -48,9 +48,10 @@ def explain_conflict(problem: Problem) -> str:
     ]
     if impossible:
         wider = [] if problem.within or problem.trust else ["wider ranges of the scene may help"]
-        if problem.by_chord:
-            limits = problem.limits
-            ends = [float(limits.body_class.aspect(one)) for one in (limits.low, limits.high)]
+        ends = [
+            float(free.limits.body_class.aspect(p)) for p in (free.limits.low, free.limits.high)
+        ]
+        if problem.by_chord and ends != list(dict(problem.scene.family.ranges)["aspect"]):
             low, high = (f"{aspect:.3g}" for aspect in ends)
             wider.append(f"at this chord Reynolds number aspects {low} to {high} can be solved")
         return "; ".join([*impossible, *wider])

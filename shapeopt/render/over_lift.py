@@ -48,9 +48,9 @@ def plot_over_lift(
         points = sorted((row["cl"], row["cd"]) for row in rows)
         axis.plot(*np.transpose(points), color=OPTIMUM, lw=2, marker="o", ms=5)
         longest = max(row["chord"] for row in (*rows, best)) if by_chord else None
-        bodies = [_contour(family, row, longest) for row in rows]
+        bodies = [section_contour(family, row, longest) for row in rows]
         scale = _draw_bodies(axis, bodies, rows, WIDTH / (right - left))
-        _draw_best(axis, scale * _contour(family, best, longest), best)
+        _draw_best(axis, scale * section_contour(family, best, longest), best)
         axis.set(
             xlim=(left, right),
             ylim=(0, 1.35 * max(row["cd"] for row in (*rows, best))),
@@ -115,7 +115,9 @@ def _draw_at(
     axis.add_artist(Polygon(body, color=colour, lw=0, alpha=0.85, transform=place, clip_on=False))
 
 
-def _contour(family: Family, row: JsonObject, chord: float | None) -> Float[np.ndarray, "nodes 2"]:
+def section_contour(
+    family: Family, row: JsonObject, chord: float | None
+) -> Float[np.ndarray, "nodes 2"]:
     """Return the contour of a body as it lies in the stream, in D; scaled to a chord if given."""
     body = family.parameters(row["parameters"])
     scale = 1.0 if chord is None else chord / row["chord"]

@@ -94,7 +94,7 @@ def _coefficients(record: JsonObject, solution: Solution) -> list[str]:
         words.append(f"Cl {cl:.4f}")
     if lifting and solution.shape.dimension == 2:
         words.append(f"Cl/Cd {cl * unit / solution.drag:.3f}")
-    return words
+    return words + ["over c"] * run_reference(record).by_chord
 
 
 def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:

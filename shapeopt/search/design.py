@@ -126,7 +126,8 @@ class Design:
         found, glide = self.multipliers, bool(self.problem.scenarios.glide)
         if not found:
             return {}
-        return dict([multiplier_words(found, glide).split(": ", 1)])
+        key, words = multiplier_words(found, glide).split(": ", 1)
+        return {key + ("" if self.problem.objective.fixed else ", at this Re"): words}
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}

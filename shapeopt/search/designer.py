@@ -210,7 +210,8 @@ class Designer:
             if report:
                 report(evaluated[-1], memory.flows)
         if not evaluated:
-            where = f"any of {len(failed)} bodies about Re {problem.objective.nominal:g}"
+            number = f"{'chord ' * problem.by_chord}Re {problem.objective.nominal:g}"
+            where = f"any of {len(failed)} bodies about {number}"
             raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}")
         return evaluated, len(failed), calls
 

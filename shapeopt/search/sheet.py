@@ -68,7 +68,8 @@ def _optimum(model: Surrogate | Designer, problem: Problem) -> Design | NotConve
 def row_of(problem: Problem, found: Design | NotConverged) -> Row:
     """Return a problem's Reynolds number and its optimum as a row; without one "why_not" says why.
 
-    Coefficients are by the problem's reference length, "reynolds" and "onset" by D. Where
+    Coefficients are by the problem's reference length, "reynolds" and "onset" by D, "chord" and
+    "thickness" in D, "multipliers" of the objective (of the glide ratio -Cl / Cd). Where
     no optimum was found, the Reynolds number that depends on its chord is None.
 
     "flows" are those of this design alone, which used the flows of the designs before it.

@@ -194,10 +194,12 @@ class Family:
             if value is None:
                 raise InvalidInput(f"body: {name} {shown(named[name])}: must be numbers")
         self._check_names(values)
-        columns = [values.get(name, PARAMETERS[name].neutral) for name in self.names]
-        xp = jnp if traced(*columns) else np
+        neutral = {name: PARAMETERS[name].neutral for name in self.names if name not in values}
+        xp = jnp if traced(*values.values()) else np
+        columns = map(xp.asarray, (values | neutral).values())
         try:
-            return xp.stack(xp.broadcast_arrays(*map(xp.asarray, columns)), axis=-1)
+            found = dict(zip(values | neutral, xp.broadcast_arrays(*columns), strict=True))
+            return xp.stack([found[name] for name in self.names], axis=-1)
         except ValueError:
             shapes = ", ".join(f"{name} {np.shape(x)}" for name, x in values.items())
             raise InvalidInput(f"body: arrays that do not broadcast, of shapes {shapes}") from None

@@ -50,9 +50,9 @@ def over_lift(run: Run) -> list[Row]:
 def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, float]) -> Row:
     """Return the best body of one chord, by the flow led by the network, and directly by SLSQP.
 
-    ``by_thickness`` is the multiplier of the bound on the thickness over the chord,
-    ``network_error`` the objective at the network's own optimum over that of the flow's, minus 1,
-    ``beside`` the same of the direct optimum.
+    ``by_thickness`` is the multiplier of the bound on t/c, ``network_error`` the objective that
+    the network predicts at its own optimum over that of the flow's, minus 1, and ``beside`` by how
+    much the direct optimum is worse than that, relative to it.
     """
     net = load(NAME)
     scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
@@ -64,7 +64,7 @@ def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, flo
     row = {
         "asked": "glide ratio" if glide else f"Cl {bounds['lift']:g}",
         "max_moment": bounds.get("max_moment"),
-        "reynolds": chord_reynolds / found.chord,
+        "reynolds": found.reynolds,
         "parameters": scene.family.named(found.parameters),
         "cd": found.drag,
         "cl": found.lift,
@@ -138,8 +138,8 @@ BY_CHORD = columns(
     "chord Re {chord_reynolds:g} | asked {asked} | Cm at most {max_moment:g} | Re {reynolds:.1f}"
     " | Cd / c {cd:.4f} | Cl / c {cl:.4f} | Cm / c^2 {cm:z.4f} | aspect {parameters[aspect]:.2f}"
     " | incidence {parameters[incidence]:.2f} | objective per t/c {by_thickness:+.2f}"
-    " | flows {network_flows} | KKT residual {kkt_residual:.0e} | network {network_error:+.2%}"
-    " | SLSQP: flows {direct_flows} | excess {beside:+.2%}"
+    " | flows {network_flows} | KKT residual {kkt_residual:.0e} | predicted {network_error:+.2%}"
+    " | SLSQP: flows {direct_flows} | worse by {beside:+.2%}"
 )
 THICK = {"min_thickness": 0.3}  # over the chord
 CHORDS = [
