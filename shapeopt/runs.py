@@ -61,14 +61,15 @@ def save_run(
 
     Returns:
       The record, as in run.json. Coefficients and constraints are by the length that "reference"
-      names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is U D / nu
-      and "chord_reynolds" U c / nu. "constraints" are those that the problem sets. cd_* are values of the problem's objective: Cd where that is the drag at one Reynolds
-      number; of the glide ratio and of a settling speed Cd itself, and the ratio is under "glide".
-      cd_start is that of the cylinder (sphere) in the same scenarios, None where it is not known;
-      it is not where the search began. cl_verified and cm_verified are those of the body itself at
-      the nominal Reynolds number, None where that flow does not converge. "violated" names the
-      bounds on loads that the flow does not meet, with its loads; "multipliers" are the derivatives of
-      the optimal objective, of the glide ratio -Cl / Cd, in each active bound.
+      names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is
+      U D / nu and "chord_reynolds" U c / nu. "constraints" are those that the problem sets. cd_* are
+      values of the problem's objective: Cd where that is the drag at one Reynolds number; of the
+      glide ratio and of a settling speed Cd itself, and the ratio is under "glide". cd_start is
+      that of the cylinder (sphere) in the same scenarios, None where it is not known; it is not
+      where the search began. cl_verified and cm_verified are those of the body itself at the
+      nominal Reynolds number, None where that flow does not converge. "violated" names the bounds
+      on loads that the flow does not meet, with its loads; "multipliers" are the derivatives of the
+      optimal objective, of the glide ratio -Cl / Cd, in each active bound.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.

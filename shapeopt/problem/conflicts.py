@@ -48,9 +48,8 @@ def explain_conflict(problem: Problem) -> str:
     ]
     if impossible:
         wider = [] if problem.within or problem.trust else ["wider ranges of the scene may help"]
-        ends = [
-            float(free.limits.body_class.aspect(p)) for p in (free.limits.low, free.limits.high)
-        ]
+        corners, aspect_of = (free.limits.low, free.limits.high), free.limits.body_class.aspect
+        ends = [float(aspect_of(corner)) for corner in corners]
         if problem.by_chord and ends != list(dict(problem.scene.family.ranges)["aspect"]):
             low, high = (f"{aspect:.3g}" for aspect in ends)
             wider.append(f"at this chord Reynolds number aspects {low} to {high} can be solved")

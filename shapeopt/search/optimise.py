@@ -51,9 +51,8 @@ def optimise_all(
     """Return the surrogate's own optimum of every problem, all in one compiled call.
 
     Args:
-      problems: of the surrogate's scene, all or none ``by_chord``; objectives and constraints may be
-        of different kinds. All
-        are padded to the most scenarios, stations and bounds among them.
+      problems: of the surrogate's scene, all or none ``by_chord``; objectives and constraints may
+        be of different kinds. All are padded to the most scenarios, stations and bounds among them.
       surrogate: the model; a flow is refused, a ``Designer`` answers its problems.
       devices: number of devices that the problems are spread over (1).
 
