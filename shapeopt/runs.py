@@ -62,7 +62,7 @@ def save_run(
     Returns:
       The record, as in run.json. Coefficients and constraints are by the length that "reference"
       names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is
-      U D / nu and "chord_reynolds" U c / nu. "constraints" are those that the problem sets. cd_* are
+      U D / nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets. cd_* are
       values of the problem's objective: Cd where that is the drag at one Reynolds number; of the
       glide ratio and of a settling speed Cd itself, and the ratio is under "glide". cd_start is
       that of the cylinder (sphere) in the same scenarios, None where it is not known; it is not
