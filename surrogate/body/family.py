@@ -15,6 +15,7 @@ from surrogate.body.body_class import BodyClass, Range, drawn_outline
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin, SkinNodes
+from surrogate.body.tables import bodies_of_table, body_of_table, is_of_arrays, wanted
 from surrogate.body.validity import (
     CLEAR_THICKNESS_RATIO,
     are_valid,
@@ -22,10 +23,8 @@ from surrogate.body.validity import (
     min_thickness_ratios,
 )
 from surrogate.checks import (
-    did_you_mean,
     expect,
     interval,
-    one_number,
     real_numbers,
     shown,
     traced,
@@ -142,67 +141,19 @@ class Family:
             number.
         """
         expect("body", named, Mapping, "table of parameters, as {'aspect': 2}")
-        self._check_aspect(named)
-        values = {name: one_number(name, value) for name, value in named.items()}
-        self._check_names(values)
-        ordered = [values.get(name, PARAMETERS[name].neutral) for name in self.names]
-        return jnp.asarray(ordered, float) if traced(*ordered) else np.array(ordered)
-
-    def _check_aspect(self, named):
-        if "aspect" not in named:
-            raise InvalidInput(f"body: has no aspect; {self._wanted}")
-
-    def _check_names(self, values):
-        """Raise InvalidInput where a parameter that the family lacks is not neutral."""
-        for name, value in values.items():
-            known = PARAMETERS.get(name)
-            neutral = known and not traced(value) and np.all(value == known.neutral)
-            if name in self.names or neutral:
-                continue
-            hint = did_you_mean(name, self.names)
-            if known:
-                hint = (
-                    f"; scenes that give {name} a range have it (pretrained:lift has camber and "
-                    "incidence in 2-D, pretrained:particle flatness and incidence in 3-D)"
-                )
-            raise InvalidInput(
-                f"body: {name} is none of the family's {', '.join(self.names)}{hint}"
-            )
+        return body_of_table(self.names, named)
 
     def array(self, body: Bodies) -> Bodies:
         """Return tables of parameters as an array, and anything else as it is.
 
         Several bodies are a list of tables, or one table of arrays that broadcast as in NumPy.
         """
-        if isinstance(body, Mapping) and any(map(_is_array, body.values())):
-            return self._columns(body)
+        if isinstance(body, Mapping) and is_of_arrays(body):
+            return bodies_of_table(self.names, body)
         if isinstance(body, list | tuple) and body and all(isinstance(b, Mapping) for b in body):
             rows = [self.parameters(one) for one in body]
             return jnp.stack(rows) if traced(*rows) else np.array(rows)
         return self.parameters(body) if isinstance(body, Mapping) else body
-
-    def _columns(self, named):
-        """Return bodies from arrays of their parameters by name, the parameters in the last axis.
-
-        Raises:
-          InvalidInput: as ``parameters``; or a value is no array of numbers, or they do not
-            broadcast.
-        """
-        self._check_aspect(named)
-        values = {name: _numbers(x) for name, x in named.items()}
-        for name, value in values.items():
-            if value is None:
-                raise InvalidInput(f"body: {name} {shown(named[name])}: must be numbers")
-        self._check_names(values)
-        neutral = {name: PARAMETERS[name].neutral for name in self.names if name not in values}
-        xp = jnp if traced(*values.values()) else np
-        columns = map(xp.asarray, (values | neutral).values())
-        try:
-            found = dict(zip(values | neutral, xp.broadcast_arrays(*columns), strict=True))
-            return xp.stack([found[name] for name in self.names], axis=-1)
-        except ValueError:
-            shapes = ", ".join(f"{name} {np.shape(x)}" for name, x in values.items())
-            raise InvalidInput(f"body: arrays that do not broadcast, of shapes {shapes}") from None
 
     def sample(self, key: jax.Array, count: int) -> Float[AnyArray, "count parameters"]:
         """Return bodies drawn at random ``within`` the bounds, none of which crosses itself.
@@ -317,18 +268,7 @@ class Family:
 
     @property
     def _wanted(self):
-        return f"{len(self.names)} parameters are needed: {', '.join(self.names)}"
-
-
-def _numbers(value):
-    """Return an array of numbers, which JAX may trace; None of what is none."""
-    if isinstance(value, list | tuple) and traced(*value):
-        return jnp.stack(value)
-    return value if traced(value) else real_numbers(value)
-
-
-def _is_array(value):
-    return isinstance(value, list | tuple) or getattr(value, "ndim", 0) > 0
+        return wanted(self.names)
 
 
 def _range(name, given):
