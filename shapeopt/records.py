@@ -63,17 +63,21 @@ def run_body(record: dict[str, Any]) -> np.ndarray:
     return run_scene(record).family.parameters(record["parameters"])
 
 
+def is_by_chord(record: dict[str, Any]) -> bool:
+    """Return whether the coefficients of a run, and its Reynolds number, are by the chord."""
+    return record.get("reference") == CHORD
+
+
 def run_reference(record: dict[str, Any]) -> Reference:
     """Return the reference length of a run's coefficients."""
-    return Reference(run_scene(record).family.body_class, record.get("reference") == CHORD)
+    return Reference(run_scene(record).family.body_class, is_by_chord(record))
 
 
 def run_reynolds(record: dict[str, Any]) -> float:
     """Return the Reynolds number of a run by its reference length."""
-    return record["chord_reynolds" if run_reference(record).by_chord else "reynolds"]
+    return record["chord_reynolds" if is_by_chord(record) else "reynolds"]
 
 
 def reynolds_text(record: dict[str, Any]) -> str:
     """Return the Reynolds number of a run as words."""
-    words = "chord Re" if run_reference(record).by_chord else "Re"
-    return f"{words} {run_reynolds(record):.4g}"
+    return f"{'chord ' * is_by_chord(record)}Re {run_reynolds(record):.4g}"

@@ -135,7 +135,7 @@ def _search_record(design: Design) -> dict[str, Any]:
     return {
         "parameters": problem.scene.family.named(design.parameters),
         "chord": design.chord,
-        "thickness": float(body.thickness(design.parameters)),
+        "thickness": design.thickness,
         **camber,
         "reynolds": design.reynolds,
         "chord_reynolds": design.chord_reynolds,

@@ -178,7 +178,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     if slopes := r.get("multipliers"):
         by = "flow" if r["settings"]["until"] == "flow" else "surrogate"
         at = "" if problem.objective.fixed else ", at this Re"
-        lines.append(f"  by the {by}{at}: {multiplier_words(slopes, 'glide' in r)}")
+        lines.append(f"  by the {by}{at}: {': '.join(multiplier_words(slopes, 'glide' in r))}")
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "

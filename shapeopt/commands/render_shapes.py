@@ -22,7 +22,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.records import load_run, reynolds_text, run_reference, run_reynolds, run_scene
+from shapeopt.records import (
+    is_by_chord,
+    load_run,
+    reynolds_text,
+    run_reference,
+    run_reynolds,
+    run_scene,
+)
 from shapeopt.render.bodies_3d import (
     FRICTION,
     PRESSURE,
@@ -95,7 +102,7 @@ def _check_objectives(records: list[JsonObject]) -> None:
     if len(kinds) > 1:
         words = ", ".join(sorted(kinds))
         raise InvalidInput(f"--family: runs of one objective; these are of {words}")
-    if len({run_reference(record).by_chord for record in records}) > 1:
+    if len({is_by_chord(record) for record in records}) > 1:
         raise InvalidInput("--family: some runs are by the chord, some by D; draw them separately")
 
 
@@ -135,7 +142,7 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         at = f"--family: the run at {reynolds_text(record)}"
         if record.get("cd_verified") is None:
             raise InvalidInput(f"{at} is not verified")
-        if not is_about_lift(record) and run_reference(record).by_chord:
+        if not is_about_lift(record) and is_by_chord(record):
             raise InvalidInput(f"{at} is by the chord: its drag is compared with no other body's")
         if not (is_compared(record) or is_about_lift(record)):
             body = run_scene(record).family.round_body

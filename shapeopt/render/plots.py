@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shapeopt.records import reynolds_text, run_body, run_reference, run_reynolds, run_scene
+from shapeopt.records import is_by_chord, reynolds_text, run_body, run_reynolds, run_scene
 from shapeopt.render.figures import (
     FROM_ABOVE,
     INK,
@@ -61,7 +61,7 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     fixed chord the same chord. Returns the path of the PNG.
     """
     records = sorted(records, key=run_reynolds)
-    by_chord = run_reference(records[0]).by_chord
+    by_chord = is_by_chord(records[0])
     bodies = [
         np.asarray(drawn_contour(run_scene(r).family.body_class, run_body(r), 400))
         / (r["chord"] if by_chord else 1.0)
@@ -120,7 +120,7 @@ def _draw_over_reynolds(
 ) -> None:
     """Plot a value of every run over Re, with Cd and words below each."""
     reynolds = list(map(run_reynolds, records))
-    by_chord = run_reference(records[0]).by_chord
+    by_chord = is_by_chord(records[0])
     axis.plot(reynolds, values, color=START, lw=1.2, zorder=1)
     axis.scatter(reynolds, values, color=colours, s=70, zorder=2)
     for record, x, y, said in zip(records, reynolds, values, words, strict=True):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from shapeopt.problem.scenarios import LOAD_BOUNDS
-from shapeopt.records import reynolds_text, run_body, run_reference, run_scene
+from shapeopt.records import is_by_chord, reynolds_text, run_body, run_scene
 from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel, render_flows
 from surrogate.files import JsonObject
@@ -68,7 +68,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 def is_compared(record: JsonObject) -> bool:
     """Return whether a run's drag is compared with that of the cylinder (sphere)."""
     unsolved = record.get("cd_verified") is not None and record.get("cd_start") is None
-    return not (unsolved or is_about_lift(record) or run_reference(record).by_chord)
+    return not (unsolved or is_about_lift(record) or is_by_chord(record))
 
 
 def is_about_lift(record: JsonObject) -> bool:
@@ -87,14 +87,14 @@ def is_about_lift(record: JsonObject) -> bool:
 
 def _coefficients(record: JsonObject, solution: Solution) -> list[str]:
     """Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, for a title."""
-    unit = solution.chord if run_reference(record).by_chord else 1.0
+    unit = solution.chord if is_by_chord(record) else 1.0
     cl = round(solution.lift / unit, 4) + 0.0  # no minus zero
     words, lifting = [f"Cd {solution.drag / unit:.4f}"], run_scene(record).family.has_lift
     if lifting:
         words.append(f"Cl {cl:.4f}")
     if lifting and solution.shape.dimension == 2:
         words.append(f"Cl/Cd {cl * unit / solution.drag:.3f}")
-    return words + ["over c"] * run_reference(record).by_chord
+    return words + ["over c"] * is_by_chord(record)
 
 
 def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSURE) -> Path:

@@ -72,8 +72,8 @@ class Design:
                 "body": listed(self._named),
                 "Reynolds number": f"{self.reynolds:.4g}{by_chord}",
                 "chord": f"{self.chord:.4g} D",
-                "thickness": self._in_chords("thickness"),
-                **({"camber": self._in_chords("camber")} if self._has_camber else {}),
+                "thickness": self._in_chords(self.thickness),
+                **self._camber,
                 objective: f"{self.objective:.5g}, from {start:.5g} where the search began",
                 "Cd" + over[0]: f"{self.drag:.5g}",
                 **lift,
@@ -108,12 +108,14 @@ class Design:
         return self.problem.scene.family.named(self.parameters)
 
     @property
-    def _has_camber(self):
-        return bool(self.problem.scene.family.body_class.camber_modes)
+    def _camber(self):
+        body = self.problem.scene.family.body_class
+        if not body.camber_modes:
+            return {}
+        return {"camber": self._in_chords(float(body.camber(self.parameters)))}
 
-    def _in_chords(self, measure):
-        """Return a length of the body, a method of its class, in D and in chords as text."""
-        length = float(getattr(self.problem.scene.family.body_class, measure)(self.parameters))
+    def _in_chords(self, length):
+        """Return a length of the body, in D, as text in D and in chords."""
         return f"{length:.3g} D, {length / self.chord:.1%} of the chord"
 
     @property
@@ -126,8 +128,8 @@ class Design:
         found, glide = self.multipliers, bool(self.problem.scenarios.glide)
         if not found:
             return {}
-        key, words = multiplier_words(found, glide).split(": ", 1)
-        return {key + ("" if self.problem.objective.fixed else ", at this Re"): words}
+        kind, words = multiplier_words(found, glide)
+        return {kind + ("" if self.problem.objective.fixed else ", at this Re"): words}
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in self.__dict__.items() if name != "verified"}
@@ -136,6 +138,11 @@ class Design:
     def chord(self) -> float:
         """The body's length from nose to tail, in D."""
         return float(self.problem.scene.family.body_class.length(self.parameters))
+
+    @property
+    def thickness(self) -> float:
+        """The body's greatest thickness, in 3-D its height, in D."""
+        return float(self.problem.scene.family.body_class.thickness(self.parameters))
 
     @property
     def reynolds(self) -> float:
@@ -183,8 +190,8 @@ class Design:
         return self.verified.estimated_error
 
 
-def multiplier_words(found: Mapping[str, float], glide: bool) -> str:
-    """Return multipliers as words: what changes with which bound, or end of a parameter's range.
+def multiplier_words(found: Mapping[str, float], glide: bool) -> tuple[str, str]:
+    """Return multipliers as words: what they are, and their values by bound or end of a range.
 
     Args:
       found: derivatives of the objective by the name of a bound or a parameter.
@@ -194,7 +201,7 @@ def multiplier_words(found: Mapping[str, float], glide: bool) -> str:
     for name, slope in found.items():
         end = f"{'lower' if slope > 0 else 'upper'} end of " if name in PARAMETERS else ""
         words.append(f"{end}{name.replace('_', ' ')} {-slope if glide else slope:+.3g}")
-    return f"d({'Cl / Cd' if glide else 'objective'}) / d(bound): {', '.join(words)}"
+    return f"d({'Cl / Cd' if glide else 'objective'}) / d(bound)", ", ".join(words)
 
 
 def padded_loads(

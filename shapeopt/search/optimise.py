@@ -80,13 +80,14 @@ def optimise_all(
 
 
 def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds: float) -> Design:
-    body, model = proposal.parameters, problem.reference.model(surrogate.network)
-    query = problem.reference.query(body, problem.objective.nominal)
-    loads = problem.reference.loads(body, surrogate.loads(*query)).tolist()
-    drags = loads[:1]
+    body, reference = proposal.parameters, problem.reference
+    query = reference.query(body, problem.objective.nominal)
+    loads = reference.loads(body, surrogate.loads(*query)).tolist()
+    drags = np.array(loads[:1])
     if len(problem.scenarios.weight) > 1:
-        drags = model_loads(model, body, problem.scenarios)[0][:, 0]
-    of_loads = proposal.of_loads, proposal.by_loads
+        model = reference.model(surrogate.network)
+        drags = np.asarray(model_loads(model, body, problem.scenarios)[0][:, 0])
+    known = proposal.gradient, proposal.of_loads, proposal.by_loads, drags
     return Design(
         problem=problem,
         parameters=body,
@@ -99,5 +100,5 @@ def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds:
         flows=0,
         green_applications=0,
         seconds=seconds,
-        derivatives=Derivatives(proposal.gradient, *of_loads, np.asarray(drags)),
+        derivatives=Derivatives(*known),
     )

@@ -69,8 +69,8 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
     """Return a problem's Reynolds number and its optimum as a row; without one "why_not" says why.
 
     Coefficients are by the problem's reference length, "reynolds" and "onset" by D, "chord" and
-    "thickness" in D, "multipliers" of the objective (of the glide ratio -Cl / Cd). Where
-    no optimum was found, the Reynolds number that depends on its chord is None.
+    "thickness" in D, "multipliers" of the objective (of the glide ratio -Cl / Cd). Where no
+    optimum was found, the Reynolds number that depends on its chord is None.
 
     "flows" are those of this design alone, which used the flows of the designs before it.
     """
@@ -87,7 +87,7 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "chord_reynolds": found.chord_reynolds,
         "parameters": body,
         "chord": found.chord,
-        "thickness": float(family.body_class.thickness(found.parameters)),
+        "thickness": found.thickness,
         "multipliers": found.multipliers,
         "cd": found.drag,
         "cl": found.lift,
