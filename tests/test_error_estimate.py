@@ -31,6 +31,7 @@ from surrogate.scene.fidelity import NAMED
 
 DRAFT = FIDELITIES["draft"]
 MODEL = ERROR_MODELS[2]
+ONSET = 1e4  # Re of an onset of instability that is far away
 
 
 def spline(wave):
@@ -78,7 +79,7 @@ def test_exact_extrapolation_where_half_the_cells_err_seven_times_as_much(cells,
         return Loads(2 - 20 / fidelity.cells ** np.log2(7), 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=cells)
-    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2, 0.5)
+    found = estimate_error(solve(fidelity), solve, fidelity, 1.0, 1.0, 2, 0.5, ONSET)
     assert found.extrapolated_drag == (extrapolated and pytest.approx(extrapolated))
 
 
@@ -88,7 +89,7 @@ def test_exact_orders_in_3d_fall_from_three_to_two_with_re(reynolds, order):
         return Loads(2 - 20 / fidelity.cells**order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3, 0.5)
+    found = estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.0, 3, 0.5, ONSET)
     assert found.extrapolated_drag == pytest.approx(2.0, abs=2e-4 if reynolds == 300 else 1e-9)
 
 
@@ -109,10 +110,12 @@ def test_accurate_in_3d_needs_a_margin_of_few_cells_per_boundary_layer(reynolds,
         return Loads(1 + error * DRAFT.tolerance * (24 / fidelity.cells) ** order, 0.0, 0.0)
 
     fidelity = dataclasses.replace(DRAFT, cells=24)
-    assert estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.6, 3, 0.5).status == status
-    assert (
-        estimate_error(solve(fidelity), solve, fidelity, reynolds, 1.7, 3, 0.5).status == "degraded"
-    )
+
+    def found(height):
+        loads = solve(fidelity)
+        return estimate_error(loads, solve, fidelity, reynolds, height, 3, 0.5, ONSET).status
+
+    assert (found(1.6), found(1.7)) == (status, "degraded")
 
 
 def test_a_wake_longer_than_the_domain_is_degraded():
@@ -159,7 +162,7 @@ def errors_of(grid, domain):
         error = grid * (standard.cells / fidelity.cells) ** 2 + of_domain
         return Loads(2 * (1 + error), 1 + error, -1 - error)
 
-    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5)
+    return estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5, ONSET)
 
 
 def test_errors_of_grid_and_domain_that_cancel_are_accurate_and_those_that_add_up_are_not():
@@ -184,7 +187,7 @@ def test_lift_that_is_expected_to_err_by_more_than_its_tolerance_is_not_accurate
         error = of_lift * (standard.cells / fidelity.cells) ** 2
         return Loads(2.0, 2 * (0.3 + error), 0.0)
 
-    found = estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5)
+    found = estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5, ONSET)
     assert found.expected_error < standard.tolerance
     assert found.status == status
     if status == "degraded":
@@ -196,13 +199,31 @@ def test_lift_that_is_expected_to_err_by_more_than_its_tolerance_is_not_accurate
         )
 
 
+def test_bounds_of_lift_and_moment_grow_towards_the_onset_of_instability():
+    """In 2-D by 1 + 1.5 (Re / onset)^4, and no further beyond the onset; that of drag does not."""
+    standard = FIDELITIES["standard"]
+
+    def bounds(onset):
+        def solve(fidelity):
+            error = 1e-3 * (standard.cells / fidelity.cells) ** 2
+            return Loads(2.0 + error, 0.6 + error, 0.2 + error)
+
+        found = estimate_error(solve(standard), solve, standard, 40.0, 1.0, 2, 0.5, onset)
+        return found.estimated_error, found.estimated_lift_error, found.estimated_moment_error
+
+    far, half, beyond = bounds(ONSET), bounds(80.0), bounds(20.0)
+    assert far[0] == half[0] == beyond[0]
+    np.testing.assert_allclose(np.divide(half, far)[1:], 1 + 1.5 / 16)
+    np.testing.assert_allclose(np.divide(beyond, far)[1:], 2.5)
+
+
 def test_a_coarser_flow_that_is_not_finite_leaves_no_estimate():
     standard = FIDELITIES["standard"]
 
     def solve(fidelity):
         return Loads(np.nan, np.nan, np.nan)
 
-    found = estimate_error(Loads(2.0, 0.3, 0.0), solve, standard, 10.0, 1.0, 2, 0.5)
+    found = estimate_error(Loads(2.0, 0.3, 0.0), solve, standard, 10.0, 1.0, 2, 0.5, ONSET)
     assert found == ErrorEstimate("degraded")
 
 
@@ -213,7 +234,7 @@ def test_lift_and_moment_of_symmetric_flows_are_exact_but_for_the_solver(noise):
     def solve(fidelity):
         return Loads(2.0 + 0.1 / fidelity.cells, noise, -noise)
 
-    found = estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5)
+    found = estimate_error(solve(standard), solve, standard, 10.0, 1.0, 2, 0.5, ONSET)
     assert found.estimated_error > 0 == found.estimated_lift_error == found.estimated_moment_error
 
 
@@ -225,7 +246,7 @@ def test_bounds_are_at_least_the_expected_errors():
         error = (10 / fidelity.cells) ** 2
         return Loads(1 + 0.01 * error, 0.3 + 0.01 * error, 0.1 + 0.01 * error)
 
-    found = estimate_error(solve(fine), solve, fine, 150.0, 1.0, 3, 0.5)
+    found = estimate_error(solve(fine), solve, fine, 150.0, 1.0, 3, 0.5, ONSET)
     assert found.estimated_error == pytest.approx(found.expected_error)
     assert found.estimated_lift_error == pytest.approx(found.expected_error * solve(fine).drag)
 
@@ -234,7 +255,7 @@ def test_a_draft_that_is_not_accurate_names_the_fidelity_that_meets_its_toleranc
     def solve(fidelity):
         return Loads(1 + 0.06 * (10 / fidelity.cells) ** 2, 0.0, 0.0)
 
-    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2, 0.5)
+    found = estimate_error(solve(DRAFT), solve, DRAFT, 10.0, 1.0, 2, 0.5, ONSET)
     assert (found.status, found.sufficient) == ("degraded", "standard")
 
 

@@ -1,21 +1,31 @@
 """What lift costs: flows without a plane of symmetry, gradients of three loads, and memory."""
 
+import dataclasses
 import functools
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
-from study import Row, Run, Study, Table, cases, columns
+import numpy as np
+from study import TINY, Row, Run, Study, Table, cases, columns
 from tools import alone, medians, megabytes
 
 from surrogate import Family, Flow, Scene, family_shape
+from surrogate.flow import programs
+from surrogate.flow.derivatives import quick_efforts
+from surrogate.flow.loads import load_values
+from surrogate.flow.solver.adjoint import Effort
+from surrogate.scene.samples import training_samples
 
 CAMBERED = {"gamma2": 0.2, "incidence": 8.0}
-SCENE = Path(__file__).parents[2] / "lift.toml"
+SCENES = Path(__file__).parents[2]
+SCENE = SCENES / "lift.toml"
 TURNED = {2: 8.0, 3: 30.0}  # degrees, of the bodies whose memory is compared
 FLOWS = cases(aspect=(2.0, 4.0), reynolds=(1.0, 40.0))
 GRADIENTS = cases(aspect=(2.0, 3.5), reynolds=(5.0, 40.0, 90.0))  # below the onset
 MEMORY = cases(dimension=(2, 3), fidelity=("draft", "standard"))
+TOLERANCES = (1e-4, 2e-4, 3e-4, 7e-4, 2e-3)  # of adjoints
+EXACT = 1e-6
 
 
 def flows(run: Run, aspect: float, reynolds: float) -> Row:
@@ -60,6 +70,56 @@ def memory(run: Run, dimension: int, fidelity: str) -> Row:
     return {"aligned": found[0], "turned": found[1], "ratio": found[1] / found[0]}
 
 
+def adjoints(run: Run, dimension: int) -> list[Row]:
+    """Return the errors of gradients by adjoints of several tolerances, and the work of these.
+
+    They are root mean squares over bodies and inputs of the slopes of each load, over Cd, in the
+    inputs of a network: the parameters and log Re, scaled by half their ranges.
+
+    Args:
+      run: How the study is run.
+      dimension: Of the scene of ``pretrained:lift`` or of ``pretrained:particle``.
+    """
+    flow = Flow(_scene(run, dimension))
+    bodies, domain, family = flow.bodies, flow.domain, flow.scene.family
+    half_ranges = np.append(np.ptp(family.bounds, axis=1), np.ptp(np.log(flow.scene.reynolds))) / 2
+    samples = training_samples(flow.scene, 1, run.pick(1, 8))
+    pairs = zip(samples.parameters, map(jnp.asarray, samples.reynolds), strict=True)
+    solved = [(body, re, *bodies.solved(body, re)[:2]) for body, re in pairs]
+
+    def slopes(efforts):
+        rows, work = [], 0
+        for body, re, operators, state in solved:
+            found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, re)
+            stream = programs.stream_derivatives(domain, re), found.adjoints, efforts
+            by_re = found.by_reynolds + programs.by_stream(domain, operators, state, *stream)
+            by_body = bodies.in_parameters(body, found.by_markers)
+            drag = load_values(domain.modes, bodies.loads, state.amplitude, operators.markers)[0]
+            rows.append(np.column_stack([by_body, re * by_re]) * half_ranges / drag)
+            work += int(found.work.convolutions)
+        return np.array(rows), work / len(solved)
+
+    exact, _ = slopes((Effort(EXACT, 80),) * len(bodies.loads))
+    trials = [(Effort(value, 80),) * len(bodies.loads) for value in TOLERANCES]
+    rows = []
+    for efforts in (*trials, quick_efforts(bodies.loads)):
+        found, work = slopes(efforts)
+        errors = np.sqrt(np.mean((found - exact) ** 2, axis=(0, 2)))
+        row = dict(zip(("cd", "cl", "cm"), errors.tolist(), strict=True))
+        tolerances = dict.fromkeys(f"{one.tolerance:g}" for one in efforts)
+        rows.append(row | {"tolerance": ", ".join(tolerances), "work": work})
+    return rows
+
+
+def _scene(run, dimension):
+    if dimension == 2:
+        scene = Scene.read(SCENE)
+        return dataclasses.replace(scene, fidelity=run.fidelity("standard"))
+    scene = Scene.read(SCENES / "particle.toml")
+    coarse = dataclasses.replace(scene.fidelity, cells=10)
+    return dataclasses.replace(scene, fidelity=TINY if run.tiny else coarse)
+
+
 TABLES = [
     Table(
         FLOWS,
@@ -88,6 +148,15 @@ TABLES = [
             " | at incidence {turned:.0f} MB | ratio {ratio:.2f}"
         ),
         key="memory",
+    ),
+    Table(
+        cases(dimension=(2, 3)),
+        adjoints,
+        columns(
+            "dimension {dimension} | tolerance of the adjoints {tolerance} | G {work:.1f}"
+            " | error of slopes: Cd {cd:.1e} | Cl {cl:.1e} | Cm {cm:.1e}"
+        ),
+        key="adjoints",
     ),
 ]
 STUDIES = {"lift_cost": Study(TABLES)}

@@ -5,6 +5,7 @@ Notes with the formulas and their evidence are in ``surrogate/flow/README.md``.
 
 import dataclasses
 import math
+import operator
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
@@ -54,6 +55,7 @@ def estimate_error(
     height: float,
     dimension: int,
     nose: float,
+    onset: float,
     fewest: int = 0,
 ) -> ErrorEstimate:
     """Estimate the errors of the loads on a body, from two more flows on a coarser grid.
@@ -68,6 +70,7 @@ def estimate_error(
       height: of the body across the stream, in D.
       dimension: 2 or 3.
       nose: radius of curvature in D that its boundary layers follow (``Shape.nose``).
+      onset: Re of the onset of instability.
       fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
     """
     model = ERROR_MODELS[dimension]
@@ -82,11 +85,15 @@ def estimate_error(
     of_grid = [(a - b) / growth / loads.drag for a, b in zip(rough, loads, strict=True)]
     step = (1 - model.DOMAIN_ERROR) * loads.drag
     of_domain = [(a - b) / step for a, b in zip(rough, other, strict=True)]
-    spreads = model.spreads(whole.cells, reynolds, nose)
-    likely = model.likely(Loads(*of_grid), Loads(*of_domain), spreads)
+    margin = model.margin(coarser.cells, reynolds)
+
+    def likely_at(cells, grid, domain):
+        errors = model.likely(Loads(*grid), Loads(*domain), model.spreads(cells, reynolds, nose))
+        return Loads(*map(operator.mul, errors, model.growth(reynolds / onset)))
+
+    likely = likely_at(whole.cells, of_grid, of_domain)
     if not all(map(math.isfinite, likely)):
         return ErrorEstimate("degraded")
-    margin = model.margin(coarser.cells, reynolds)
     expected = Loads(*(margin * each for each in likely))
     parts = zip(model.SAFETY, likely, expected, strict=True)
     bounds = [max(safety * each, most) for safety, each, most in parts]
@@ -108,9 +115,7 @@ def estimate_error(
         finer = (whole.cells / level.cells) ** order
         larger = _domain_error(whole, level, model)
         grid, domain = (finer * g for g in of_grid), (larger * d for d in of_domain)
-        spreads = model.spreads(level.cells, reynolds, nose)
-        likely = model.likely(Loads(*grid), Loads(*domain), spreads)
-        return Loads(*(margin * each for each in likely))
+        return Loads(*(margin * each for each in likely_at(level.cells, grid, domain)))
 
     levels = NAMED[dimension].values()
     enough = (level.name for level in levels if not _excess(expected_at(level), tolerances))

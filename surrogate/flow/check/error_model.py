@@ -51,8 +51,18 @@ class ErrorModel(abc.ABC):
         """
 
     @abc.abstractmethod
+    def growth(self, share: float) -> Loads:
+        """Return factors by which likely errors of the loads grow towards the onset of instability.
+
+        Args:
+          share: Re over that of the onset.
+        """
+
+    @abc.abstractmethod
     def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
         """Return the likely errors of the loads over Cd from their parts, over Cd too.
+
+        Those of a flow far below its onset of instability; see ``growth``.
 
         Args:
           grid: errors of the grid, with their signs.
@@ -77,7 +87,8 @@ class ErrorModel2D(ErrorModel):
     added with their signs; to their sum's square are added those of half the domain's part, which
     is uncertain, and of a spread that neither part shows. The spread grows with the cell size over
     the thickness of the thinnest boundary layer. An error of the lift is assumed to act at the tail
-    and so adds to that of the moment.
+    and so adds to that of the moment. Near the onset of instability the steady flow answers more
+    strongly to whatever deflects it, so that errors of lift and moment are larger.
     """
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.4, 1.75
@@ -87,6 +98,10 @@ class ErrorModel2D(ErrorModel):
     SPREAD, SPREAD_CELLS = 0.5e-3, 16  # of the drag over Cd, on grids of SPREAD_CELLS cells per D
     LAYERS = Loads(1e-3, 2e-3, 1e-3)  # spreads over Cd on cells as large as the layer is thick
     TAIL = 0.5  # D from the centroid, where an error of the lift acts
+    NEAR_ONSET, ONSET_POWER = (
+        1.5,
+        4,
+    )  # growth of errors of lift and moment (study ``extremes_lift``)
 
     def order(self, reynolds: float) -> float:
         """Return 2, the order of the scheme where boundary layers are thin."""
@@ -98,6 +113,11 @@ class ErrorModel2D(ErrorModel):
         drag, lift, moment = (spread * layers for spread in self.LAYERS)
         drag = math.hypot(drag, self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells))
         return Loads(drag, lift, moment)
+
+    def growth(self, share: float) -> Loads:
+        """Return the factors of equation (10) of ``surrogate/flow/README.md``."""
+        growth = 1.0 + self.NEAR_ONSET * min(share, 1.0) ** self.ONSET_POWER
+        return Loads(1.0, growth, growth)
 
     def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
         """Return the likely errors by equation (9) of ``surrogate/flow/README.md``."""
@@ -132,6 +152,10 @@ class ErrorModel3D(ErrorModel):
     def spreads(self, cells: int, reynolds: float, nose: float) -> Loads:
         """Return zeros: grid and domain show the whole error."""
         return Loads(0.0, 0.0, 0.0)
+
+    def growth(self, share: float) -> Loads:
+        """Return ones: no growth was seen."""
+        return Loads(1.0, 1.0, 1.0)
 
     def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
         """Return the sums of the magnitudes of the parts."""
