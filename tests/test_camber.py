@@ -285,6 +285,14 @@ def test_taylor_remainders_in_all_parameters_and_re(stream):
     assert np.all(rates[-1] > 1.9), f"remainders {remainders}, rates {rates}"
 
 
+def test_quick_gradients_of_every_load_have_three_digits_of_the_drag():
+    exact = jax.jacobian(FLOW.loads, (0, 1))(BODY, jnp.asarray(10.0))
+    quick = FLOW.loads_and_gradients(BODY, 10.0)
+    atol = 1e-3 * quick.drag
+    np.testing.assert_allclose(quick.gradients, exact[0], atol=atol)
+    np.testing.assert_allclose(10 * quick.by_reynolds, 10 * exact[1], atol=atol)
+
+
 @pytest.mark.slow
 def test_every_gradient_of_the_drag_has_camber_and_incidence():
     gradient = jax.grad(FLOW.drag)(BODY, 10.0)

@@ -1,6 +1,7 @@
 """Error estimates of the drag: retraction, extrapolation, status, coarser grids, domains."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -215,6 +216,15 @@ def test_bounds_of_lift_and_moment_grow_towards_the_onset_of_instability():
     assert far[0] == half[0] == beyond[0]
     np.testing.assert_allclose(np.divide(half, far)[1:], 1 + 1.5 / 16)
     np.testing.assert_allclose(np.divide(beyond, far)[1:], 2.5)
+
+
+def test_the_onset_of_the_body_itself_enters_its_bounds(monkeypatch):
+    section = family_shape({"aspect": 2.0, "gamma2": 0.2, "incidence": 10.0})
+    solve = functools.partial(Flow(Scene(fidelity=DRAFT)).solve, section, 40.0)
+    found = solve()
+    monkeypatch.setattr(type(MODEL), "NEAR_ONSET", 0.0)
+    growth = found.estimated_lift_error / solve().estimated_lift_error
+    assert growth == pytest.approx(1 + 1.5 * (40.0 / found.onset) ** 4) != 1
 
 
 def test_a_coarser_flow_that_is_not_finite_leaves_no_estimate():

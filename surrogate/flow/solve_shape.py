@@ -16,7 +16,6 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
 from surrogate.scene.fidelity import Fidelity
-from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 
 
@@ -86,6 +85,15 @@ def with_estimate(scene: Scene, settings: NewtonSettings, solution: Solution) ->
         return Loads(*load_values(domain.modes, tuple(LOADS.values()), *at).tolist())
 
     loads = Loads(solution.drag, solution.lift, solution.moment)
-    body = shape.height, shape.dimension, shape.nose, onset_of(shape), fewest_cells(shape)
-    error = estimate_error(loads, solve, solution.fidelity, reynolds, *body)
+    error = estimate_error(
+        loads,
+        solve,
+        solution.fidelity,
+        reynolds,
+        height=shape.height,
+        dimension=shape.dimension,
+        nose=shape.nose,
+        onset=solution.onset,
+        fewest=fewest_cells(shape),
+    )
     return dataclasses.replace(solution, **error._asdict())

@@ -89,7 +89,7 @@ def estimate_error(
 
     def likely_at(cells, grid, domain):
         errors = model.likely(Loads(*grid), Loads(*domain), model.spreads(cells, reynolds, nose))
-        return Loads(*map(operator.mul, errors, model.growth(reynolds / onset)))
+        return Loads(*map(operator.mul, errors, model.near_onset(reynolds / onset)))
 
     likely = likely_at(whole.cells, of_grid, of_domain)
     if not all(map(math.isfinite, likely)):

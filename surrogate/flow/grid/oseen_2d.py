@@ -182,10 +182,9 @@ def _spectrum(lattice, reynolds, cells, theta, weight, dtype):
     even = np.cos(np.outer(theta, whole)) * weight[:, None] @ np.cos(np.outer(whole, psi))
     odd = np.sin(np.outer(theta, half)) * weight[:, None] @ np.sin(np.outer(half, psi))
     even, odd = even.astype(dtype), odd.astype(dtype)
-    xx, slope, yy = _columns(lattice, reynolds, theta, dtype)
-    pairs = (even, xx), (odd, slope), (even, yy)
-    xx, slope, yy = (jnp.einsum("wp,nw->pn", waves, column) for waves, column in pairs)
-    kernel = jnp.stack([xx, -slope[:, 1:], slope[:, :-1], yy])
+    xx, xy, yx, yy = _columns(lattice, reynolds, theta, dtype)
+    pairs = (even, xx), (odd, -xy), (odd, yx), (even, yy)
+    kernel = jnp.stack([jnp.einsum("wp,nw->pn", waves, column) for waves, column in pairs])
     kernel = jnp.fft.rfft(jnp.fft.ifftshift(kernel, axes=-1))
     return kernel.reshape(2, 2, *kernel.shape[1:])
 
@@ -200,7 +199,8 @@ def _columns(lattice, reynolds, theta, dtype):
     viscous, potential = sequences(lattice, reynolds, beta)
     slope = jnp.diff(potential, axis=0) / hx * (2 * np.sin(theta / 2) / hy)  # D+x D-y Q
     xx = (-beta / hx**2 * potential)[1:-1]
-    return [column.astype(dtype) for column in (xx, slope, viscous[1:-1] - xx)]
+    columns = xx, slope[1:], slope[:-1], viscous[1:-1] - xx
+    return [column.astype(dtype) for column in columns]
 
 
 def sequences(
