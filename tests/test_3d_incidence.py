@@ -183,7 +183,7 @@ def test_taylor_remainders_of_the_loads_are_of_second_order():
 @pytest.mark.slow
 def test_gradients_of_many_bodies_are_those_of_each():
     """Their program, and that of trainings, is compiled by other passes of XLA."""
-    flow, coarse = Flow(SCENE), {"rtol": 1e-2, "atol": 1e-3}  # quick adjoints: 2e-4, 7e-4
+    flow, coarse = Flow(SCENE), {"rtol": 1e-2, "atol": 1e-3}  # adjoints: 2e-4, 7e-4
     many = flow.solve_all(BODY[None], np.array([10.0]), gradients=True)
     alone = flow.loads_and_gradients(BODY, 10.0)
     np.testing.assert_allclose(many.loads[0], alone.loads, rtol=1e-5)

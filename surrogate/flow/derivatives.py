@@ -25,9 +25,10 @@ from surrogate.flow.solver.newton import NewtonInfo
 from surrogate.flow.solver.steady import FlowState, Operators
 from surrogate.flow.streams import kept_derivatives
 
-# Of the adjoints for designs and trainings: the slopes of the outputs in scaled inputs then err by
-# about kriging's noise of them (study ``lift_cost``). Those of drag are the smallest over their
-# adjoint, so that it needs a smaller residual.
+# Of the adjoints for designs and trainings: the slopes of log Cd, Cl / Cd and Cm / Cd in scaled
+# inputs then err by about ``SLOPE_NOISE``, which kriging assumes (root mean squares, study
+# ``lift_cost``). The slopes of the drag are the smallest relative to their adjoint, which so needs
+# a smaller residual.
 QUICK = Effort(7e-4, 60)
 QUICK_DRAG = QUICK._replace(tolerance=2e-4)
 

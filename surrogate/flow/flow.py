@@ -135,7 +135,8 @@ class Flow:
     ) -> LoadsAndGradients:
         """Return the loads of a body and their gradients, cheaper than by ``jax.grad``.
 
-        Each load takes an adjoint, which is solved to a relative residual of 2e-4 (Cd) or 7e-4.
+        Each load takes an adjoint, which is solved to a relative residual of 2e-4 (Cd) or
+        7e-4 (Cl, Cm).
 
         Args:
           parameters: of the body, shape (parameters,).

@@ -73,7 +73,7 @@ def memory(run: Run, dimension: int, fidelity: str) -> Row:
 
 
 def adjoints(run: Run, dimension: int) -> list[Row]:
-    """Return the errors of gradients by adjoints of several tolerances, and the work of these.
+    """Return the errors of gradients, and their convolutions, for several tolerances of adjoints.
 
     They are errors of what networks and kriging are fitted to: the slopes of log Cd, Cl / Cd and
     Cm / Cd in scaled inputs.
@@ -166,9 +166,10 @@ TABLES = [
         cases(dimension=(2, 3)),
         adjoints,
         columns(
-            "dimension {dimension} | tolerance of the adjoints {tolerance} | G {work:.1f}"
-            " | error of slopes, rms and largest: log Cd {cd:.1e}, {cd_most:.1e}"
-            " | Cl / Cd {cl:.1e}, {cl_most:.1e} | Cm / Cd {cm:.1e}, {cm_most:.1e}"
+            "dimension {dimension} | tolerance: of all loads, or of Cd, then Cl and Cm {tolerance}"
+            " | G a body {work:.1f}"
+            " | error of slopes of log Cd: rms, largest {cd:.1e}, {cd_most:.1e}"
+            " | of Cl / Cd {cl:.1e}, {cl_most:.1e} | of Cm / Cd {cm:.1e}, {cm_most:.1e}"
         ),
         key="adjoints",
         tiny="all",

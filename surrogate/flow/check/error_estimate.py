@@ -70,7 +70,7 @@ def estimate_error(
       height: of the body across the stream, in D.
       dimension: 2 or 3.
       nose: radius of curvature in D that its boundary layers follow (``Shape.nose``).
-      onset: Re of the onset of instability.
+      onset: Re of the body's onset of instability in an unbounded stream.
       fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
     """
     model = ERROR_MODELS[dimension]
@@ -89,7 +89,7 @@ def estimate_error(
 
     def likely_at(cells, grid, domain):
         errors = model.likely(Loads(*grid), Loads(*domain), model.spreads(cells, reynolds, nose))
-        return Loads(*map(operator.mul, errors, model.near_onset(reynolds / onset)))
+        return Loads(*map(operator.mul, errors, model.onset_factors(reynolds / onset)))
 
     likely = likely_at(whole.cells, of_grid, of_domain)
     if not all(map(math.isfinite, likely)):

@@ -26,7 +26,7 @@ class ErrorModel(abc.ABC):
 
     The constants are fitted to errors against finite elements and finer grids: of the bodies of
     studies ``lift`` and ``trust_space``, and of random bodies and sections of other seeds than
-    those of ``trust`` and ``random_sections``; ``near_onset`` to ``extremes_lift`` and
+    those of ``trust`` and ``random_sections``; ``onset_factors`` to ``extremes_lift`` and
     ``random_sections``.
     """
 
@@ -52,18 +52,18 @@ class ErrorModel(abc.ABC):
         """
 
     @abc.abstractmethod
-    def near_onset(self, share: float) -> Loads:
-        """Return the factors of likely errors that account for the onset of instability.
+    def onset_factors(self, ratio: float) -> Loads:
+        """Return the factors by which likely errors are multiplied near the onset of instability.
 
         Args:
-          share: Re over that of the onset.
+          ratio: Re over that of the onset; may exceed 1.
         """
 
     @abc.abstractmethod
     def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
         """Return the likely errors of the loads over Cd from their parts, over Cd too.
 
-        They are those far below the onset of instability; see ``near_onset``.
+        They are without the factors of ``onset_factors``.
 
         Args:
           grid: errors of the grid, with their signs.
@@ -88,8 +88,8 @@ class ErrorModel2D(ErrorModel):
     added with their signs; to their sum's square are added those of half the domain's part, which
     is uncertain, and of a spread that neither part shows. The spread grows with the cell size over
     the thickness of the thinnest boundary layer. An error of the lift is assumed to act at the tail
-    and so adds to that of the moment. Towards the onset of instability errors of lift and moment
-    are larger, for which they have an empirical factor.
+    and so adds to that of the moment. Near the onset of instability the likely errors of lift and
+    moment are multiplied by an empirical factor.
     """
 
     COARSER, OTHER_DOMAIN, DOMAIN_ERROR, TALLEST = 1 / 2, 1.25, 0.4, 1.75
@@ -99,8 +99,8 @@ class ErrorModel2D(ErrorModel):
     SPREAD, SPREAD_CELLS = 0.5e-3, 16  # of the drag over Cd, on grids of SPREAD_CELLS cells per D
     LAYERS = Loads(1e-3, 2e-3, 1e-3)  # spreads over Cd on cells as large as the layer is thick
     TAIL = 0.5  # D from the centroid, where an error of the lift acts
-    NEAR_ONSET = 1.5  # growth of the errors of Cl and Cm up to the onset of instability, over 1
-    ONSET_POWER = 4  # of Re over the onset, that this growth goes with
+    NEAR_ONSET = 1.5  # k of the factor 1 + k (Re / onset)^p of errors of Cl and Cm
+    ONSET_POWER = 4  # p of this factor
 
     def order(self, reynolds: float) -> float:
         """Return 2, the order of the scheme where boundary layers are thin."""
@@ -113,10 +113,10 @@ class ErrorModel2D(ErrorModel):
         drag = math.hypot(drag, self.SPREAD * math.sqrt(self.SPREAD_CELLS / cells))
         return Loads(drag, lift, moment)
 
-    def near_onset(self, share: float) -> Loads:
-        """Return the factors of equation (10) of ``surrogate/flow/README.md``."""
-        growth = 1.0 + self.NEAR_ONSET * min(share, 1.0) ** self.ONSET_POWER
-        return Loads(1.0, growth, growth)
+    def onset_factors(self, ratio: float) -> Loads:
+        """Return the factors of equation (10) of ``surrogate/flow/README.md``; 1 for the drag."""
+        factor = 1.0 + self.NEAR_ONSET * min(ratio, 1.0) ** self.ONSET_POWER
+        return Loads(1.0, factor, factor)
 
     def likely(self, grid: Loads, domain: Loads, spreads: Loads) -> Loads:
         """Return the likely errors by equation (9) of ``surrogate/flow/README.md``."""
@@ -152,7 +152,7 @@ class ErrorModel3D(ErrorModel):
         """Return zeros: grid and domain show the whole error."""
         return Loads(0.0, 0.0, 0.0)
 
-    def near_onset(self, share: float) -> Loads:
+    def onset_factors(self, ratio: float) -> Loads:
         """Return ones: errors near the onset have not been measured in 3-D."""
         return Loads(1.0, 1.0, 1.0)
 
