@@ -37,10 +37,10 @@ class Convolutions(NamedTuple):
 
 # By the dimension, and whether bodies have the mirror plane y = 0, in 3-D z = 0.
 CONVOLUTIONS = {
-    (2, True): Convolutions(35.0, 7.7, 0.0, 6.0, 2.3),
-    (2, False): Convolutions(52.0, 49.0, 19.0, 9.4, 1.2),
-    (3, True): Convolutions(46.0, 6.3, 33.0, 5.0, 1.3),
-    (3, False): Convolutions(63.0, 25.0, 44.0, 4.0, 0.6),
+    (2, True): Convolutions(35.0, 7.7, 0.0, 6.0, 1.7),
+    (2, False): Convolutions(52.0, 40.0, 19.0, 9.1, 1.3),
+    (3, True): Convolutions(46.0, 6.3, 33.0, 5.0, 1.0),
+    (3, False): Convolutions(63.0, 22.0, 44.0, 4.0, 0.6),
 }
 
 
