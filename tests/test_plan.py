@@ -35,11 +35,15 @@ def test_plans_name_what_is_wrong(options, words, unchecked):
 
 @pytest.mark.parametrize("name", [*METHODS, "space", "lift", "particle"])
 def test_forecast_of_the_work_comes_true(name):
-    """Within a factor of 1.5 of what the shipped surrogate took."""
+    """Within a factor of 1.5 of what the shipped surrogate took, or that which chose its infill.
+
+    Forecasts are averages over random bodies; bodies of an infill take more.
+    """
     shipped = load(f"pretrained:{name}")
-    method, samples = shipped.recorded("method"), shipped.recorded("samples")
+    infill = len(shipped.record.get("infill") or ())
+    method, samples = shipped.recorded("method"), shipped.recorded("samples") - infill
     foreseen = forecast(make_plan(shipped.scene, method, samples=samples))
-    took = shipped.recorded("green_applications")
+    took = shipped.recorded("earlier_green_applications" if infill else "green_applications")
     assert took / 1.5 < foreseen.green_applications < 1.5 * took
     assert foreseen.seconds > 0
 
