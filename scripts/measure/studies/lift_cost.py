@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from study import TINY, Row, Run, Study, Table, cases, columns
+from study import Row, Run, Study, Table, cases, columns
 from tools import alone, medians, megabytes
 
 from surrogate import Family, Flow, NotConverged, Scene, family_shape
@@ -129,8 +129,8 @@ def _scene(run, dimension):
         scene = Scene.read(SCENE)
         return dataclasses.replace(scene, fidelity=run.fidelity("standard"))
     scene = Scene.read(SCENES / "particle.toml")
-    coarse = dataclasses.replace(scene.fidelity, cells=10)
-    return dataclasses.replace(scene, fidelity=TINY if run.tiny else coarse)
+    coarse = dataclasses.replace(scene.fidelity, cells=run.pick(5, 10))
+    return dataclasses.replace(scene, fidelity=coarse)
 
 
 TABLES = [
