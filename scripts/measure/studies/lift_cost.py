@@ -13,15 +13,14 @@ from tools import alone, medians, megabytes
 from surrogate import Family, Flow, NotConverged, Scene, family_shape
 from surrogate.flow import programs
 from surrogate.flow.derivatives import quick_efforts
-from surrogate.flow.loads import load_values
+from surrogate.flow.loads import LOADS, load_values
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.outputs import output_gradients
 from surrogate.scene.samples import training_samples
 
 CAMBERED = {"gamma2": 0.2, "incidence": 8.0}
-SCENES = Path(__file__).parents[2]
-SCENE = SCENES / "lift.toml"
+SCENES = {2: "lift.toml", 3: "particle.toml"}  # those of the shipped surrogates
 TURNED = {2: 8.0, 3: 30.0}  # degrees, of the bodies whose memory is compared
 FLOWS = cases(aspect=(2.0, 4.0), reynolds=(1.0, 40.0))
 GRADIENTS = cases(aspect=(2.0, 3.5), reynolds=(5.0, 40.0, 90.0))  # below the onset
@@ -45,9 +44,7 @@ def flows(run: Run, aspect: float, reynolds: float) -> Row:
 def gradients(run: Run, aspect: float, reynolds: float) -> Row:
     """Compare a flow with the same flow and the gradients of its three loads."""
     family = Family(aspect=(1.5, 4.0), gamma2=(-0.3, 0.3), incidence=(-4.0, 12.0))
-    scene = (
-        Scene(family=family, fidelity=run.fidelity("standard")) if run.tiny else Scene.read(SCENE)
-    )
+    scene = Scene(family=family, fidelity=run.fidelity("standard")) if run.tiny else _read(2)
     flow, given = Flow(scene), {"aspect": aspect} | CAMBERED
     body = jnp.array([given.get(name, 0.0) for name in scene.family.names])
     solve = functools.partial(flow.solve_all, body[None], reynolds, allow_unsteady=True)
@@ -90,18 +87,21 @@ def adjoints(run: Run, dimension: int) -> list[Row]:
     bodies, domain, inputs = flow.bodies, flow.domain, scene_inputs(flow.scene)
     samples = training_samples(flow.scene, 1, run.pick(1, 8))
     pairs = zip(samples.parameters, map(jnp.asarray, samples.reynolds), strict=True)
-    solved = [(body, re, *bodies.solved(body, re)) for body, re in pairs]
+    solved = [
+        (*at, programs.stream_derivatives(domain, at[1]), *bodies.solved(*at)) for at in pairs
+    ]
     if not all(info.converged for *_, info in solved):
         raise NotConverged("adjoints: a flow has not converged")
 
     def slopes(efforts):
         rows, work = [], 0
-        for body, re, operators, state, _ in solved:
+        for body, re, stream, operators, state, _ in solved:
             found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, re)
             if not found.work.converged:
                 raise NotConverged(f"adjoints: one at Re {re:g} has not converged")
-            stream = programs.stream_derivatives(domain, re), found.adjoints, efforts
-            by_re = found.by_reynolds + programs.by_stream(domain, operators, state, *stream)
+            by_re = found.by_reynolds + programs.by_stream(
+                domain, operators, state, stream, found.adjoints, efforts
+            )
             by_body = bodies.in_parameters(body, found.by_markers)
             loads = load_values(domain.modes, bodies.loads, state.amplitude, operators.markers)
             by_inputs = output_gradients(loads, jnp.column_stack([by_body, re * by_re]))
@@ -116,21 +116,21 @@ def adjoints(run: Run, dimension: int) -> list[Row]:
         found, work = slopes(efforts)
         tolerances = dict.fromkeys(f"{one.tolerance:g}" for one in efforts)
         row = {"tolerance": ", ".join(tolerances), "work": work}
-        for symbol, errors in zip(
-            ("cd", "cl", "cm"), np.moveaxis(found - exact, 1, 0), strict=True
-        ):
-            row |= {symbol: np.sqrt(np.mean(errors**2)), f"{symbol}_most": np.abs(errors).max()}
+        for load, errors in zip(LOADS, np.moveaxis(found - exact, 1, 0), strict=True):
+            row |= {load: np.sqrt(np.mean(errors**2)), f"{load}_most": np.abs(errors).max()}
         rows.append(row)
     return rows
 
 
 def _scene(run, dimension):
-    if dimension == 2:
-        scene = Scene.read(SCENE)
-        return dataclasses.replace(scene, fidelity=run.fidelity("standard"))
-    scene = Scene.read(SCENES / "particle.toml")
+    scene = _read(dimension)
     coarse = dataclasses.replace(scene.fidelity, cells=run.pick(5, 10))
-    return dataclasses.replace(scene, fidelity=coarse)
+    fidelity = run.fidelity("standard") if dimension == 2 else coarse
+    return dataclasses.replace(scene, fidelity=fidelity)
+
+
+def _read(dimension):
+    return Scene.read(Path(__file__).parents[2] / SCENES[dimension])
 
 
 TABLES = [
