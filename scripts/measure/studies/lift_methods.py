@@ -8,9 +8,10 @@ import dataclasses
 import functools
 from pathlib import Path
 
+from figures import draw_lines
 from solved_flows import CELLS, HELD_OUT, scene_of
 from studies.three_loads import mean_and_largest
-from study import Result, Row, Run, Study, Table, cases, columns
+from study import Result, Row, Run, Study, Table, cases, columns, values
 
 from surrogate import NotConverged
 from surrogate.training.loop import (
@@ -23,7 +24,7 @@ from surrogate.training.loop import (
 from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.train import train_plan
 
-SAMPLES, SECONDS = 64, 90.0
+SAMPLES, SECONDS = 64, 300.0
 WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("sip", "dp"))
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
@@ -57,7 +58,8 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
         found = run_training(plan_of(run, scene, method, published), setup)
     except NotConverged as problem:
         return row | {"outcome": str(problem)}
-    return row | _learned(found, setup)
+    history = [[point.seconds, point.error_mean] for point in found.history]
+    return row | _learned(found, setup) | {"history": history}
 
 
 def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
@@ -104,6 +106,18 @@ def text(result: Result) -> str:
     return f"Untrained, the network errs by {cd:.0f}, {cl:.0f} and {cm:.0f} % of Cd on average."
 
 
+def draw(result: Result, path: Path) -> None:
+    """Draw the mean error in Cd on held-out bodies over the seconds of each training."""
+    drawn, names = [], values(result["rows"], "method")
+    for row in result["rows"]:
+        published = row["kind"] == "as published"
+        label = f"{row['method']}, {row['kind']}"
+        look = {"color": f"C{names.index(row['method'])}", "ls": "--" if published else "-"}
+        if row.get("history"):
+            drawn.append((label, row["history"], look | {"ms": 2}))
+    draw_lines([("seconds of training", drawn)], "mean error in Cd", path)
+
+
 LEARNED = (
     " | error over Cd, mean and largest: Cd {cd:.3%}"
     " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
@@ -116,6 +130,7 @@ STUDIES = {
         [Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)],
         text,
         untrained,
+        draw,
     )
     for scene in CELLS
 }
