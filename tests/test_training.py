@@ -12,6 +12,7 @@ from surrogate import Family, Flow, InvalidInput, NotConverged, devices, load, p
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.scene.samples import held_out_samples, training_samples
 from surrogate.training import train as training
+from surrogate.training.checkpoint import save_checkpoint
 from surrogate.training.held_out import solve_held_out
 from surrogate.training.loop import load_errors, make_setup, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
@@ -457,7 +458,10 @@ def test_damaged_and_foreign_checkpoints_are_refused(plan, setup, tmp_path):
     with pytest.raises(InvalidInput, match="another training"):
         run_training(dataclasses.replace(plan, iterations=7), setup, checkpoint)
     intact = checkpoint.read_bytes()
-    for damage in (intact[:-100], intact + b"more", intact[:200]):
+    arrays = intact.index(b"\n")
+    ends = [intact.index(one, arrays) for one in (b"}", b"<f8")]
+    changed = [intact[:at] + b"(" + intact[at + 1 :] for at in (*ends, len(intact) - 90)]
+    for damage in (intact[:-100], intact + b"more", intact[:200], *changed):
         checkpoint.write_bytes(damage)
         with pytest.raises(InvalidInput, match=r"damaged.*remove it"):
             run_training(plan, setup, checkpoint)
@@ -476,6 +480,34 @@ def test_a_training_that_blows_up_keeps_the_last_good_weights(plan, setup, facto
     assert np.all(np.isfinite(trained.network.weights))
     assert trained.history[-1].iteration == 10
     assert trained.history[-1].error_mean < 1
+
+
+def test_a_training_that_blows_up_after_it_was_resumed_keeps_the_same_weights(
+    plan, setup, tmp_path, monkeypatch
+):
+    """Its checkpoint is of a step after the last report, whose weights are useless."""
+
+    class Exploding(ScaleInvariantPhysics):
+        def update(self, *arguments):
+            network, optimiser, loss = super().update(*arguments)
+            factors = jnp.where(arguments[-1] > 0.1, 1e6, 1.0)
+            return network.with_weights(network.weights * factors), optimiser, loss
+
+    def save_and_die(path, plan, state, partition):
+        save_checkpoint(path, plan, state, partition)
+        if state.iteration == 3:
+            raise Killed
+
+    run = functools.partial(run_training, plan, setup, method=Exploding())
+    whole, path = run(), tmp_path / "checkpoint"
+    with monkeypatch.context() as patch:
+        patch.setattr("surrogate.training.checkpoint.save_checkpoint", save_and_die)
+        with pytest.raises(Killed):
+            run(checkpoint=path, checkpoint_every_s=0.0)
+    resumed = run(checkpoint=path)
+    assert resumed.stopped == whole.stopped
+    assert [p.iteration for p in resumed.history] == [p.iteration for p in whole.history]
+    assert np.array_equal(resumed.network.weights, whole.network.weights)
 
 
 @pytest.mark.slow

@@ -10,12 +10,13 @@ from jaxtyping import PyTree
 
 from surrogate.devices import is_sharded
 from surrogate.errors import InvalidInput
-from surrogate.leaves import read_header, read_leaves, write_leaves
+from surrogate.leaves import leaves_digest, read_header, read_leaves, write_leaves
 from surrogate.partition import Partition
 from surrogate.processes import broadcast_from_first, first, gather_to_host
 from surrogate.repeats import differences
 from surrogate.training.plan import Plan
 
+DIGEST = "sha256"  # of the arrays, in the header
 SHARE = 0.1  # of the time of a training, about, that may go into writing checkpoints
 
 
@@ -62,7 +63,7 @@ def save_checkpoint(path: Path, plan: Plan, state: PyTree, partition: Partition)
     places = np.asarray(partition.places)
     state = _map_sharded(state, lambda rows: gather_to_host(rows)[places])
     if first():
-        write_leaves(path, state, _describe(plan))
+        write_leaves(path, state, _describe(plan) | {DIGEST: leaves_digest(state)})
 
 
 def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) -> PyTree | None:
@@ -86,6 +87,8 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
         if found := checkpoint_differences(path, plan):
             raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
         saved = read_leaves(path, shapes, "checkpoint", "; remove it")
+        if leaves_digest(saved) != read_header(path, "checkpoint")[DIGEST]:
+            raise InvalidInput(f"checkpoint {path}: damaged, not what was saved; remove it")
     else:
         saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
     saved = broadcast_from_first(saved)
@@ -103,8 +106,9 @@ def checkpoint_differences(path: Path, plan: Plan) -> str:
       InvalidInput: the file is damaged, or no checkpoint.
     """
     header = read_header(path, "checkpoint")
-    if not isinstance(header, dict) or set(header) != set(_describe(plan)):
+    if not isinstance(header, dict) or set(header) != {*_describe(plan), DIGEST}:
         raise InvalidInput(f"checkpoint {path}: damaged, or of another program; remove it")
+    del header[DIGEST]
     return differences(header, _describe(plan))
 
 

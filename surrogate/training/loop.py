@@ -64,16 +64,23 @@ class TrainingResult:
 class TrainingState(NamedTuple):
     """The state of a training, which a checkpoint holds.
 
-    ``evaluated`` are the samples that the current step has evaluated so far.
+    Attributes:
+      learner: network, optimiser and labels.
+      reported: the network of the last report, which is the result; before the first one the
+        initial network.
+      evaluated: which samples the current step has evaluated so far.
+      without_flow: the number of samples since the last one whose flow was found.
     """
 
     learner: LearnerState
+    reported: LoadNetwork
     evaluated: Bool[AnyArray, " samples"]
     iteration: Int[AnyArray, ""]
     seconds: Float[AnyArray, ""]
     convolutions: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
     idle_work: Int[AnyArray, ""]
+    without_flow: Int[AnyArray, ""]
     history: Float[AnyArray, "points 7"]
 
 
@@ -180,8 +187,7 @@ def run_training(
     start = time.perf_counter()
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
-    stopped, last_good, done = None, state, _done(plan, state)
-    lost, learned = 0, any(point.loss for point in points_of(state.history))
+    stopped, done = None, _done(plan, state)
     while _goes_on(plan, state):
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
@@ -191,34 +197,37 @@ def run_training(
         state, loss = _updated(state, step, batch, done)
         done, iteration = _done(plan, state), int(state.iteration)
         if not np.all(np.isfinite(state.learner.network.weights)):
-            stopped, state = f"blew up in iteration {iteration}", last_good
+            stopped = f"blew up in iteration {iteration}"
             break
-        lost, learned = (0, True) if loss != 0 else (lost + batch.size, learned)
+        lost = 0 if loss != 0 else int(state.without_flow) + batch.size
+        state = state._replace(without_flow=np.asarray(lost))
         if lost >= plan.samples:  # without any residual the network stays as it is
-            stopped, state = f"found none of {lost} flows up to iteration {iteration}", last_good
+            stopped = f"found none of {lost} flows up to iteration {iteration}"
             break
         if iteration % plan.report_every and iteration < plan.iterations and done < 1:
             continue
         point = _point(state, setup, loss)
         if not point.error_mean < BLOWN_UP:
-            stopped, state = f"blew up before iteration {iteration}", last_good
+            stopped = f"blew up before iteration {iteration}"
             break
-        state = last_good = state._replace(history=with_point(state.history, point))
+        reported = jax.tree.map(np.asarray, state.learner.network)
+        state = state._replace(reported=reported, history=with_point(state.history, point))
         report(point, min(1.0, max(done, iteration / plan.iterations)))
         checkpoints.save_if_due(state)
     history = points_of(state.history)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
-    if not learned:
+    if np.array_equal(state.reported.weights, setup.network.weights):
         raise NotConverged(
             f"training by {plan.method} {stopped or 'found no flow'}, and none before; lower "
             "Reynolds numbers or finer cells may help"
         )
-    network = jax.tree.map(np.asarray, state.learner.network)
     labels = state.learner.labels
     stored = isinstance(labels, TrainingLabels)
     unsolved = int(np.sum(~np.asarray(labels.converged))) if stored else 0
-    return TrainingResult(network, history, stopped, int(state.idle_work), compile_s, unsolved)
+    return TrainingResult(
+        state.reported, history, stopped, int(state.idle_work), compile_s, unsolved
+    )
 
 
 def _first_state(plan, setup, method):
@@ -227,8 +236,9 @@ def _first_state(plan, setup, method):
     assembled = physics.count * physics.domain.assembly_cost
     return TrainingState(
         first_state(method, setup.network, physics),
+        jax.tree.map(np.asarray, setup.network),
         np.zeros(physics.count, bool),
-        *map(np.asarray, (0, 0.0, assembled, 0, 0)),
+        *map(np.asarray, (0, 0.0, assembled, 0, 0, 0)),
         blank_history(plan.iterations // plan.report_every + 1),
     )
 

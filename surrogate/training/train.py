@@ -4,6 +4,7 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from surrogate.checks import flag
 from surrogate.devices import Devices, choose_devices
 from surrogate.files import JsonObject
 from surrogate.model.store import load, save, warn_of_inaccuracy
@@ -91,6 +92,7 @@ def train(
       InvalidInput: an argument is invalid, or the folder holds another training or something else.
       NotConverged: more than a tenth of the held-out flows, or the training, did not converge.
     """
+    overwrite = flag("overwrite", overwrite)
     known = infill_from is None or isinstance(infill_from, Surrogate)
     infill_from = infill_from if known else load(infill_from)
     numbers = preset, samples, seed, budget_seconds, published, held_out
