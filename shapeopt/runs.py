@@ -25,7 +25,7 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import (
     JsonObject,
     check_target,
-    file_digest,
+    file_digests,
     whole_files,
 )
 from surrogate.flow.flow import Flow
@@ -98,6 +98,7 @@ def save_run(
         **_verification_record(design, verified, solution, surrogate),
         "contour": str(folder / "contour.csv"),
         "surrogate": name,
+        "until": "flow" if design.on_flow else "surrogate",
         "scene": scene.record,
         "path": design.path.tolist(),
         "command": command_line(),
@@ -116,7 +117,7 @@ def save_run(
             )
             write_contour_vtp(turned, vtp, solution and solution.surface())
             write_solid_stl(contour, stl)
-        record["files_sha256"] = {path.name: file_digest(path) for path in sorted(part.iterdir())}
+        record["files_sha256"] = file_digests(part)
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
     return record
 
@@ -174,6 +175,7 @@ def _verification_record(
     problem, scenarios = design.problem, design.problem.scenarios
     network = surrogate and problem.reference.model(surrogate.network)
     record: dict[str, Any] = {**dict.fromkeys(DRAGS), "verify_s": 0.0, "cases": []}
+    slack = KKT_TOLERANCE if design.on_flow else NOTICED
     drags = [None] * len(scenarios.weight)
     if network is not None:
         drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
@@ -212,7 +214,7 @@ def _verification_record(
             "status": verified.status,
             "accuracy": verified.accuracy,
             "cells": verified.solutions[0].fidelity.cells,
-            "violated": violated_bounds(problem, loads, KKT_TOLERANCE if design.flows else NOTICED),
+            "violated": violated_bounds(problem, loads, slack),
             "expected_error": verified.expected_error,
             "estimated_error": verified.estimated_error,
             "verify_s": verified.seconds,

@@ -162,6 +162,11 @@ def file_digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def file_digests(folder: Path) -> dict[str, str]:
+    """Return the digests of all files of a folder by their names, for its record."""
+    return {path.name: file_digest(path) for path in sorted(folder.iterdir())}
+
+
 def json_digest(value: object) -> str:
     """Return the SHA-256 digest of a JSON value, by which later changes of it are detected."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

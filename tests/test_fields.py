@@ -186,8 +186,22 @@ def test_a_damaged_folder_is_refused(written, tmp_path, damage):
     folder = tmp_path / "flow"
     shutil.copytree(written, folder)
     damage(folder)
-    with pytest.raises(InvalidInput, match="flow: cannot be read"):
+    for digests in ({}, {"files_sha256": {}}):  # as of this version and of earlier ones
+        change_record(folder, **digests)
+        with pytest.raises(InvalidInput, match="flow: cannot be read"):
+            read_flow(folder)
+
+
+def test_files_of_another_flow_are_refused(written, tmp_path):
+    folder = tmp_path / "flow"
+    shutil.copytree(written, folder)
+    with np.load(folder / "fields.npz") as file:
+        change_fields(folder, p=file["p"] + 1)
+    with pytest.raises(InvalidInput, match=r"fields\.npz is not what was written with flow\.json"):
         read_flow(folder)
+    (folder / "contour.vtp").write_bytes(b"another body")
+    with pytest.raises(InvalidInput, match=r"contour\.vtp is not what was written"):
+        read_surface(folder)
 
 
 def test_a_foreign_folder_is_refused_and_kept(cylinder, tmp_path):

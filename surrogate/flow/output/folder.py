@@ -11,7 +11,15 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, check_target, path_of, strict_json, whole_files
+from surrogate.files import (
+    JsonObject,
+    check_target,
+    file_digest,
+    file_digests,
+    path_of,
+    strict_json,
+    whole_files,
+)
 from surrogate.flow.fields import Fields
 from surrogate.flow.output.meshes import compact, fields_mesh, pv, surface_mesh
 from surrogate.flow.output.picture import Picture, draw_flows
@@ -68,7 +76,8 @@ def write_flow(solution: Solution, folder: str | Path) -> Path:
         np.savez_compressed(part / "fields.npz", **named)
         fields_mesh(stored.fields).save(part / "fields.vti")
         draw_flows([stored.picture], part / "flow.png")
-        (part / RECORD).write_text(json.dumps(stored.record, indent=1) + "\n")
+        record = stored.record | {"files_sha256": file_digests(part)}
+        (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
     return Path(folder)
 
 
@@ -90,9 +99,7 @@ def read_flow(folder: str | Path) -> StoredFlow:
     """
     folder = path_of(folder)
     try:
-        record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
-        if missing := sorted(set(KEYS) - set(record)):
-            raise ValueError(f"{RECORD} lacks {missing[0]}")
+        record = _record_of_files(folder, "fields.npz", "contour.csv")
         names = "xyz"[: record["dimension"]]
         with np.load(folder / "fields.npz") as file:
             axes = tuple(file[name] for name in names)
@@ -105,6 +112,23 @@ def read_flow(folder: str | Path) -> StoredFlow:
         return stored
     except UNREADABLE as problem:
         raise _unreadable(folder, problem) from None
+
+
+def _record_of_files(folder: Path, *names: str) -> JsonObject:
+    """Return the record of a flow's folder.
+
+    Raises:
+      ValueError: it is no such record, or one of these files is not what was written with it.
+      OSError: one of the files cannot be read.
+    """
+    record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
+    if missing := sorted(set(KEYS) - set(record)):
+        raise ValueError(f"{RECORD} lacks {missing[0]}")
+    digests = record.get("files_sha256", {})  # earlier versions wrote none
+    for name in names:
+        if name in digests and file_digest(folder / name) != digests[name]:
+            raise ValueError(f"{name} is not what was written with {RECORD}")
+    return record
 
 
 def _check(stored: StoredFlow) -> None:
@@ -126,11 +150,13 @@ def read_surface(folder: str | Path) -> pv.PolyData:
     Raises:
       InvalidInput: the folder has no readable one.
     """
+    folder = path_of(folder)
     try:
-        surface = pv.read(path_of(folder) / "contour.vtp")
+        _record_of_files(folder, "contour.vtp")
+        surface = pv.read(folder / "contour.vtp")
         if not {"Cp", "Cf"} <= set(surface.point_data):
             raise ValueError("contour.vtp has no Cp and Cf")
-    except (OSError, ValueError) as problem:
+    except UNREADABLE as problem:
         raise _unreadable(folder, problem) from None
     return surface
 
