@@ -30,7 +30,7 @@ def fastest(archimedes: float) -> "om.Problem":
 
     Raises:
       InvalidInput: OpenMDAO is not installed, or bodies fall at Re outside the trained range.
-      NotConverged: SLSQP found no optimum, or weight and drag do not balance.
+      NotConverged: SLSQP found no optimum or left the bodies, or weight and drag do not balance.
     """
     try:
         from shapeopt.openmdao import LoadsComponent, om
@@ -54,7 +54,9 @@ def fastest(archimedes: float) -> "om.Problem":
         with warnings.catch_warnings():  # that the cycle is solved as a whole, as it must be
             warnings.simplefilter("ignore", om.OpenMDAOWarning)
             found = problem.run_driver().success
-    except om.AnalysisError:
+    except om.AnalysisError as reason:
+        if "Reynolds number" not in str(reason):
+            raise NotConverged(f"Archimedes number {archimedes:g}: {reason}") from None
         (low, high), (least, greatest) = surrogate.scene.reynolds, archimedes_range(surrogate)
         raise InvalidInput(
             f"Archimedes number {archimedes:g}: bodies fall at Re outside the trained {low:g} to "

@@ -156,7 +156,7 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
 
     Raises:
       InvalidInput: the surrogate is not of 3-D bodies at incidences from 0 to 90 degrees, or the
-        body is outside its trained ranges.
+        body is outside its trained ranges, as it is or with nose and tail exchanged.
     """
     expect("surrogate", surrogate, Surrogate, "Surrogate")
     family = surrogate.scene.family
@@ -169,7 +169,20 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
     body = np.array(family.numbers(parameters))
     body[family.names.index("incidence")] = 0.0
     surrogate.loads(body, surrogate.scene.reynolds[0])  # refuses bodies outside the ranges
+    reversed_body = reversal(family.body_class) * body
+    if not family.contains(reversed_body):
+        named = zip(family.names, body, reversed_body, family.bounds, strict=True)
+        name, value, (low, high) = next((n, b, ends) for n, a, b, ends in named if a != b)
+        raise InvalidInput(
+            f"body: moves tail first too, and is then one of {name} {value:g}, which is outside "
+            f"the trained ranges ({low:g} to {high:g})"
+        )
     return body
+
+
+def reversal(body_class: BodyClass) -> Float[np.ndarray, " parameters"]:
+    """Return the factors of parameters that exchange nose and tail: -1 for even sine modes."""
+    return np.array([-1.0 if p.odd_fore_and_aft else 1.0 for p in body_class.parameters])
 
 
 @functools.partial(jax.jit, static_argnums=1)
@@ -264,9 +277,9 @@ def rates_of(
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
     angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
     known = jnp.maximum(speed, slowest)
-    reversal = np.array([-1 if p.odd_fore_and_aft else 1 for p in body_class.parameters])
+    backward = reversal(body_class) * body
     drag, lift, moment = loads_at(network, body_class, body, angle, known)
-    by_stokes = (moment - loads_at(network, body_class, reversal * body, angle, known)[2]) / 2
+    by_stokes = (moment - loads_at(network, body_class, backward, angle, known)[2]) / 2
     moment = known * by_stokes + speed * (moment - by_stokes)
     stream = -velocity / speed
     upward = jnp.stack([-stream[1], stream[0]])

@@ -144,6 +144,21 @@ def expect(name: str, value: object, kind: type | UnionType, wanted: str) -> Non
         raise InvalidInput(f"{name}: {shown(value)} is no {wanted}")
 
 
+def flag(name: str, value: object) -> bool:
+    """Return the value if it is True or False, of Python or of NumPy.
+
+    Args:
+      name: what the value is; begins the message.
+      value: what is checked.
+
+    Raises:
+      InvalidInput: it is neither.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InvalidInput(f"{name} {shown(value)}: must be True or False")
+    return bool(value)
+
+
 def one_body(parameters: object, reynolds: object, size: int) -> None:
     """Raise InvalidInput unless traced arguments are one body and one Reynolds number.
 

@@ -5,6 +5,7 @@ import pytest
 from conftest import ROUGH_3D
 from correlations import Ellipsoid, ellipsoid, oberbeck
 
+from shapeopt.commands.solve_drag import turns_when_free
 from surrogate import Flow, InvalidInput, Particle, Scene, family_shape, settle
 from surrogate.flow.settling import sphere_reynolds
 
@@ -54,6 +55,20 @@ def test_particles_without_weight_or_size_are_refused():
         Particle(1.0, 1e-6, 1e-4)
     with pytest.raises(InvalidInput, match="size -1: from 1e-12"):
         Particle(2.0, 1e-6, -1)
+
+
+@pytest.mark.parametrize(
+    ("body", "turns"),
+    [
+        ({"aspect": 2.0}, True),
+        ({"aspect": 2.0, "incidence": 90.0}, False),
+        ({"aspect": 0.5}, False),
+        ({"aspect": 0.5, "incidence": 30.0}, True),
+        ({"aspect": 1.0, "incidence": 30.0}, False),
+    ],
+)
+def test_bodies_that_have_their_broad_side_to_the_fall_do_not_turn(body, turns):
+    assert turns_when_free(family_shape(body, dimension=3)) == turns
 
 
 @pytest.mark.slow

@@ -121,6 +121,7 @@ MISTAKES = {  # and what the answer must say
     "train_surrogate --method hig --devices 0 --out {missing}": "--devices 0",
     "train_surrogate --method hig --device-batch 0 --out {missing}": "device_batch 0",
     f"{OPTIMISE} --reynolds 40 --devices 0": "--devices 0",
+    f"{OPTIMISE} --reynolds 40 --devices 1": "--devices: goes with --until flow",
     "payoff --devices 0 --out {missing}": "--devices 0",
     "design_sheet --reynolds 400 --max-length 2 --out {missing}.png": "Reynolds",
     "design_sheet --reynolds 4 --max-length 0.1 --out {missing}.png": "length",

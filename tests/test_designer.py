@@ -251,6 +251,27 @@ def test_a_design_without_any_flow_says_so(tiny_scene, monkeypatch):
     assert min(distances) > 0.01  # not the same body again and again
 
 
+def test_a_body_too_thin_for_the_grid_does_not_end_a_design(tiny_scene, monkeypatch):
+    problem, designer = Problem(tiny_scene, 10.0), Designer(Flow(tiny_scene))
+    evaluate, refused = designer.memory.evaluate_all, []
+
+    def refuse_slender(queries):
+        if queries[0][0][0] > 2.5:
+            refused.append(queries[0][0])
+            raise InvalidInput("body: thinner than the grid resolves")
+        return evaluate(queries)
+
+    monkeypatch.setattr(designer_module, "MAX_FAILURES", 2)
+    monkeypatch.setattr(designer.memory, "evaluate_all", refuse_slender)
+    with pytest.raises(NotConverged, match="KKT residual"):
+        designer.design(problem)  # its optimum is among the refused
+    assert refused
+    slender = Designer(designer.memory.flow)
+    monkeypatch.setattr(slender.memory, "evaluate_all", lambda queries: refuse_slender([[[9]]]))
+    with pytest.raises(NotConverged, match="2 bodies about Re 10; the last: body: thinner than"):
+        slender.design(problem)
+
+
 DAMAGES = {
     "no JSON": (lambda text: text[:-9], "damaged"),
     "another program's": (lambda text: '{"kind": "thesis"}', "damaged"),

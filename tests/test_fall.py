@@ -10,7 +10,7 @@ from correlations import Ellipsoid, ellipsoid, oberbeck
 
 from shapeopt.free_fall import constants_of, fall, rates_of
 from shapeopt.orientation import Orientation, orientations, small_swings
-from surrogate import InvalidInput, Particle, Scene, Surrogate, load
+from surrogate import Family, InvalidInput, Particle, Scene, Surrogate, load
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
 from surrogate.body.incidence import in_first_quarter
 
@@ -215,6 +215,10 @@ def test_every_incidence_is_one_of_the_first_quarter(body, same, image):
 def test_what_cannot_fall_is_refused():
     with pytest.raises(InvalidInput, match="3-D bodies at incidences from 0 to 90"):
         fall(load("pretrained:space"), SPINDLE, SMALL, 1.0)
+    blunt_tailed = Family(aspect=(0.5, 3), beta2=(0, 0.2), incidence=(0, 90), dimension=3)
+    one_sided = dataclasses.replace(SCENE, family=blunt_tailed)
+    with pytest.raises(InvalidInput, match=r"tail first too, .* beta2 -0\.1, .* \(0 to 0\.2\)"):
+        fall(dataclasses.replace(surrogate(), scene=one_sided), [2.0, 0.1, 0.0], SMALL, 1.0)
     with pytest.raises(InvalidInput, match="above 0"):
         fall(surrogate(), SPINDLE, SMALL, 0.0)
     with pytest.raises(InvalidInput, match="aspect 9"):

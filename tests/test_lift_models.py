@@ -358,6 +358,8 @@ def test_bounds_that_the_flow_does_not_meet_are_named(unchecked):
     assert origin({"surrogate": "out/net"}) == "found by the surrogate net"
     led = origin({"surrogate": "out/net", "settings": {"until": "flow"}})
     assert led == "found by the flow's adjoint, led by the surrogate net"
+    assert origin({"surrogate": "none"}) == "found by the flow's adjoint"
+    assert origin({"surrogate": "none", "until": "surrogate"}) == "found by a surrogate"
 
 
 @pytest.mark.slow

@@ -25,7 +25,8 @@ from shapeopt import Problem, Tumbling, optimise
 from shapeopt.free_fall import fall
 from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.problem.scenarios import model_objective
-from surrogate import Flow, InvalidInput, Particle, export, load
+from surrogate import Family, Flow, InvalidInput, Particle, Scene, export, load
+from surrogate.model.ranges import TrainedRanges
 from surrogate.scene.samples import held_out_samples
 from surrogate.training.history import load_errors
 
@@ -53,6 +54,18 @@ def test_golden_stokes_flow_with_oseens_correction(net):
             found = net.loads([aspect, flatness, 0.0, degrees], 0.1)
             assert found[0] == pytest.approx(drag, rel=6e-3), (aspect, flatness, degrees)
             assert found[1] == pytest.approx(lift, abs=2e-2 * drag), (aspect, flatness, degrees)
+
+
+def test_ranges_below_the_stream_hold_bodies_that_move_tail_first():
+    family = Family(aspect=(1, 2), beta2=(-0.1, 0.2), incidence=(-15, 5), dimension=3)
+    ranges = TrainedRanges(Scene(dimension=3, reynolds=(1, 10), family=family))
+
+    def is_outside(beta2, angle):
+        return bool(np.any(ranges.excess(np.array([1.5, beta2, angle]), 5.0) > 0))
+
+    assert not any(is_outside(-0.2, angle) for angle in (-170.0, 166.0, 170.0))
+    assert is_outside(-0.2, 164.0)
+    assert is_outside(0.2, 170.0)  # with nose and tail exchanged its beta2 is -0.2
 
 
 def test_exact_bodies_that_are_alike_fore_and_aft_have_no_torque_across_the_stream(net):

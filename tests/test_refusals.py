@@ -14,6 +14,7 @@ from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise, sa
 from shapeopt.free_fall import fall
 from shapeopt.payoff.queries import query_stream
 from surrogate import (
+    FIDELITIES,
     Family,
     Flow,
     InvalidInput,
@@ -189,6 +190,17 @@ WRONG_TYPES = {
     "four digits": lambda net: naca4(12),
     "bodies 'x'": lambda net: net.scene.explain("x"),
     "real numbers": lambda net: contour_shape([[1, 2], [3]]),
+    "published 'no': must be True or False": lambda net: train(published="no"),
+    "overwrite 'no'": lambda net: train(overwrite="no"),
+    "extrapolate 1": lambda net: net.drag(BODY, 20.0, extrapolate=1),
+    "allow_unsteady 'no'": lambda net: Flow(net.scene).drag(BODY, 20.0, allow_unsteady="no"),
+    "partial 'no'": lambda net: Flow(net.scene).solve_all([BODY], 20.0, partial="no"),
+    "estimate 0": lambda net: Flow(net.scene).solve(BODY, 20.0, estimate=0),
+    "by_chord 'no'": lambda net: Problem(net.scene, 20.0, by_chord="no"),
+    "this is the one of 2-D flows": lambda net: Scene(dimension=3, fidelity=FIDELITIES["standard"]),
+    "body: traced by JAX": lambda net: jax.jit(
+        lambda reynolds: Flow(net.scene).solve(BODY, reynolds).drag
+    )(20.0),
 }
 
 

@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     )
     if stable is None:
         text += (
-            "not known, as the moment is below the bound of the surrogate's error at all of them"
+            "not known, as the largest moment is below the largest bound of the surrogate's error"
         )
     else:
         text += ", ".join(f"{degrees:.3g}" for degrees in stable) or "none"

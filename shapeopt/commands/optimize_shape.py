@@ -71,6 +71,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         raise InvalidInput("--memory: goes with --until flow or --surrogate none")
     if arguments.memory and _within(arguments.memory, arguments.out):
         raise InvalidInput("--memory: is in the folder --out; choose a file outside it")
+    if devices is not None and surrogate is not None and arguments.until != "flow":
+        raise InvalidInput("--devices: goes with --until flow or --surrogate none")
     problem = problem_of(arguments, surrogate)
     on_flow = surrogate is None or arguments.until == "flow"
     settings = design_settings(problem, surrogate, on_flow, arguments.memory)

@@ -184,22 +184,23 @@ def _pictures(
     return {"shapes": str(shapes), "plot": str(plot)}
 
 
-def _query(problem: Problem) -> dict[str, str | float | None]:
-    bounds = ("max_length", "min_thickness", "max_thickness", "lift")
+def _query(problem: Problem) -> JsonObject:
     objective = type(problem.objective).__name__
     query = {"objective": objective, "reynolds": problem.objective.nominal}
-    return query | {name: getattr(problem, name) for name in bounds}
+    return query | problem.constraints
 
 
 def _parser() -> Parser:
     parser = Parser(__doc__)
-    queries = ", ".join(f"{preset}: {count}" for preset, count in QUERIES.items())
+    queries = ", ".join(
+        f"{preset}: from {PLAIN[preset]}, {count} by default" for preset, count in QUERIES.items()
+    )
     add = parser.add_argument
     add("--preset", default="quick", choices=list(PRESETS), help="numbers of everything (quick)")
     add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
     add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
     add("--budget-seconds", type=float, help="train each for this time instead, from 1 s")
-    add("--queries", type=int, help=f"design problems, from {PLAIN['quick']} ({queries})")
+    add("--queries", type=int, help=f"design problems ({queries})")
     add("--seed", type=int, default=0, help="the first seed, from 0 (0)")
     add("--seeds", type=int, default=1, help="trainings of every method, 1 to 20 (1)")
     add("--out", required=True, help="folder for surrogates, runs and pictures")

@@ -45,6 +45,7 @@ from shapeopt.render.sheets import (
     is_about_lift,
     is_compared,
     render_panels,
+    several_cases,
     solve_run,
 )
 from surrogate.errors import InvalidInput
@@ -147,8 +148,8 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         if not (is_compared(record) or is_about_lift(record)):
             body = run_scene(record).family.round_body
             raise InvalidInput(f"{at} has no drag of the {body}, whose flow did not converge")
-        if len(record.get("cases", [])) > 1:
-            raise InvalidInput("--family: needs runs at one Reynolds number each; one has several")
+        if cases := several_cases(record):
+            raise InvalidInput(f"{at} is of {cases} cases; runs of one case each are drawn")
     return records
 
 

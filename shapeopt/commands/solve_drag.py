@@ -48,6 +48,8 @@ from shapeopt.commands.sweep import (
 )
 from shapeopt.render.polar import plot_polar
 from surrogate.body.family import Family
+from surrogate.body.parameters import INCIDENCE
+from surrogate.body.shape import FamilyShape, family_shape
 from surrogate.checks import whole_number
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
@@ -156,7 +158,7 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     row = Case(shape, held, settled.solution.reynolds).record | _row(settled.solution)
     row |= {"velocity": settled.velocity, "settling_reynolds": settled.reynolds}
     drag = settled.solution.drag * settled.solution.reynolds / settled.reynolds
-    turns = bool(shape.extent[0] > 1.01 * min(shape.extent[1:])) or held != 0
+    turns = turns_when_free(shape)
     row |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
     row["drift"] = settled.drift
     result = {"results": [row], "scene": scene.record, "body": body_record(arguments)}
@@ -168,6 +170,12 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
         kept = f"drifting {settled.drift:.1f} degrees from the vertical" if held else "vertical"
         text += f"\nwith its axis held {kept}; a free body turns its broad side to its fall"
     return emit(result, arguments.json, text)
+
+
+def turns_when_free(shape: FamilyShape) -> bool:
+    """Return whether a 3-D body does not have its broad side to the stream, as it would if free."""
+    upright = family_shape(dict(shape.parameters) | {INCIDENCE.name: 0.0}, dimension=3)
+    return bool(shape.extent[0] > 1.01 * upright.extent.min())
 
 
 def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:

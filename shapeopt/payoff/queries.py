@@ -45,12 +45,13 @@ def robust_objective(scene: Scene) -> Robust:
 
 
 def query_stream(scene: Scene, seed: int, count: int) -> list[Problem]:
-    """Return ``count`` random solvable problems, with log Re uniform over the scene's range.
+    """Return ``count`` random problems, with log Re uniform over the scene's range.
 
     A bound on the length and one on the thickness (3-D: on the height) are each set with
     probability 1/2. Where bodies have lift, a problem asks with probability 1/2 for the best glide
     ratio instead of the least drag, then with probability 1/2 at a given incidence, and otherwise
-    has a lower bound on the lift; with probability 1/3 it has an upper bound on the moment.
+    has a lower bound on the lift; with probability 1/3 it has an upper bound on the moment. Bodies
+    satisfy the bounds on length, thickness and height; those on loads may be out of reach.
 
     Raises:
       InvalidInput: the family's bodies are all longer or thinner than the bounds that are drawn.

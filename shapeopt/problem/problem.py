@@ -12,7 +12,7 @@ from shapeopt.problem.objective import AtReynolds, Objective, Weighted
 from shapeopt.problem.reference import Reference, covered_aspects
 from shapeopt.problem.scenarios import LOAD_BOUNDS, NO_LIFT, UNBOUNDED, Scenarios
 from surrogate.arrays import AnyArray
-from surrogate.checks import did_you_mean, expect, finite_number, interval, shown
+from surrogate.checks import did_you_mean, expect, finite_number, flag, interval, shown
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Unbounded
@@ -83,7 +83,7 @@ class Problem:
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", AtReynolds(self.reynolds).reynolds)
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
-        expect("by_chord", self.by_chord, bool, "bool")
+        flag("by_chord", self.by_chord)
         stations = (_checked_station(given, self.reference.symbol) for given in self.stations)
         object.__setattr__(self, "stations", tuple(stations))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")

@@ -54,15 +54,23 @@ def before_and_after(record: JsonObject) -> list[Panel]:
     """
     reference, optimum = solve_run(record)
     reynolds, lifting = reynolds_text(record), run_scene(record).family.has_lift
+    if cases := several_cases(record):
+        reynolds += f", nominal of {cases} cases"
     before = [reynolds, reference_name(record), *_coefficients(record, reference)]
     after = [reynolds, "optimum", *_coefficients(record, optimum)]
-    if is_compared(record):
+    if is_compared(record) and not cases:
         after.append(f"{100 * (optimum.drag / reference.drag - 1):+.1f} %")
     before, after = (GAP.join(words) for words in (before, after))
     return [
         Panel(reference, before, f"{'loads' if lifting else 'drag'} by the flow solver"),
         Panel(optimum, after, f"{origin(record)}, {standing(record)}"),
     ]
+
+
+def several_cases(record: JsonObject) -> int:
+    """Return the number of cases over which a run's objective is taken; 0 where it is one."""
+    cases = len(record.get("cases", []))
+    return cases if cases > 1 else 0
 
 
 def is_compared(record: JsonObject) -> bool:
@@ -106,12 +114,12 @@ def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
 
 def origin(record: JsonObject) -> str:
     """Return by which model an optimum was found, for a caption."""
-    if record["surrogate"] == "none":
-        return "found by the flow's adjoint"
-    name = f"the surrogate {Path(record['surrogate']).name}"
-    if (record.get("settings") or {}).get("until") == "flow":
-        return f"found by the flow's adjoint, led by {name}"
-    return f"found by {name}"
+    named = record["surrogate"] != "none"
+    name = f"the surrogate {Path(record['surrogate']).name}" if named else "a surrogate"
+    by_settings = (record.get("settings") or {}).get("until", "surrogate" if named else "flow")
+    if record.get("until", by_settings) == "surrogate":  # earlier versions had no "until"
+        return f"found by {name}"
+    return f"found by the flow's adjoint{f', led by {name}' * named}"
 
 
 def standing(record: JsonObject) -> str:

@@ -35,6 +35,7 @@ class Design:
       green_applications: their convolutions with the Green's function (G), with their adjoints'.
       seconds: wall time of the search.
       derivatives: of objective and load constraints at the body, where the search knows them.
+      on_flow: whether the search ended on the flow, whose the objective and the loads are then.
     """
 
     problem: Problem
@@ -49,6 +50,7 @@ class Design:
     green_applications: int
     seconds: float
     derivatives: Derivatives | None = None
+    on_flow: bool = False
 
     def __repr__(self) -> str:
         lift = f"Cl {self.lift:.4f}, " if self._has_lift else ""

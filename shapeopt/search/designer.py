@@ -87,7 +87,8 @@ class Designer:
         """Return an optimum of the flow for a problem.
 
         Flows are kept whether or not the search succeeds; a warning says where they could not be
-        written to the file. A body whose flow does not converge is left out.
+        written to the file. A body whose flow does not converge, or that is too thin for the
+        scene's grid, is left out.
 
         Args:
           problem: of the designer's scene.
@@ -127,6 +128,7 @@ class Designer:
             green_applications=memory.green_applications - before[1],
             seconds=time.perf_counter() - begin,
             derivatives=best.derivatives,
+            on_flow=True,
         )
 
     def _nominal_loads(self, problem, best):
@@ -154,14 +156,15 @@ class Designer:
         """
         memory, failures, calls = self.memory, 0, 0
         if not problem.objective.fixed and memory.base is not None:
-            (problem,), (proposal,) = follow_all([problem], memory.base)
-            calls = proposal.calls
+            with contextlib.suppress(InvalidInput, NotConverged):  # the flow may have an answer
+                (problem,), (proposal,) = follow_all([problem], memory.base)
+                calls = proposal.calls
         for _ in range(MAX_PROBLEMS):
             evaluated, failed, evaluations = self._search(problem, report)
             failures, calls = failures + failed, calls + evaluations
             if problem.objective.fixed:
                 return problem, evaluated, failures, calls
-            best = min(evaluated, key=lambda body: body.rank)
+            best = best_design(evaluated)
             seen = memory.evaluate(best.parameters, problem.scenarios.reynolds[0])
             found = following(problem, seen.loads, seen.load_slopes[:, -1])
             if found is None:
@@ -178,7 +181,7 @@ class Designer:
           NotConverged: no flow was found, or none of the last ``MAX_FAILURES`` models has an
             optimum, as where bounds on loads are out of reach.
         """
-        memory, failed = self.memory, list[np.ndarray]()
+        memory, failed, reason = self.memory, list[np.ndarray](), ""
         evaluated = known_optima(problem, memory)
         calls = tightness = without = 0
         for _ in range(MAX_BODIES):
@@ -202,7 +205,9 @@ class Designer:
                 break
             try:
                 evaluated.append(evaluate_design(problem, memory, body))
-            except NotConverged:
+            except (InvalidInput, NotConverged) as refusal:
+                refused = isinstance(refusal, InvalidInput)  # as where it is too thin for the grid
+                reason = f"; the last: {refusal}" if refused else ""
                 failed.append(body)
                 if len(failed) == MAX_FAILURES:
                     break
@@ -212,7 +217,7 @@ class Designer:
         if not evaluated:
             number = f"{'chord ' * problem.by_chord}Re {problem.objective.nominal:g}"
             where = f"any of {len(failed)} bodies about {number}"
-            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}")
+            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}{reason}")
         return evaluated, len(failed), calls
 
 

@@ -28,6 +28,7 @@ from surrogate.checks import (
     real_numbers,
     shown,
     traced,
+    transformed,
     whole_number,
 )
 from surrogate.errors import InvalidInput
@@ -224,7 +225,7 @@ class Family:
             raise InvalidInput(
                 f"body {shown(parameters)}: flow.solve takes names of NACA sections; {self._wanted}"
             )
-        if traced(parameters):
+        if transformed(parameters):
             raise InvalidInput(
                 "body: traced by JAX (in jit, vmap or grad), which drag and loads answer and this "
                 "does not"

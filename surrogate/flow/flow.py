@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.body.contour import naca4
 from surrogate.body.shape import Shape, contour_shape, family_shape
-from surrogate.checks import expect, one_body, traced, transformed
+from surrogate.checks import expect, flag, one_body, traced, transformed
 from surrogate.devices import Devices, choose_devices
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.batch import FlowBatch, batch_solver, estimated_cost
@@ -150,6 +150,7 @@ class Flow:
           NotConverged: the flow or an adjoint did not converge, unless ``partial``.
         """
         at = self._one_body(parameters, reynolds, allow_unsteady)
+        partial = flag("partial", partial)
         found = loads_and_gradients(self.bodies, *at)
         if not traced(found.loads):
             if not partial and not bool(found.converged):
@@ -187,6 +188,8 @@ class Flow:
             the stream.
           NotConverged: the flow, or the adjoint that the gradient needs, did not converge.
         """
+        gradient, estimate = flag("gradient", gradient), flag("estimate", estimate)
+        allow_unsteady = flag("allow_unsteady", allow_unsteady)
         if isinstance(body, str):
             body = contour_shape(naca4(body))
         if isinstance(body, Shape):
@@ -213,6 +216,8 @@ class Flow:
     ) -> FlowBatch | LoadsAndGradients:
         """Solve the flows past many family bodies, partitioned over devices.
 
+        Another number of bodies is compiled anew.
+
         Args:
           parameters: of the bodies, shape (bodies, parameters).
           reynolds: Reynolds numbers, shape (bodies,), or one for all bodies.
@@ -226,6 +231,8 @@ class Flow:
             unstable and ``allow_unsteady`` is not set.
           NotConverged: a flow did not converge, unless ``partial``.
         """
+        gradients, partial = flag("gradients", gradients), flag("partial", partial)
+        allow_unsteady = flag("allow_unsteady", allow_unsteady)
         parameters = self.scene.family.check_all(parameters)
         reynolds = checked_numbers(self.scene, self.bodies, reynolds, len(parameters))
         onset = self.bodies.check(parameters).onset
@@ -267,6 +274,7 @@ class Flow:
     def _one_body(self, parameters, reynolds, allow_unsteady):
         """Return a body and Re as arrays, checked; in a transformation of JAX by shape alone."""
         parameters = self.scene.family.array(parameters)
+        allow_unsteady = flag("allow_unsteady", allow_unsteady)
         if transformed(parameters, reynolds):
             one_body(parameters, reynolds, len(self.scene.family.names))
         else:

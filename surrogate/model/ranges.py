@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.incidence import descriptions
+from surrogate.body.parameters import INCIDENCE
 from surrogate.scene.scene import Scene
 
 # By which a value may exceed its range, relative to its width plus 1: single precision is enough.
@@ -50,6 +51,9 @@ class TrainedRanges:
         """Signs and offsets of all descriptions of a body, a row for each, its own first."""
         body_class = self.scene.family.body_class
         signs, offsets = descriptions(body_class.parameters, body_class.dimension)
+        low, high = dict(zip(self.names, self.bounds, strict=True)).get(INCIDENCE.name, (0.0, 0.0))
+        if -low > high:  # then a body is the same with 180 degrees less rather than more
+            offsets = -offsets
         one = slice(1) if body_class.symmetric else slice(None)  # it is its own mirror image
         return signs[one], offsets[one]
 

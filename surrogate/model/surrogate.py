@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import Bodies, Body, Number, Numbers
-from surrogate.checks import check_batch, finite_number, real_numbers, shown, transformed
+from surrogate.checks import check_batch, finite_number, flag, real_numbers, shown, transformed
 from surrogate.errors import InvalidInput
 from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.model.card import inaccuracy_of, model_card, unseen_bodies
@@ -104,13 +104,14 @@ class Surrogate:
           InvalidInput: as ``drag``.
         """
         parameters = self.scene.family.array(parameters)
+        extrapolate = flag("extrapolate", extrapolate)
         by_jax = transformed(parameters, reynolds)
         if not by_jax:
             parameters, reynolds = self._checked(parameters, reynolds, extrapolate)
         check_batch(parameters, reynolds, len(self.scene.family.names))
         at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
         if by_jax:
-            return loads_or_nan(self.network, self.ranges, *at, bool(extrapolate))
+            return loads_or_nan(self.network, self.ranges, *at, extrapolate)
         loads = network_loads(self.network, *at)
         known = np.asarray(loads)
         if not np.all((known[..., 0] > 0) & np.isfinite(known).all(axis=-1)):

@@ -249,6 +249,11 @@ def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
             raise InvalidInput(f"fidelity: {wrong[0]}; a name, or a table of {', '.join(names)}")
         value = Fidelity(**{"name": "custom", **value})
     if isinstance(value, Fidelity):
+        if value in NAMED[5 - dimension].values():
+            raise InvalidInput(
+                f"fidelity {value.name}: this is the one of {5 - dimension}-D flows; its name, "
+                f"{value.name!r}, stands for that of {dimension}-D ones too"
+            )
         defaults = {"wake": WAKE[dimension], "refinement": REFINEMENT[dimension]}
         missing = {name: n for name, n in defaults.items() if getattr(value, name) is None}
         return dataclasses.replace(value, **missing)

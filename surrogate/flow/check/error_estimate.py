@@ -15,6 +15,8 @@ from surrogate.scene.fidelity import NAMED, Fidelity
 
 LOAD_TOLERANCE = 2.5  # tolerance of errors of Cl and Cm over Cd, as a multiple of that of Cd
 NO_LIFT = 1e-5  # Cl and Cm over Cd up to which a flow is symmetric, but for the solver's tolerance
+COARSE = "no coarser grid resolves the body's flow"
+ELSEWHERE = "the body's flow was not found in the other domain of the estimate"
 TALL = "taller than the bodies of its tests"
 
 
@@ -34,7 +36,8 @@ class ErrorEstimate(NamedTuple):
       sufficient: the name of a fidelity that should meet the tolerance of a degraded flow, if any.
       extrapolated_drag: limit of the two grids' drags (Richardson 1911), by the fitted share of
         the grid's error; None where the coarser grid has less than 16 cells per D.
-      cause: of a degraded flow: which load is expected to err by too much, or that it is too tall.
+      cause: of a degraded flow: which load is expected to err by too much, that the body is too
+        tall, or which of the two flows of the estimate was not found.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -75,11 +78,13 @@ def estimate_error(
     """
     model = ERROR_MODELS[dimension]
     whole = dataclasses.replace(fidelity, wake=0.0, refinement=1.0)  # they have been applied
+    missing = COARSE
     try:
         coarser = whole.coarser(model.COARSER, fewest)
-        rough, other = solve(coarser), solve(coarser.scaled(model.OTHER_DOMAIN))
+        rough, missing = solve(coarser), ELSEWHERE
+        other = solve(coarser.scaled(model.OTHER_DOMAIN))
     except (InvalidInput, NotConverged):
-        return ErrorEstimate("degraded")
+        return ErrorEstimate("degraded", cause=missing)
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1
     of_grid = [(a - b) / growth / loads.drag for a, b in zip(rough, loads, strict=True)]
@@ -158,13 +163,14 @@ def accuracy_text(
       bound: relative bound of the drag's error, if known.
       tolerance: relative error tolerance of the fidelity.
       sufficient: name of a fidelity that should meet this tolerance, if any.
-      cause: why it is degraded although the drag's expected error is within the tolerance.
+      cause: why it is degraded although the drag's expected error is within the tolerance, or not
+        known.
     """
     wanted = f"{100 * tolerance:g} %"
     if status == "unknown":
         return "error not estimated"
     if expected is None or bound is None:
-        return f"not known to meet {wanted}: no coarser grid resolves the body's flow"
+        return f"not known to meet {wanted}: {cause or COARSE}"
     sizes = f"expected {100 * expected:.2g} %, bound {100 * bound:.2g} %"
     remedy = f"; {sufficient} would do" if sufficient else ""
     if status == "accurate":
