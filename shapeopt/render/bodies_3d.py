@@ -7,11 +7,12 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap
 
-from shapeopt.render.pictures import INK, QUIET, Panel, write_caption
+from shapeopt.render.pictures import Panel, write_caption
 from surrogate.files import whole_file
 from surrogate.flow.fields import Fields
 from surrogate.flow.output.folder import read_flow, read_surface
 from surrogate.flow.output.meshes import fields_mesh, pv
+from surrogate.flow.output.palette import INK, QUIET
 
 VIEW = (-1.7, 4.2, -1.45, 1.45, -1.45, 1.45)  # x, y and z range shown, in D
 SIZE = 820, 560  # pixels of a panel

@@ -7,7 +7,6 @@ import numpy as np
 
 from shapeopt.render.figures import (
     FROM_ABOVE,
-    QUIET,
     STYLE,
     draw_body,
     plt,
@@ -17,6 +16,7 @@ from shapeopt.render.figures import (
 from surrogate.body.body_class import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
+from surrogate.flow.output.palette import QUIET
 
 GAP = 0.35  # D, between bodies
 

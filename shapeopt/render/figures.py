@@ -12,8 +12,9 @@ from jaxtyping import Float
 from matplotlib.typing import ColorType
 
 from surrogate.files import whole_file
+from surrogate.flow.output.palette import INK
 
-INK, QUIET, START, OPTIMUM = "#1a1a1a", "#5f6368", "#8a8f98", "#0b5394"
+START, OPTIMUM = "#8a8f98", "#0b5394"
 FROM_ABOVE = "; the line: from above"
 STYLE = {
     "font.size": 11,

@@ -7,10 +7,11 @@ from jaxtyping import Float
 from matplotlib.patches import Polygon
 from matplotlib.transforms import ScaledTranslation
 
-from shapeopt.render.figures import INK, OPTIMUM, QUIET, STYLE, plt, save_figure
+from shapeopt.render.figures import OPTIMUM, STYLE, plt, save_figure
 from surrogate.body.body_class import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
+from surrogate.flow.output.palette import INK, QUIET
 
 GLIDE = "#b35900"
 SIZE = 10.0, 6.2  # of the figure in inches

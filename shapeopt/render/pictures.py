@@ -15,6 +15,7 @@ from surrogate.body.family import Family
 from surrogate.files import whole_file
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.output.meshes import outline, pv
+from surrogate.flow.output.palette import BODY, INK, QUIET
 from surrogate.flow.solution import Solution
 
 VIEW = (-1.6, 4.4, -1.35, 1.35)  # x and y range shown, in D
@@ -23,7 +24,7 @@ STRIP = 0.5  # white strip above a field for its caption, in D
 GAP = 0.06  # white margin around a field, in D
 TITLE = 58  # characters of a title at its usual size; longer ones are drawn smaller
 BAR = 0.5  # height of the strip with the colour bar, in D
-INK, QUIET, BODY, GHOST = "#1a1a1a", "#5f6368", "#f2efe6", "#9aa0a6"
+GHOST = "#9aa0a6"
 COLOURS = "RdBu_r"
 NEAR = 0.05  # D around a body where eddies are not looked for
 SHALLOW = 2e-3  # U D of the stream function, of an eddy that is not drawn

@@ -8,7 +8,6 @@ import numpy as np
 from shapeopt.records import is_by_chord, reynolds_text, run_body, run_reynolds, run_scene
 from shapeopt.render.figures import (
     FROM_ABOVE,
-    INK,
     OPTIMUM,
     START,
     STYLE,
@@ -20,6 +19,7 @@ from shapeopt.render.figures import (
 from shapeopt.render.sheets import is_about_lift, reference_name, standing
 from surrogate.body.body_class import drawn_contour
 from surrogate.files import JsonObject
+from surrogate.flow.output.palette import INK
 from surrogate.flow.surface.surface import Surface
 
 LOOKS = {"color": START, "ls": (0, (5, 2))}, {"color": OPTIMUM}  # reference body, optimum

@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from shapeopt.render.figures import INK, OPTIMUM, STYLE, plt, save_figure
+from shapeopt.render.figures import OPTIMUM, STYLE, plt, save_figure
 from surrogate.files import JsonObject
+from surrogate.flow.output.palette import INK
 
 LABELS = {
     "cd": "$C_d$",

@@ -2,13 +2,15 @@
 
 import functools
 import time
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
-REPEATS = 7  # of the benchmark, whose median counts
+REPEATS = 6  # of a benchmark, whose median counts
 
 
 class Convolutions(NamedTuple):
@@ -83,12 +85,23 @@ def convolution_seconds(shape: tuple[int, ...]) -> float:
         return functools.reduce(_along_next_axis, [m.T for m in matrices], lateral)
 
     field = jnp.ones((len(shape), *shape), jnp.float32)
+    return median_seconds(lambda: convolve(field))
+
+
+def median_seconds(call: Callable[[], PyTree], repeats: int = REPEATS) -> float:
+    """Return the median of the seconds of several calls, after one that may compile.
+
+    Args:
+      call: function whose result is waited for.
+      repeats: number of calls that count.
+    """
+    jax.block_until_ready(call())
     seconds = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         start = time.perf_counter()
-        jax.block_until_ready(convolve(field))
+        jax.block_until_ready(call())
         seconds.append(time.perf_counter() - start)
-    return float(np.median(seconds[1:]))
+    return float(np.median(seconds))
 
 
 def _along_next_axis(field, matrix):

@@ -1,7 +1,6 @@
 """Forecast of the cost of a training: convolutions with the Green's function (G), and seconds."""
 
 import math
-import time
 from typing import NamedTuple
 
 import jax
@@ -11,7 +10,7 @@ import numpy as np
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
 from surrogate.model.network import blank_network
-from surrogate.scene.cost import convolutions, seconds_per_convolution
+from surrogate.scene.cost import convolutions, median_seconds, seconds_per_convolution
 from surrogate.training.methods.inversion import NewtonSteps
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
@@ -78,7 +77,7 @@ def _gradient_seconds(plan):
         return jnp.sum(points**2)
 
     gradient = jax.jit(jax.grad(loss))
-    return _median(lambda: gradient(network.layers, points))
+    return median_seconds(lambda: gradient(network.layers, points))
 
 
 def _inverse_seconds(plan, batch):
@@ -93,18 +92,8 @@ def _inverse_seconds(plan, batch):
     rows = min(trained.size, batch * outcomes)
     matrix = np.random.default_rng(0).normal(size=(rows, rows))
     decompose = jax.jit(jnp.linalg.eigh)
-    return _median(lambda: decompose(jnp.asarray(matrix + matrix.T)), 2)
+    return median_seconds(lambda: decompose(jnp.asarray(matrix + matrix.T)), 2)
 
 
 def _network(plan):
     return blank_network(plan.scene, 2 * (plan.width,), jax.random.key(0))
-
-
-def _median(call, repeats=5):
-    jax.block_until_ready(call())
-    seconds = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        jax.block_until_ready(call())
-        seconds.append(time.perf_counter() - start)
-    return float(np.median(seconds))

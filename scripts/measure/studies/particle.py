@@ -13,9 +13,10 @@ from study import Result, Row, Run, Study, Table, cases, columns, values
 from tools import mean_and_most
 
 from shapeopt import Tumbling
-from shapeopt.render.figures import INK, STYLE, plt, save_figure
+from shapeopt.render.figures import STYLE, plt, save_figure
 from shapeopt.render.polar import LABELS
 from surrogate import Flow, load
+from surrogate.flow.output.palette import INK
 
 SURROGATE, SEED = "pretrained:particle", 7  # the training used another seed
 KINDS = {  # what is drawn of each: prolate spheroids, oblate ones, flattened ellipsoids, others

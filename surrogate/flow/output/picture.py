@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 
 from surrogate.files import whole_file
 from surrogate.flow.fields import Fields
+from surrogate.flow.output.palette import BODY, INK, QUIET
 
 VIEW = (-1.6, 4.4, -1.4, 1.4)  # x and y range shown, in D
 MARGIN = 0.9  # D ahead of, behind and beside larger bodies
-INK, QUIET, BODY = "#1a1a1a", "#5f6368", "#f2efe6"
 DPI = 130
 MINUS = "\N{MINUS SIGN}"
 ROWS = 25  # streamlines that start upstream
