@@ -170,12 +170,9 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
     body[family.names.index("incidence")] = 0.0
     surrogate.loads(body, surrogate.scene.reynolds[0])  # refuses bodies outside the ranges
     reversed_body = reversal(family.body_class) * body
-    if not family.contains(reversed_body):
-        named = zip(family.names, body, reversed_body, family.bounds, strict=True)
-        name, value, (low, high) = next((n, b, ends) for n, a, b, ends in named if a != b)
+    if outside := surrogate.ranges.outside(reversed_body, surrogate.scene.reynolds[0]):
         raise InvalidInput(
-            f"body: moves tail first too, and is then one of {name} {value:g}, which is outside "
-            f"the trained ranges ({low:g} to {high:g})"
+            f"body: moves tail first too, and is then outside the trained ranges: {outside}"
         )
     return body
 

@@ -145,7 +145,7 @@ def expect(name: str, value: object, kind: type | UnionType, wanted: str) -> Non
 
 
 def flag(name: str, value: object) -> bool:
-    """Return the value if it is True or False, of Python or of NumPy.
+    """Return the value as a bool if it is True or False, of Python, NumPy or JAX.
 
     Args:
       name: what the value is; begins the message.
@@ -154,7 +154,8 @@ def flag(name: str, value: object) -> bool:
     Raises:
       InvalidInput: it is neither.
     """
-    if not isinstance(value, bool | np.bool_):
+    known = not traced(value) and np.ndim(value) == 0
+    if not (isinstance(value, bool) or (known and getattr(value, "dtype", None) == np.dtype(bool))):
         raise InvalidInput(f"{name} {shown(value)}: must be True or False")
     return bool(value)
 

@@ -19,6 +19,7 @@ from shapeopt.commands import design_sheet
 from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.export.solid import solid
+from shapeopt.records import run_body, run_scene
 from shapeopt.render.figures import draw_body, plt
 from shapeopt.render.mesh import flow_mesh
 from shapeopt.render.over_lift import plot_over_lift
@@ -214,7 +215,13 @@ def runs(tiny_scene, tmp_path_factory):
         problem = Problem(tiny_scene, reynolds, max_length=1.5)
         design = optimise(problem, Flow(tiny_scene))
         save_run(folder / f"re{reynolds:g}", design)
-    others = {"bare": {"cd_verified": None}, "glide": {"objective": {"kind": "Glide"}}}
+    others = {
+        "bare": {"cd_verified": None},
+        "glide": {"objective": {"kind": "Glide"}},
+        "chord": {"reference": "chord", "chord_reynolds": 30.0},
+        "cases": {"cases": 6 * [{}]},
+        "unsteady": {"cd_start": None},
+    }
     for name, entries in others.items():
         (folder / name).mkdir()
         (folder / name / "run.json").write_text(json.dumps(record_of(tiny_scene) | entries))
@@ -231,21 +238,26 @@ def test_sheets_by_the_command(runs, kind, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "mistake",
-    [
-        "--runs {runs}/re5 --family --out {out}/x.png",
-        "--runs {runs}/re5 {runs}/bare --family --out {out}/x.png",
-        "--runs {runs}/re5 {runs}/re20 --family --surface --out {out}/x.png",
-        "--runs {runs}/re5 {runs}/glide --family --out {out}/x.png",
-        "--runs {runs}/re5 --surface --out {out}/x.gif",
-        "--runs {runs}/re5 {runs}/re20 --out {out}/x.gif",
-    ],
+    ("mistake", "answer"),
+    {
+        "--runs {runs}/re5 --family --out {out}/x.png": "needs two --runs folders",
+        "--runs {runs}/re5 {runs}/bare --family --out {out}/x.png": "Re 20 is not verified",
+        "--runs {runs}/re5 {runs}/re20 --family --surface --out {out}/x.png": "not allowed with",
+        "--runs {runs}/re5 {runs}/glide --family --out {out}/x.png": "are of AtReynolds, Glide",
+        "--runs {runs}/re5 {runs}/chord --family --out {out}/x.png": "some runs are by the chord",
+        "--runs {runs}/chord {runs}/chord --family --out {out}/x.png": "Re 30 is by the chord",
+        "--runs {runs}/re5 {runs}/cases --family --out {out}/x.png": "Re 20 is of 6 cases",
+        "--runs {runs}/re5 {runs}/unsteady --family --out {out}/x.png": "no drag of the cylinder",
+        "--runs {runs}/re5 --surface --out {out}/x.gif": "need a .png",
+        "--runs {runs}/re5 {runs}/re20 --out {out}/x.gif": "a .gif shows one run",
+    }.items(),
 )
-def test_mistakes_with_sheets_get_one_clear_line(runs, mistake, tmp_path, capsys):
+def test_mistakes_with_sheets_get_one_clear_line(runs, mistake, answer, tmp_path, capsys):
     assert run(render_shapes.main, mistake.format(runs=runs, out=tmp_path).split()) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert len(captured.err.strip().splitlines()) == 1, captured.err
+    assert answer in captured.err
     assert not list(tmp_path.iterdir())
 
 
@@ -256,6 +268,10 @@ def test_captions_say_what_is_known(tiny_scene):
     assert after.note == "found by the flow's adjoint, verified by the flow"
     unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
     assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
+    assert after.title.endswith(" %")
+    several = before_and_after(record_of(tiny_scene) | {"cases": 6 * [{}]})[1].title
+    assert several.startswith("Re 20, nominal of 6 cases ")
+    assert "%" not in several  # the drags of one case are not the objective
 
 
 def test_where_the_cylinder_is_not_solved_an_ellipse_is_drawn_beside_the_optimum(tiny_scene):
@@ -298,6 +314,27 @@ def test_families_of_lifting_bodies_are_drawn_with_their_glide_ratios(tmp_path):
     _, first = pixels(plot_family(records, tmp_path / "first.png"))
     other = [record | {"cd_start": 9.0} for record in records]
     assert np.array_equal(first, pixels(plot_family(other, tmp_path / "same.png"))[1])
+
+
+def test_families_at_fixed_chord_are_drawn_in_chords_beside_a_circle_of_that_chord(
+    tmp_path, monkeypatch
+):
+    drawn = []
+    monkeypatch.setattr(
+        "shapeopt.render.plots.save_figure", lambda f, path: drawn.append(f) or path
+    )
+    records = [lifting([aspect, 0.1, 10.0]) | {"cl_verified": 0.4} for aspect in (1.5, 4.0)]
+    for record, reynolds in zip(records, (20.0, 40.0), strict=True):
+        chord = float(run_scene(record).family.body_class.length(run_body(record)))
+        record |= {"reference": "chord", "chord": chord, "chord_reynolds": reynolds}
+    plot_family(records, tmp_path / "family.png")
+    *bodies, below = drawn[0].axes
+    for axis, reynolds in zip(bodies, (20, 40), strict=True):
+        outline = axis.patches[0].get_path().vertices
+        assert np.ptp(outline[:, 0]) == pytest.approx(1.0, abs=0.03)  # of the turned body
+        assert np.ptp(axis.lines[0].get_xdata()) == pytest.approx(1.0, abs=1e-3)
+        assert axis.get_title() == f"chord Re {reynolds}"
+    assert below.get_xlabel().startswith("chord Reynolds number")
 
 
 def test_streamlines_at_incidence_follow_the_flow():

@@ -255,6 +255,7 @@ def test_a_run_is_saved_and_loaded_and_other_files_stay(designed, tmp_path):
     record = save_run(folder, designed)
     assert load_run(folder) == record
     assert record["cd_verified"] == designed.verified.objective
+    assert record["until"] == "flow"
     assert [case["status"] for case in record["cases"]]
     assert len(record["cases"]) == 2
     (folder / "notes.txt").write_text("mine")
@@ -314,6 +315,7 @@ def test_a_run_that_is_not_verified_has_the_surrogates_drag_and_no_flow(tmp_path
     record = save_run(tmp_path / "run", design, net, "pretrained:lift", verify=False)
     assert record["cd_surrogate"] == pytest.approx(design.drag)
     assert record["cd_verified"] is None
+    assert record["until"] == "surrogate"
     assert load_run(tmp_path / "run")["reynolds"] == 40.0
 
 

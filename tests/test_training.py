@@ -228,19 +228,31 @@ def test_interrupted_and_resumed_is_bit_identical(plan, setup, trained, method, 
     assert resumed.history[-1].green_applications == whole.history[-1].green_applications
 
 
-def test_a_training_by_time_makes_the_step_that_was_interrupted(plan, setup, tmp_path):
-    """Even if its flows took all of the time before the first report."""
-    plan = dataclasses.replace(plan, method="hig", budget_s=1e-9)
+def die_after_saving(iteration):
+    """A function that writes checkpoints, and is killed after that of a step of this number."""
 
-    def killed(done, labels):
-        if np.all(labels.converged):
+    def save_and_die(path, plan, state, partition):
+        save_checkpoint(path, plan, state, partition)
+        if state.iteration == iteration:
             raise Killed
 
-    checkpoint = tmp_path / "checkpoint"
-    run = functools.partial(run_training, plan, setup, checkpoint, checkpoint_every_s=0.0)
-    with pytest.raises(Killed):
-        run(evaluating=killed)
-    assert [point.iteration for point in run().history] == [1]
+    return save_and_die
+
+
+@pytest.mark.parametrize("method", ["hig", "sip"])
+def test_a_training_by_time_makes_the_step_that_was_interrupted(
+    plan, setup, method, tmp_path, monkeypatch
+):
+    """As one that ran through, even if its flows took all of the time before the first report."""
+    plan = dataclasses.replace(plan, method=method, budget_s=1e-9)
+    run = functools.partial(run_training, plan, setup, checkpoint_every_s=0.0)
+    with monkeypatch.context() as patch:
+        patch.setattr("surrogate.training.checkpoint.save_checkpoint", die_after_saving(0))
+        with pytest.raises(Killed):
+            run(tmp_path / "checkpoint")
+    resumed = run(tmp_path / "checkpoint")
+    assert [point.iteration for point in resumed.history] == [1]
+    assert np.array_equal(resumed.network.weights, run(None).network.weights)
 
 
 def test_the_result_counts_labels_that_have_not_converged(plan, setup, trained):
@@ -493,15 +505,10 @@ def test_a_training_that_blows_up_after_it_was_resumed_keeps_the_same_weights(
             factors = jnp.where(arguments[-1] > 0.1, 1e6, 1.0)
             return network.with_weights(network.weights * factors), optimiser, loss
 
-    def save_and_die(path, plan, state, partition):
-        save_checkpoint(path, plan, state, partition)
-        if state.iteration == 3:
-            raise Killed
-
     run = functools.partial(run_training, plan, setup, method=Exploding())
     whole, path = run(), tmp_path / "checkpoint"
     with monkeypatch.context() as patch:
-        patch.setattr("surrogate.training.checkpoint.save_checkpoint", save_and_die)
+        patch.setattr("surrogate.training.checkpoint.save_checkpoint", die_after_saving(3))
         with pytest.raises(Killed):
             run(checkpoint=path, checkpoint_every_s=0.0)
     resumed = run(checkpoint=path)

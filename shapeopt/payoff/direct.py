@@ -64,6 +64,7 @@ def design_directly(
             f"{KKT_ACCEPTED:g} within them"
         )
     return Design(
+        on_flow=True,
         problem=problem,
         parameters=best.parameters,
         objective=best.value,

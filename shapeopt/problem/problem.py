@@ -83,7 +83,7 @@ class Problem:
         if not isinstance(self.reynolds, Objective):
             object.__setattr__(self, "reynolds", AtReynolds(self.reynolds).reynolds)
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
-        flag("by_chord", self.by_chord)
+        object.__setattr__(self, "by_chord", flag("by_chord", self.by_chord))
         stations = (_checked_station(given, self.reference.symbol) for given in self.stations)
         object.__setattr__(self, "stations", tuple(stations))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")

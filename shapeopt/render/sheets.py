@@ -69,7 +69,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 
 def several_cases(record: JsonObject) -> int:
     """Return the number of cases over which a run's objective is taken; 0 where it is one."""
-    cases = len(record.get("cases", []))
+    cases = (record.get("objective") or {}).get("number_of_cases", len(record.get("cases", [])))
     return cases if cases > 1 else 0
 
 

@@ -96,7 +96,8 @@ class Designer:
             the number of flows so far.
 
         Raises:
-          InvalidInput: no body satisfies the constraints, or the problem is of another scene.
+          InvalidInput: no body satisfies the constraints, or is thick enough for the scene's grid;
+            or the problem is of another scene.
           NotConverged: no optimum was found.
         """
         check_problem(problem, self.scene)
@@ -156,7 +157,7 @@ class Designer:
         """
         memory, failures, calls = self.memory, 0, 0
         if not problem.objective.fixed and memory.base is not None:
-            with contextlib.suppress(InvalidInput, NotConverged):  # the flow may have an answer
+            with contextlib.suppress(NotConverged):  # the flow may have an answer
                 (problem,), (proposal,) = follow_all([problem], memory.base)
                 calls = proposal.calls
         for _ in range(MAX_PROBLEMS):
@@ -178,10 +179,11 @@ class Designer:
         """Return the evaluated bodies, the number of failed ones, and that of drags of models.
 
         Raises:
+          InvalidInput: the flow refused all bodies.
           NotConverged: no flow was found, or none of the last ``MAX_FAILURES`` models has an
             optimum, as where bounds on loads are out of reach.
         """
-        memory, failed, reason = self.memory, list[np.ndarray](), ""
+        memory, failed, refusals = self.memory, list[np.ndarray](), list[InvalidInput]()
         evaluated = known_optima(problem, memory)
         calls = tightness = without = 0
         for _ in range(MAX_BODIES):
@@ -205,19 +207,21 @@ class Designer:
                 break
             try:
                 evaluated.append(evaluate_design(problem, memory, body))
-            except (InvalidInput, NotConverged) as refusal:
-                refused = isinstance(refusal, InvalidInput)  # as where it is too thin for the grid
-                reason = f"; the last: {refusal}" if refused else ""
+            except (InvalidInput, NotConverged) as reason:
+                if isinstance(reason, InvalidInput):  # as where it is too thin for the grid
+                    refusals.append(reason)
                 failed.append(body)
                 if len(failed) == MAX_FAILURES:
                     break
                 continue
             if report:
                 report(evaluated[-1], memory.flows)
+        if failed and len(refusals) == len(failed) and not evaluated:
+            raise refusals[-1]
         if not evaluated:
             number = f"{'chord ' * problem.by_chord}Re {problem.objective.nominal:g}"
             where = f"any of {len(failed)} bodies about {number}"
-            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}{reason}")
+            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}")
         return evaluated, len(failed), calls
 
 

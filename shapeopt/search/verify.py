@@ -59,7 +59,8 @@ class Verified:
     def accuracy(self) -> str:
         """A text that says whether every flow meets the tolerance, with the largest errors."""
         errors = self.expected_error, self.estimated_error
-        cause = next((one.cause for one in self.solutions if one.cause), "")
+        unknown = [one for one in self.solutions if one.expected_error is None]
+        cause = next((one.cause for one in unknown or self.solutions if one.cause), "")
         return accuracy_text(self.status, *errors, self.solutions[0].tolerance, cause=cause)
 
     @property

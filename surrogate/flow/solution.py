@@ -52,7 +52,8 @@ class Solution:
       estimated_moment_error: bound of the error of Cm itself.
       sufficient: name of a fidelity that should meet the tolerance that this one does not.
       extrapolated_drag: Cd extrapolated from two grids, where both are fine enough.
-      cause: of a degraded flow: which load is expected to err by too much, or that it is too tall.
+      cause: of a degraded flow: which load is expected to err by too much, that the body is too
+        tall, or why there is no estimate.
       tolerance: relative error of Cd that the scene's fidelity is made for.
       fidelity: cells, domain and wake of the grid.
       green_applications: convolutions with G of this flow, without gradient and estimate.

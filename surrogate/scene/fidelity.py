@@ -239,6 +239,11 @@ def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
     Raises:
       InvalidInput: there is none of this name, or a number is missing or out of range.
     """
+    if isinstance(value, Fidelity) and value in NAMED[5 - dimension].values():
+        raise InvalidInput(
+            f"fidelity {value.name}: this is the one of {5 - dimension}-D flows; its name, "
+            f"{value.name!r}, stands for that of {dimension}-D ones too"
+        )
     if isinstance(value, Mapping):
         names = [field.name for field in dataclasses.fields(Fidelity)]
         needed = "cells", "upstream", "downstream", "height"
@@ -249,11 +254,6 @@ def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
             raise InvalidInput(f"fidelity: {wrong[0]}; a name, or a table of {', '.join(names)}")
         value = Fidelity(**{"name": "custom", **value})
     if isinstance(value, Fidelity):
-        if value in NAMED[5 - dimension].values():
-            raise InvalidInput(
-                f"fidelity {value.name}: this is the one of {5 - dimension}-D flows; its name, "
-                f"{value.name!r}, stands for that of {dimension}-D ones too"
-            )
         defaults = {"wake": WAKE[dimension], "refinement": REFINEMENT[dimension]}
         missing = {name: n for name, n in defaults.items() if getattr(value, name) is None}
         return dataclasses.replace(value, **missing)

@@ -87,7 +87,7 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
         if found := checkpoint_differences(path, plan):
             raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
         saved = read_leaves(path, shapes, "checkpoint", "; remove it")
-        if leaves_digest(saved) != read_header(path, "checkpoint")[DIGEST]:
+        if leaves_digest(saved) != read_header(path, "checkpoint").get(DIGEST):
             raise InvalidInput(f"checkpoint {path}: damaged, not what was saved; remove it")
     else:
         saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
@@ -106,10 +106,10 @@ def checkpoint_differences(path: Path, plan: Plan) -> str:
       InvalidInput: the file is damaged, or no checkpoint.
     """
     header = read_header(path, "checkpoint")
-    if not isinstance(header, dict) or set(header) != {*_describe(plan), DIGEST}:
+    known = _describe(plan)
+    if not isinstance(header, dict) or set(header) - {DIGEST} != set(known):
         raise InvalidInput(f"checkpoint {path}: damaged, or of another program; remove it")
-    del header[DIGEST]
-    return differences(header, _describe(plan))
+    return differences({name: header[name] for name in known}, known)
 
 
 def _map_sharded(state, function):

@@ -69,7 +69,9 @@ class TrainingState(NamedTuple):
       reported: the network of the last report, which is the result; before the first one the
         initial network.
       evaluated: which samples the current step has evaluated so far.
-      without_flow: the number of samples since the last one whose flow was found.
+      done: the fraction of the training that was done when the current step began.
+      learned: whether any step had a residual to learn from.
+      without_flow: the number of samples of the steps since the last one that had.
     """
 
     learner: LearnerState
@@ -80,6 +82,8 @@ class TrainingState(NamedTuple):
     convolutions: Int[AnyArray, ""]
     failed: Int[AnyArray, ""]
     idle_work: Int[AnyArray, ""]
+    done: Float[AnyArray, ""]
+    learned: Bool[AnyArray, ""]
     without_flow: Int[AnyArray, ""]
     history: Float[AnyArray, "points 7"]
 
@@ -187,20 +191,23 @@ def run_training(
     start = time.perf_counter()
     step = compile_step(method, state.learner, physics, batches(0))
     compile_s = time.perf_counter() - start
-    stopped, done = None, _done(plan, state)
+    stopped = None
     while _goes_on(plan, state):
         batch = batches(int(state.iteration))
         for part in _evaluations(state, step, batch):
             state = part
-            evaluating(done, state.learner.labels)
+            evaluating(float(state.done), state.learner.labels)
             checkpoints.save_if_due(state)
-        state, loss = _updated(state, step, batch, done)
+        state, loss = _updated(state, step, batch)
         done, iteration = _done(plan, state), int(state.iteration)
         if not np.all(np.isfinite(state.learner.network.weights)):
             stopped = f"blew up in iteration {iteration}"
             break
         lost = 0 if loss != 0 else int(state.without_flow) + batch.size
-        state = state._replace(without_flow=np.asarray(lost))
+        learned = np.asarray(bool(state.learned) or loss != 0)
+        state = state._replace(
+            done=np.asarray(done), learned=learned, without_flow=np.asarray(lost)
+        )
         if lost >= plan.samples:  # without any residual the network stays as it is
             stopped = f"found none of {lost} flows up to iteration {iteration}"
             break
@@ -217,7 +224,7 @@ def run_training(
     history = points_of(state.history)
     if not history:
         raise NotConverged(f"training by {plan.method} {stopped} before its first report")
-    if np.array_equal(state.reported.weights, setup.network.weights):
+    if not state.learned:
         raise NotConverged(
             f"training by {plan.method} {stopped or 'found no flow'}, and none before; lower "
             "Reynolds numbers or finer cells may help"
@@ -238,7 +245,7 @@ def _first_state(plan, setup, method):
         first_state(method, setup.network, physics),
         jax.tree.map(np.asarray, setup.network),
         np.zeros(physics.count, bool),
-        *map(np.asarray, (0, 0.0, assembled, 0, 0, 0)),
+        *map(np.asarray, (0, 0.0, assembled, 0, 0, 0.0, False, 0)),
         blank_history(plan.iterations // plan.report_every + 1),
     )
 
@@ -262,10 +269,10 @@ def _evaluations(state: TrainingState, step: Step, batch: Batch) -> Iterator[Tra
         start = time.perf_counter()
 
 
-def _updated(state, step, batch, done):
+def _updated(state, step, batch):
     """The state after the update that ends a step, and the loss before it."""
     start = time.perf_counter()
-    learner, loss = step.updated(state.learner, batch, done)
+    learner, loss = step.updated(state.learner, batch, float(state.done))
     loss = float(loss)  # waits for the update
     return state._replace(
         learner=learner,

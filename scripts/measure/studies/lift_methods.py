@@ -24,7 +24,8 @@ from surrogate.training.loop import (
 from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.train import train_plan
 
-SAMPLES, SECONDS = 64, 300.0
+SAMPLES = 64
+SECONDS = {"lift": 300.0, "particle": 90.0}  # of one training, by scene
 WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("sip", "dp"))
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
@@ -33,8 +34,10 @@ def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
     """Return the plan of a training, which ends when its time is over."""
     samples, held_out = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
     scene = scene_of(name, run.tiny)
-    plan = make_plan(scene, method, "full", samples, 0, SECONDS, published, held_out)
-    return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
+    seconds = SECONDS[name]
+    plan = make_plan(scene, method, "full", samples, 0, seconds, published, held_out)
+    plan = dataclasses.replace(plan, report_every=1)
+    return dataclasses.replace(plan, iterations=2) if run.tiny else plan
 
 
 @functools.lru_cache(maxsize=1)

@@ -17,6 +17,7 @@ LOAD_TOLERANCE = 2.5  # tolerance of errors of Cl and Cm over Cd, as a multiple 
 NO_LIFT = 1e-5  # Cl and Cm over Cd up to which a flow is symmetric, but for the solver's tolerance
 COARSE = "no coarser grid resolves the body's flow"
 ELSEWHERE = "the body's flow was not found in the other domain of the estimate"
+NO_NUMBER = "its estimated error is no finite number"
 TALL = "taller than the bodies of its tests"
 
 
@@ -98,7 +99,7 @@ def estimate_error(
 
     likely = likely_at(whole.cells, of_grid, of_domain)
     if not all(map(math.isfinite, likely)):
-        return ErrorEstimate("degraded")
+        return ErrorEstimate("degraded", cause=NO_NUMBER)
     expected = Loads(*(margin * each for each in likely))
     parts = zip(model.SAFETY, likely, expected, strict=True)
     bounds = [max(safety * each, most) for safety, each, most in parts]
