@@ -9,7 +9,7 @@ from studies import accelerator, far_field, lift_designs, particle, training
 from study import Result, words
 from tools import mean_and_most
 
-from shapeopt.payoff.break_even import LATE
+from shapeopt.payoff.break_even import LATE, MOST_DESIGNS
 from shapeopt.payoff.tables import SHOWN_DESIGNS, short_table
 from surrogate import load
 from surrogate.training.plan import PRESETS
@@ -32,7 +32,7 @@ def passage(name: str, folder: Path = RESULTS) -> str:
 def duration(result: Callable[[str], Result]) -> str:
     """Return how long the first command takes, and what a GPU gains."""
     form = (
-        "It takes {least:.0f} to {most:.0f} minutes on two cores, the install included. A GPU "
+        "It takes {least:.0f} to {most:.0f} minutes on two cores with the install. A GPU "
         '({device}; `pip install "jax[cuda13]"`) solves batches of flows {gain:.0f} times as fast '
         "as one core."
     )
@@ -46,8 +46,8 @@ def payoff(result: Callable[[str], Result]) -> str:
     form = (
         "Means over {count} designs, each a local optimum of the flow; trainings on "
         "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
-        "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `dp` after "
-        "{after[dp]:.0f}. Fitted to as many flows, kriging errs by "
+        "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `hig, 64 bodies` "
+        "after {after[hig, 64 bodies]:.0f}. Fitted to as many flows, kriging errs by "
         "{off[gradient-enhanced kriging]} on average with gradients, by {off[kriging]} without, a "
         "polynomial by {off[polynomial]}; as published SIP errs by {off[sip, as published]:.3%}, "
         "HIG by {off[hig, as published]:.3%}, DP by {off[dp, as published]:.3%}."
@@ -72,15 +72,15 @@ def _plane(result):
     *_, (early, fifty), (late, thousand) = zip(SHOWN_DESIGNS, kriging["cumulative_g"], strict=True)
     paying = ", ".join(f"`{row['method']}`" for row in _over_kriging(rows)) or "no training"
     form = (
-        "Drag in 2-D, four parameters: kriging with memory needs {late:.0f} G a design in the end; "
-        "by G {paying} pays against it{by_clock}."
+        "Drag in 2-D, four parameters: against kriging with memory ({late:.0f} G a design in the "
+        "end) {paying} pays by G within {most:,} designs{by_clock}."
     )
     soonest = min(_over_kriging(rows, "s"), key=lambda row: row["beats_kriging_s"], default=None)
     by_clock = ""
     if soonest is not None:
         by_clock = f", by wall clock `{soonest['method']}` from design {soonest['beats_kriging_s']}"
     late = (thousand - fifty) / (late - early)
-    return words(form, late=late, paying=paying, by_clock=by_clock)
+    return words(form, late=late, paying=paying, by_clock=by_clock, most=MOST_DESIGNS)
 
 
 def _over_kriging(rows, unit="g"):
@@ -94,14 +94,14 @@ def _space(result):
     first = min(paid, key=lambda row: row["break_even_g"])
     over = min(_over_kriging(rows), key=lambda row: row["beats_kriging_g"], default=None)
     queries = len(result("payoff_space")["queries"])
-    kriging = "no training pays"
+    kriging = f"no training within {MOST_DESIGNS:,}"
     if queries <= LATE:
         kriging = f"{queries} are too few to say"
     elif over is not None:
-        kriging = f"`{over['method']}` pays from design {over['beats_kriging_g']} on"
+        kriging = f"`{over['method']}` from design {over['beats_kriging_g']} on"
     form = (
-        "Drag in 3-D, {queries} queries: `{method}` pays against `direct` after {break_even_g:.1f} "
-        "designs; against kriging with memory {kriging}."
+        "Drag in 3-D, {queries} queries, one seed: by G `{method}` pays against `direct` after "
+        "{break_even_g:.1f} designs, against kriging with memory {kriging}."
     )
     return words(form, kriging=kriging, queries=queries, **first)
 
@@ -111,7 +111,7 @@ def _robust(result):
     cases = max(row["cases"] for row in rows)
     flows = {row["strategy"]: row["flows"] for row in rows if row["cases"] == cases}
     form = (
-        "A robust design over {cases} cases takes {network, and kriging:.0f} flows led by the "
+        "Two robust designs over {cases} cases: {network, and kriging:.0f} flows led by the "
         "network, {kriging from nothing:.0f} by kriging without memory, {direct:.0f} by `direct`."
     )
     return words(form, cases=cases, **flows)
@@ -162,8 +162,8 @@ def _shipped():
 
     each = "; ".join(map(errors, SHIPPED))
     return (
-        "The surrogates against the flow, mean (Cd/Cl/Cm) and largest errors on held-out bodies in "
-        f"% of Cd: {each}."
+        "The surrogates against the flow, mean (Cd/Cl/Cm) and largest error of any load on their "
+        f"held-out bodies, in % of Cd: {each}."
     )
 
 

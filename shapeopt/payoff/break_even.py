@@ -15,6 +15,7 @@ from surrogate.errors import NotConverged
 Unit = Literal["seconds", "green_applications"]
 UNITS: tuple[Unit, ...] = ("seconds", "green_applications")
 RESAMPLES = 2000
+MOST_DESIGNS = 1000  # up to which costs are compared
 LATE = 5  # designs at the end of a stream whose mean cost stands for all later ones
 
 
@@ -125,7 +126,9 @@ def resampled_break_even(
     return BreakEven(break_even(training.mean(), 0.0, saved.mean()), float(low), float(high))
 
 
-def overtakes(strategy: Strategy, rival: Strategy, unit: Unit, most: int = 1000) -> int | None:
+def overtakes(
+    strategy: Strategy, rival: Strategy, unit: Unit, most: int = MOST_DESIGNS
+) -> int | None:
     """Return the first number of designs at which a strategy costs no more than its rival.
 
     Args:

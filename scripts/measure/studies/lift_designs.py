@@ -7,7 +7,7 @@ import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, columns
 
 from shapeopt import Designer, Glide, Problem
-from shapeopt.payoff.break_even import LATE, break_even, resampled_break_even
+from shapeopt.payoff.break_even import LATE, MOST_DESIGNS, break_even, resampled_break_even
 from shapeopt.payoff.direct import design_directly
 from shapeopt.payoff.queries import query_stream
 from shapeopt.problem.conflicts import candidates
@@ -129,12 +129,12 @@ def when_to_train(result: Result) -> str:
     led, growing, direct = lines[LED], lines[GROWING], lines[DIRECT]
     after, own, late = _late(result)
     return (
-        f"Sections at incidence, {led['asked']} queries (least drag, best glide): "
+        f"Sections at incidence, {led['asked']} queries: "
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
         f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct` "
-        f"(restarted in {direct['restarted']}). Training pays against `direct` {_pays(result)}; "
-        f"kriging with memory takes {growing['work']:.0f} G a design, {late:.0f} in the last "
-        f"{LATE}, the network {led['work']:.0f} and {own:.0f}: against it training "
+        f"(restarted in {direct['restarted']}). By G training pays against `direct` "
+        f"{_pays(result)}, against kriging with memory ({growing['work']:.0f} G a design, "
+        f"{late:.0f} in the last {LATE}; the network {led['work']:.0f}, {own:.0f}) "
         f"{_in_words(after)}."
     )
 
@@ -153,8 +153,8 @@ def text(result: Result) -> str:
         f"{STRATEGIES(lines)}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in "
         f"brackets the 95 % interval. Kriging with memory takes {mean[GROWING]:.0f} G a design, "
         f"{late:.0f} in the last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}: against it "
-        f"training {_in_words(after)}. {unsteady} of the network's {len(rows)} optima are steady "
-        f"flows beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
+        f"training pays {_in_words(after)}. {unsteady} of the network's {len(rows)} optima are "
+        f"steady flows beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
     )
 
 
@@ -169,7 +169,8 @@ def _pays(result):
 
 
 def _in_words(after):
-    return f"pays after {after:.0f} designs" if np.isfinite(after) else "does not pay"
+    known = after <= MOST_DESIGNS
+    return f"after {after:.0f} designs" if known else f"not within {MOST_DESIGNS:,}"
 
 
 def _late(result):

@@ -47,10 +47,10 @@ ADJOINT = Effort(0.1, 30)  # one digit: the noise of a batch of 4 samples is lar
 
 
 class DPState(NamedTuple):
-    """The optimiser's state of DP: Adam's, and the compliance dy/da of the samples' Oseen flows."""
+    """The optimiser's state of DP: Adam's, and dy/da of the samples' Oseen flows."""
 
     adam: optax.OptState
-    compliance: Float[AnyArray, "samples modes modes"]
+    influence: Float[AnyArray, "samples modes modes"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,9 +58,9 @@ class DifferentiablePhysics(Method):
     """DP at its best: the loss uses the slip linearised about the label.
 
     An evaluation is a few Newton steps towards the label's traction a+, until it converges. The
-    slip of any other traction is C (a - a+), with the compliance C of the Oseen flow; the drag term
-    is exact, and the drag's slopes are trained with weight ``slopes``. With lift these are the
-    terms of all loads.
+    slip of any other traction is M (a - a+), with the influence matrix M of the Oseen flow; the
+    drag term is exact, and the drag's slopes are trained with weight ``slopes``. With lift these
+    are the terms of all loads.
     """
 
     batch: int = 64
@@ -75,7 +75,7 @@ class DifferentiablePhysics(Method):
         return NewtonSteps(slopes=self.slopes > 0)
 
     def init(self, network: LoadNetwork, physics: Physics) -> tuple[DPState, TrainingLabels]:
-        """Return Adam's state with the compliance of Oseen flows, and labels that are not valid."""
+        """Return Adam's state with the Oseen flows' influence matrices, and no valid labels."""
         state = adam(self.learning_rate).init(network.weights)
         return DPState(state, physics.influence), no_labels(physics)
 
@@ -97,7 +97,7 @@ class DifferentiablePhysics(Method):
         def loss_of(weights):
             moved = network.with_weights(weights)
             difference = predict(moved, samples, batch) - labels.tractions[batch]
-            slip = jnp.einsum("bym,bm->by", optimiser.compliance[batch], difference)
+            slip = jnp.einsum("bym,bm->by", optimiser.influence[batch], difference)
             residuals = jax.vmap(lambda k: load_residuals(moved, samples, labels, k))(batch)
             scale = self.goal * jnp.append(1.0, jnp.full(residuals.shape[2] - 1, self.slopes))
             losses = jnp.sum(slip**2, axis=1) + jnp.sum((scale * residuals) ** 2, axis=(1, 2))

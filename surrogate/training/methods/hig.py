@@ -107,10 +107,10 @@ class HalfInverseGradients(Method):
 
 
 class ForcedFlowResult(NamedTuple):
-    """Slip of the flow that a traction drives, its compliance dy/da, validity and convolutions."""
+    """Slip of the flow that a traction drives, its dy/da, validity and convolutions."""
 
     slip: Float[Array, " modes"]
-    compliance: Float[Array, "modes modes"]
+    influence: Float[Array, "modes modes"]
     valid: Bool[Array, ""]
     convolutions: Int[Array, ""]
 
@@ -175,7 +175,7 @@ class PublishedHalfInverseGradients(Method, Evaluator):
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, _linearise, predicted)
         results, drag = found.results, drag_coefficient(physics.tractions[batch])
-        y, by_traction = with_goal_row(results.slip, results.compliance, self.goal, drag)
+        y, by_traction = with_goal_row(results.slip, results.influence, self.goal, drag)
         finite = jnp.all(jnp.isfinite(y), axis=1) & jnp.all(jnp.isfinite(by_traction), axis=(1, 2))
         results = results._replace(valid=results.valid & finite)
         y = jnp.where(results.valid[:, None], y, 0.0)
@@ -215,7 +215,7 @@ class PublishedHalfInverseGradients(Method, Evaluator):
 
 
 def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[ForcedFlowResult, Array]:
-    """Slip and compliance of the flow that a traction drives; the velocity to start from."""
+    """Slip and influence matrix of the flow that a traction drives; the velocity to start from."""
     domain, operators = sample.domain, sample.operators()
     start = sample.start(operators, velocity)
     velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)
@@ -230,25 +230,25 @@ def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[Forced
 
 def with_goal_row(
     slip: Float[Array, "batch modes"],
-    compliance: Float[Array, "batch modes modes"],
+    influence: Float[Array, "batch modes modes"],
     goal: float,
     drag: Float[AnyArray, " batch"],
 ) -> tuple[Float[Array, "batch outcomes"], Float[Array, "batch outcomes modes"]]:
     """Append the weighted drag error goal lambda . y / Cd and its derivative in the traction.
 
-    lambda solves C^T lambda = -dCd/da, so that the derivative of the row is known without it.
+    lambda solves M^T lambda = -dCd/da, so that the derivative of the row is known without it.
 
     Args:
       slip: y of the flows that the tractions drive.
-      compliance: C = dy/da of the same flows.
+      influence: M = dy/da of the same flows.
       goal: weight of the drag error.
       drag: Cd by which the errors are divided, that of the Oseen flows.
 
     Returns:
-      y with the drag error as last entry, and its derivatives in the traction: C with one more row.
+      y with the drag error as last entry, and its derivatives in the traction: M with one more row.
     """
     by_traction = jax.grad(drag_coefficient)(slip[0])
     row = -goal * by_traction / jnp.abs(drag)[:, None]
-    error = jnp.einsum("bm,bm->b", row, jax.vmap(by_lapack(jnp.linalg.solve))(compliance, slip))
+    error = jnp.einsum("bm,bm->b", row, jax.vmap(by_lapack(jnp.linalg.solve))(influence, slip))
     y = jnp.concatenate([slip, error[:, None]], axis=1)
-    return y, jnp.concatenate([compliance, row[:, None]], axis=1)
+    return y, jnp.concatenate([influence, row[:, None]], axis=1)
