@@ -80,6 +80,9 @@ def test_page_names_stream_and_reference():
         (Family(), [1, 0, 0, 0], "cylinder"),
         (Family(aspect=(0.25, 0.5)), [0.5], "0.5:1 ellipse"),
         (Family(aspect=(0.5, 3), beta2=(0.1, 0.2)), [1, 0.1], "roundest body"),
+        (Family(aspect=(1, 3), incidence=(20, 90), dimension=3), [1, 20], "sphere"),
+        (Family(aspect=(2, 4), dimension=3), [2], "2:1 spheroid"),
+        (Family(aspect=(2, 4), incidence=(2, 12)), [2, 2], "2:1 ellipse at 2\N{DEGREE SIGN}"),
     ],
 )
 def test_reference_is_the_nearest_to_the_cylinder(family, body, words):

@@ -225,6 +225,10 @@ def test_numpy(surrogate, precision, expected, tmp_path):
     invalid[0, 0] = np.nan
     assert module.status(invalid).tolist() == [2, expected[3][1]]
     assert np.isnan(module.loads(invalid)).any(axis=1).tolist() == [True, False]
+    for wrong in (x[0, :1], x[:, :1], x[:, :-1], x[None]):
+        for function in (module.loads, module.jacobian, module.status):
+            with pytest.raises(ValueError, match=r"rows of .*reynolds.* are needed"):
+                function(wrong)
 
 
 def test_onnx(surrogate, precision, expected, tmp_path):

@@ -250,10 +250,10 @@ def test_designs_at_an_angle_and_over_all_orientations(net):
         optimise(Problem(load("pretrained:space").scene, Tumbling(30.0)), load("pretrained:space"))
 
 
-def build(net, tmp_path, *more):
+def build(net, tmp_path, *more, precision="double"):
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not installed")
-    export(net, tmp_path / "particle.c", "c", prefix="particle")
+    export(net, tmp_path / "particle.c", "c", prefix="particle", precision=precision)
     command = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O3", "-fopenmp"]
     program = tmp_path / "particles"
     files = ["-I", tmp_path, HOST, tmp_path / "particle.c", "-lm"]
@@ -284,6 +284,8 @@ def test_a_host_moves_every_particle_of_many_as_if_it_were_alone(net, tmp_path):
         np.testing.assert_allclose(moved(program, lines[k : k + 1])[0], together[k], rtol=1e-9)
     checked = build(net, tmp_path, "-fsanitize=undefined", "-fno-sanitize-recover")
     np.testing.assert_allclose(moved(checked, lines[:70], 2), moved(program, lines[:70], 2))
+    single = build(net, tmp_path, precision="single")
+    np.testing.assert_allclose(moved(single, lines)[:, 2], together[:, 2], rtol=1e-4)
 
 
 @pytest.mark.parametrize(("aspect", "beta2"), [(2.0, 0.15), (0.6, 0.0)])
@@ -318,12 +320,14 @@ def test_a_particle_codes_host_moves_a_particle_as_python_does(net, tmp_path, as
 def test_a_host_says_what_it_needs(net, tmp_path):
     program = build(net, tmp_path)
     good = "2 0 3 1000 1 0 0 0"
-    for words in ([], ["0", "1", "1"], ["-1", "1", "1"], ["1", "none", "1"], ["1", "1", "nan"]):
-        ran = subprocess.run([program, *words], input=good, capture_output=True, text=True)
+    for words in ("", "0 1 1", "-1 1 1", "1 none 1", "1e3 1 1", "1 1 nan"):
+        command = [program, *words.split()]
+        ran = subprocess.run(command, input=good, capture_output=True, text=True)
         assert (ran.returncode, "COUNT STEPS TIME_STEP" in ran.stderr) == (2, True)
     ran = subprocess.run([program, "2", "1", "1"], input=good, capture_output=True, text=True)
     assert ran.returncode == 2  # a line is missing
-    for line in ("2 0 3 1000 0 0 0 0", "-2 0 3 1000 1 0 0 0", "2 0 -3 1000 1 0 0 0"):
+    wrong = "2 0 3 1000 0 0 0 0", "-2 0 3 1000 1 0 0 0", "2 0 -3 1000 1 0 0 0", "1 0 0 1000 1 0 0 0"
+    for line in wrong:
         ran = subprocess.run([program, "1", "1", "1"], input=line, capture_output=True, text=True)
         assert (ran.returncode, ran.stdout) == (2, "")
     unit, double = moved(program, [good]), moved(program, ["2 0 3 1000 2 0 0 0"])

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import render_shapes
+from matplotlib.figure import Figure
 from pages import surrogate_of
 from pictures import LENS, pixels, record_of
 
@@ -20,7 +21,7 @@ from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
 from shapeopt.export.solid import solid
 from shapeopt.records import run_body, run_scene
-from shapeopt.render.figures import draw_body, plt
+from shapeopt.render.figures import draw_body
 from shapeopt.render.mesh import flow_mesh
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.render.pictures import (
@@ -144,12 +145,11 @@ def test_flow_pictures_show_their_bodies(flows, tmp_path):
 
 
 def test_flattened_bodies_are_drawn_from_above_too():
-    figure, axes = plt.subplots(1, 2)
+    axes = Figure().subplots(1, 2)
     for axis, flatness in zip(axes, (1.0, 2.0), strict=True):
         draw_body(
             axis, np.asarray(FAMILY.outline(FAMILY.ellipse(2.0), 100)), flatness, "k", (3.0, 1.0)
         )
-    plt.close(figure)
     side, above = axes[1].patches[0].get_path().vertices, axes[1].lines[0].get_xydata()
     assert not axes[0].lines
     np.testing.assert_allclose(above.mean(axis=0), [3.0, 1.0], atol=0.02)

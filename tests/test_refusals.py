@@ -20,6 +20,7 @@ from surrogate import (
     InvalidInput,
     Particle,
     Scene,
+    Unbounded,
     contour_shape,
     export,
     family_shape,
@@ -28,6 +29,7 @@ from surrogate import (
     save,
     train,
 )
+from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.samples import training_samples
 
@@ -174,6 +176,9 @@ WRONG_TYPES = {
     "'20'": lambda net: jax.jit(lambda body: net.drag(body, "20"))(jnp.array(BODY)),
     "'2'": lambda net: jax.jit(lambda re: net.drag(["2", "0", "0", "0"], re))(20.0),
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
+    "23.0 million cells; up to 16": lambda net: fitted_domain(
+        Unbounded(), Fidelity("", 40, 20, 40, 60), contour_shape(naca4("0012")), 60.0
+    ),
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),
     "export": lambda net: export("pretrained", "s.c"),

@@ -5,9 +5,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from study import Result, Row, values
 
-from shapeopt.render.figures import STYLE, plt, save_figure
+from shapeopt.render.figures import STYLE, save_figure
 
 Lines = Sequence[tuple[str | None, Sequence[tuple[float, float]], Mapping[str, Any]]]
 
@@ -44,9 +47,10 @@ def draw_lines(panels: Sequence[tuple[str, Lines]], ylabel: str, path: Path) -> 
 
     Each line is (label, points, settings of matplotlib).
     """
-    with plt.rc_context(STYLE):
+    with rc_context(STYLE):
         size = {"figsize": (4.6 * len(panels) + 2.4, 4.4), "layout": "constrained"}
-        figure, axes = plt.subplots(1, len(panels), sharey=True, squeeze=False, **size)
+        figure = Figure(**size)
+        axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)
     for axis, (xlabel, drawn) in zip(axes[0], panels, strict=True):
         for label, points, look in drawn:
             axis.loglog(*zip(*points, strict=True), label=label, **{"marker": "o", "ms": 3} | look)
@@ -77,8 +81,8 @@ def draw_maps(
     """
     panels = values(rows, "panel")
     deep = math.ceil(len(panels) / abreast)
-    size = {"figsize": (13, 0.5 + 6 * deep / abreast), "squeeze": False, "layout": "constrained"}
-    figure, axes = plt.subplots(deep, abreast, **size)
+    figure = Figure(figsize=(13, 0.5 + 6 * deep / abreast), layout="constrained")
+    axes = figure.subplots(deep, abreast, squeeze=False)
     for axis in axes.flat[len(panels) :]:
         axis.axis("off")
     for axis, panel in zip(axes.flat, panels, strict=False):
@@ -87,12 +91,12 @@ def draw_maps(
         for row in mine:
             x, y = xs.index(row["column"]), ys.index(row["row"])
             look = {"facecolor": colours[row["outcome"]], "edgecolor": "white"}
-            axis.add_patch(plt.Rectangle((x - 0.5, y - 0.5), 1, 1, **look))
+            axis.add_patch(Rectangle((x - 0.5, y - 0.5), 1, 1, **look))
             axis.text(x, y, cell(row), ha="center", va="center", fontsize=7)
         axis.set(xlim=(-0.5, len(xs) - 0.5), ylim=(len(ys) - 0.5, -0.5), title=panel)
         axis.set_xticks(range(len(xs)), xs, fontsize=8)
         axis.set_yticks(range(len(ys)), ys, fontsize=8)
-    handles = [plt.Rectangle((0, 0), 1, 1, color=colour) for colour in colours.values()]
+    handles = [Rectangle((0, 0), 1, 1, color=colour) for colour in colours.values()]
     below = {"loc": "outside lower center", "ncols": len(colours), "frameon": False}
     figure.legend(handles, list(colours), **below)
     save_figure(figure, path, dpi=110)

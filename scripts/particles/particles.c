@@ -1,5 +1,5 @@
-/* Moves particles of revolution from rest through a fluid at rest by the loads of a surrogate:
- *   python scripts/export_surrogate.py --surrogate pretrained:particle --to c --prefix particle --out particle.c
+/* Moves particles of revolution from rest through a fluid at rest by the loads of a surrogate. In this folder:
+ *   python ../export_surrogate.py --surrogate pretrained:particle --to c --prefix particle --out particle.c
  *   cc -std=c99 -O3 -march=native -ffp-contract=fast -fopenmp particles.c particle.c -lm -o particles
  *   ./particles COUNT STEPS TIME_STEP < particles.txt > moved.txt
  * Each particle in its own units: length D, time D^2 / nu, mass rho D^3 of the fluid; gravity along -z. A line of
@@ -30,7 +30,8 @@ static Body body(double aspect, double beta2, double ratio, double galilei) {
 }
 /* Derivatives in time of the states of up to BLOCK particles; the status of the surrogate. */
 static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)[STATE]) {
-    double inputs[BLOCK][PARTICLE_INPUTS], loads[BLOCK][PARTICLE_LOADS] = { { 0 } }, opposite[BLOCK][PARTICLE_LOADS];
+    particle_real inputs[BLOCK][PARTICLE_INPUTS];
+    particle_real loads[BLOCK][PARTICLE_LOADS] = { { 0 } }, opposite[BLOCK][PARTICLE_LOADS];
     double along[BLOCK][3], up[BLOCK][3], speed[BLOCK], known[BLOCK], image[BLOCK], slow = 0;
     for (int i = 0; i < count; i++) { /* from the quaternion to the incidence */
         const double *q = y[i] + QUATERNION, *p = y[i] + MOMENTUM, tiny = 1e-24;
@@ -45,8 +46,8 @@ static int rates(int count, const Body *bodies, double (*y)[STATE], double (*by)
         const double sine = sqrt(dot(up[i], up[i]) + tiny);
         for (int k = 0; k < 3; k++) up[i][k] /= sine;
         known[i] = fmax(speed[i], SLOWEST), slow = fmax(slow, known[i] - speed[i]), image[i] = cosine < 0 ? -1 : 1;
-        memcpy(inputs[i], (double[]){ bodies[i].aspect, 1, image[i] * bodies[i].beta2,
-                                      atan2(sine, fabs(cosine)) * 180 / PI, known[i] }, sizeof *inputs);
+        memcpy(inputs[i], (particle_real[]){ bodies[i].aspect, 1, image[i] * bodies[i].beta2,
+                                             atan2(sine, fabs(cosine)) * 180 / PI, known[i] }, sizeof *inputs);
     }
     const int status = particle_loads_batch((size_t)count, inputs[0], loads[0], NULL, NULL);
     memcpy(opposite, loads, sizeof loads);
@@ -81,8 +82,13 @@ static int step(int count, const Body *bodies, double (*y)[STATE], double time_s
     }
     return status;
 }
+static int whole(const char *word) { /* the number that a word is; 0 for other words, and for large numbers */
+    char *end;
+    const long number = strtol(word, &end, 10);
+    return end != word && !*end && number > 0 && number < 1L << 30 ? (int)number : 0;
+}
 int main(int words, char **word) {
-    const int count = words == 4 ? atoi(word[1]) : 0, steps = words == 4 ? atoi(word[2]) : 0;
+    const int count = words == 4 ? whole(word[1]) : 0, steps = words == 4 ? whole(word[2]) : 0;
     Body *bodies = malloc((size_t)count * sizeof *bodies);
     double (*y)[STATE] = calloc((size_t)count, sizeof *y), v[4], time_step = words == 4 ? atof(word[3]) : 0;
     int status = 0, read = count > 0 && steps > 0 && time_step > 0 && time_step < 1e9 && bodies && y ? 8 : 0;
@@ -91,7 +97,7 @@ int main(int words, char **word) {
         read = scanf("%lf%lf%lf%lf%lf%lf%lf%lf", v, v + 1, v + 2, v + 3, q, q + 1, q + 2, q + 3);
         const double size = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
         for (int k = 0; k < 4; k++) if (!isfinite(v[k])) read = 0;
-        if (!(v[0] > 0 && v[2] >= 0 && size > 0 && size < 1e9)) read = 0;
+        if (!(v[0] > 0 && v[2] > 0 && size > 0 && size < 1e9)) read = 0;
         for (int k = 0; k < 4; k++) q[k] /= size;
         bodies[i] = body(v[0], v[1], v[2], v[3]);
     }

@@ -228,7 +228,8 @@ def _text(results: list[JsonObject]) -> str:
 
 def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
     """What a plot shows: the body, its chord, and the reference of the coefficients."""
-    name = f"NACA {arguments.naca}" if arguments.naca else Path(arguments.contour or "").stem
+    digits = (arguments.naca or "").lower().removeprefix("naca").strip()
+    name = f"NACA {digits}" if digits else Path(arguments.contour or "").stem
     if arguments.aspect is not None:
         given = {n: v for n, v in family_named(arguments, SINGLE_VALUED).items() if v}
         name = ", ".join(f"{n} {v:g}" for n, v in given.items())

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from shapeopt.payoff.break_even import UNITS, Strategy
-from shapeopt.render.figures import plt, save_figure
+from shapeopt.render.figures import save_figure
 
 MOST = 1000  # designs
 QUANTITIES = {"seconds": "wall seconds", "green_applications": "convolutions (G)"}
@@ -18,7 +19,8 @@ VARIANTS = {"as published": ":", "bodies": "--", "and kriging": "-."}
 
 def plot_payoff(strategies: Sequence[Strategy], path: str | Path) -> Path:
     """Plot convolutions (G) and wall seconds against the number of designs, and return the path."""
-    figure, axes = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    axes = figure.subplots(1, 2)
     designs = np.arange(1, MOST + 1)
     methods = dict.fromkeys(_method(s.name) for s in strategies if s.name not in UNTRAINED)
     colours = {method: f"C{k}" for k, method in enumerate(methods)}

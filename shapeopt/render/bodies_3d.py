@@ -7,7 +7,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap
 
-from shapeopt.render.pictures import Panel, write_caption
+from shapeopt.render.pictures import Panel, title_size, write_caption
 from surrogate.files import whole_file
 from surrogate.flow.fields import Fields
 from surrogate.flow.output.folder import read_flow, read_surface
@@ -116,7 +116,7 @@ def render_bodies(
             _draw_cut(plotter, panel.flow)
             _draw_tubes(plotter, _streamlines(panel.flow))
             _draw_body(plotter, panel.skin, ends, load, i)
-            write_caption(plotter, panel.title, (0.03, 0.93), 13)
+            write_caption(plotter, panel.title, (0.03, 0.93), title_size(13, panel.title))
             write_caption(plotter, panel.note, (0.03, 0.875), 10, QUIET)
             plotter.camera_position = _seen_from(azimuth, ONWARD)
     with whole_file(path) as part:
@@ -138,7 +138,7 @@ def render_turntable(panel: BodyPanel, path: str | Path, load: Load = PRESSURE) 
         lines = _streamlines(panel.flow, SHORT)
         _draw_body(plotter, skin, np.percentile(skin[load.array], PERCENTILES), load)
         far, near = (_draw_tubes(plotter, side) for side in (lines, lines.reflect((0, 1, 0))))
-        write_caption(plotter, panel.title, (0.03, 0.93), 10)
+        write_caption(plotter, panel.title, (0.03, 0.93), title_size(10, panel.title))
         for azimuth in 360 * np.arange(TURNS) / TURNS + ASIDE:
             camera, _, _ = plotter.camera_position = _seen_from(azimuth, 0.0)
             far.visibility = bool(camera[1] <= 0)

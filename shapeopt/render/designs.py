@@ -4,12 +4,13 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from shapeopt.render.figures import (
     FROM_ABOVE,
     STYLE,
     draw_body,
-    plt,
     save_figure,
     width_over_height,
 )
@@ -40,10 +41,9 @@ def plot_designs(family: Family, rows: list[JsonObject], path: str | Path) -> Pa
     shades = mpl.cm.ScalarMappable(mpl.colors.Normalize(0, 100 * most), "viridis")
     span = size * (len(columns), len(lengths))
     width = min(16.0, max(6.0, 2.2 * len(columns)))
-    with plt.rc_context(STYLE):
-        figure, axis = plt.subplots(
-            figsize=(width + 1, width * span[1] / span[0] + 1), layout="constrained"
-        )
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width + 1, width * span[1] / span[0] + 1), layout="constrained")
+        axis = figure.subplots()
         for row, body, flatness in zip(rows, bodies, wide, strict=True):
             place = columns.index(row["reynolds"]), -lengths.index(row["max_length"])
             centre = size * place

@@ -4,9 +4,11 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
 from shapeopt.free_fall import Fall
-from shapeopt.render.figures import OPTIMUM, START, STYLE, plt, save_figure
+from shapeopt.render.figures import OPTIMUM, START, STYLE, save_figure
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.incidence import rotate
@@ -36,8 +38,8 @@ def plot_fall(
     marks = np.searchsorted(ways, np.linspace(ways[0], ways[-1], BODIES)).clip(0, ways.size - 1)
     size = 0.6 * (ways[-1] - ways[0]) / BODIES
     outline = size * np.asarray(body_class.outline(body, NODES))
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(10, 6), layout="constrained")
+    with rc_context(STYLE):
+        figure = Figure(figsize=(10, 6), layout="constrained")
         grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.6))
         plane = figure.add_subplot(grid[:, 0])
         plane.plot(1e3 * found.x, 1e3 * found.z, color=START, lw=1)

@@ -3,12 +3,10 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.typing import ColorType
 
 from surrogate.files import whole_file
@@ -37,7 +35,7 @@ def width_over_height(parameters: Mapping[str, float]) -> float:
 
 
 def draw_body(
-    axis: plt.Axes,
+    axis: Axes,
     outline: Float[np.ndarray, "nodes 2"],
     flatness: float,
     colour: ColorType | np.ndarray,
@@ -58,9 +56,8 @@ def draw_body(
         axis.plot(*np.vstack([above, above[:1]]).T, color=colour, lw=1)
 
 
-def save_figure(figure: plt.Figure, path: str | Path, dpi: int = 140) -> Path:
-    """Write a figure to a file, close it, and return the path."""
+def save_figure(figure: Figure, path: str | Path, dpi: int = 140) -> Path:
+    """Write a figure to a file, and return the path."""
     with whole_file(path) as part:
         figure.savefig(part, dpi=dpi)
-    plt.close(figure)
     return Path(path)

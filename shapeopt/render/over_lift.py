@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from matplotlib.transforms import ScaledTranslation
 
-from shapeopt.render.figures import OPTIMUM, STYLE, plt, save_figure
+from shapeopt.render.figures import OPTIMUM, STYLE, save_figure
 from surrogate.body.body_class import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
@@ -44,8 +47,9 @@ def plot_over_lift(
     lifts = [0.0, *(row["cl"] for row in (*rows, best))]
     span = max(lifts) - min(lifts) or 1.0
     left, right = min(lifts) - 0.08 * span, max(lifts) + 0.1 * span
-    with plt.rc_context(STYLE):
-        figure, axis = plt.subplots(figsize=SIZE, layout="constrained")
+    with rc_context(STYLE):
+        figure = Figure(figsize=SIZE, layout="constrained")
+        axis = figure.subplots()
         points = sorted((row["cl"], row["cd"]) for row in rows)
         axis.plot(*np.transpose(points), color=OPTIMUM, lw=2, marker="o", ms=5)
         longest = max(row["chord"] for row in (*rows, best)) if by_chord else None
@@ -65,7 +69,7 @@ def plot_over_lift(
 
 
 def _draw_bodies(
-    axis: plt.Axes,
+    axis: Axes,
     bodies: list[Float[np.ndarray, "nodes 2"]],
     rows: list[JsonObject],
     inches: float,
@@ -93,7 +97,7 @@ def _draw_bodies(
     return scale
 
 
-def _draw_best(axis: plt.Axes, body: Float[np.ndarray, "nodes 2"], best: JsonObject) -> None:
+def _draw_best(axis: Axes, body: Float[np.ndarray, "nodes 2"], best: JsonObject) -> None:
     """Draw the body of best glide, given in inches, and the line from the origin to its point."""
     lift, drag = best["cl"], best["cd"]
     label = f"best glide: $C_l / C_d$ = {best['glide']:.3f}"
@@ -107,9 +111,7 @@ def _draw_best(axis: plt.Axes, body: Float[np.ndarray, "nodes 2"], best: JsonObj
     )  # fmt: skip
 
 
-def _draw_at(
-    axis: plt.Axes, body: Float[np.ndarray, "nodes 2"], row: JsonObject, colour: str
-) -> None:
+def _draw_at(axis: Axes, body: Float[np.ndarray, "nodes 2"], row: JsonObject, colour: str) -> None:
     """Fill a body that is given in inches from the point of its row."""
     to_point = ScaledTranslation(row["cl"], row["cd"], axis.transData)
     place = axis.figure.dpi_scale_trans + to_point

@@ -1,5 +1,6 @@
 """Pictures of 2-D flows with pyvista: flows side by side, shape histories, marches in time."""
 
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -148,8 +149,7 @@ def _draw_flow(plotter: pv.Plotter, panel: Panel, mesh: pv.ImageData, limit: flo
         plotter.add_mesh(lines, color=INK, line_width=1.2, opacity=0.5, lighting=False)
     plotter.add_mesh(polygon(panel.solution.markers, 0.02), color=BODY, lighting=False)
     plotter.add_mesh(outline(panel.solution.markers, 0.03), color=INK, line_width=3, lighting=False)
-    size = round(15 * min(1.0, TITLE / len(panel.title)))
-    write_caption(plotter, panel.title, (0.012, 0.925), size)
+    write_caption(plotter, panel.title, (0.012, 0.925), title_size(15, panel.title))
     write_caption(plotter, panel.note, (0.012, 0.868), 11, QUIET)
     left, right, low, high = VIEW
     _look_at(plotter, (left - GAP, right + GAP, low - GAP, high + GAP + STRIP))
@@ -232,6 +232,11 @@ def _colour(plotter: pv.Plotter, mesh: pv.DataSet, values: np.ndarray, limit: fl
     )
 
 
+def title_size(usual: int, title: str) -> int:
+    """Return the size of a title's font: the usual one, or a smaller one where it is long."""
+    return round(usual * min(1.0, TITLE / len(title)))
+
+
 def write_caption(
     plotter: pv.Plotter,
     text: str,
@@ -240,7 +245,7 @@ def write_caption(
     colour: str = INK,
     place: str = "left",
 ) -> None:
-    """Draw a line of text in a window, with minus signs in place of hyphens.
+    """Draw a line of text in a window, with minus signs in place of hyphens before numbers.
 
     Args:
       plotter: of the window.
@@ -250,7 +255,7 @@ def write_caption(
       colour: of the text.
       place: horizontal justification: "left", "center" or "right".
     """
-    text = text.replace("-", "\N{MINUS SIGN}")
+    text = re.sub(r"(?<!\w)-(?=[\d.])", "\N{MINUS SIGN}", text)
     actor = plotter.add_text(text, position=at, viewport=True, font_size=size, color=colour)
     actor.prop.justification_horizontal = place
 

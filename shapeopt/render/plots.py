@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps, rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from shapeopt.records import is_by_chord, reynolds_text, run_body, run_reynolds, run_scene
 from shapeopt.render.figures import (
@@ -12,7 +15,6 @@ from shapeopt.render.figures import (
     START,
     STYLE,
     draw_body,
-    plt,
     save_figure,
     width_over_height,
 )
@@ -30,10 +32,9 @@ def plot_surfaces(runs: list[tuple[JsonObject, Sequence[Surface]]], path: str | 
 
     Of symmetric bodies only the upper side is drawn. Returns the path of the PNG.
     """
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
-            len(runs), 2, figsize=(11, 3.9 * len(runs)), layout="constrained", squeeze=False
-        )
+    with rc_context(STYLE):
+        figure = Figure(figsize=(11, 3.9 * len(runs)), layout="constrained")
+        axes = figure.subplots(len(runs), 2, squeeze=False)
         for (record, surfaces), (pressure, friction) in zip(runs, axes, strict=True):
             names = reference_name(record), "optimum"
             for surface, name, look in zip(surfaces, names, LOOKS, strict=True):
@@ -70,11 +71,11 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
     wide = [width_over_height(record["parameters"]) for record in records]
     sides = [np.abs(body).max(axis=0) * (1, f) for body, f in zip(bodies, wide, strict=True)]
     x, y = np.max(sides, axis=0) * 1.06
-    y = max(y, 0.53)  # the cylinder is drawn too
-    colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.72, len(records)))
+    x, y = max(x, 0.53), max(y, 0.53)  # the cylinder is drawn too
+    colours = colormaps["viridis"](np.linspace(0.1, 0.72, len(records)))
     width = max(8.0, 2.5 * len(records))
-    with plt.rc_context(STYLE):
-        figure = plt.figure(figsize=(width, 5.2), layout="constrained")
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, 5.2), layout="constrained")
         grid = figure.add_gridspec(2, len(records), height_ratios=(1, 1.5))
         family = run_scene(records[0]).family
         circle = np.asarray(family.outline(family.ellipse(1.0), 200))
@@ -91,7 +92,7 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
         return save_figure(figure, path)
 
 
-def _draw_reduction(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) -> None:
+def _draw_reduction(axis: Axes, records: list[JsonObject], colours: np.ndarray) -> None:
     """Plot the change of drag against the cylinder's in per cent."""
     change = [100 * (r["cd_verified"] / r["cd_start"] - 1) for r in records]
     _draw_over_reynolds(axis, records, change, [f"{y:+.1f} %" for y in change], colours)
@@ -101,7 +102,7 @@ def _draw_reduction(axis: plt.Axes, records: list[JsonObject], colours: np.ndarr
     )
 
 
-def _draw_glide(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) -> None:
+def _draw_glide(axis: Axes, records: list[JsonObject], colours: np.ndarray) -> None:
     """Plot the glide ratio."""
     ratios = [(r.get("cl_verified") or 0.0) / r["cd_verified"] for r in records]
     words = [f"Cl/Cd {ratio:.3f}" for ratio in ratios]
@@ -112,7 +113,7 @@ def _draw_glide(axis: plt.Axes, records: list[JsonObject], colours: np.ndarray) 
 
 
 def _draw_over_reynolds(
-    axis: plt.Axes,
+    axis: Axes,
     records: list[JsonObject],
     values: list[float],
     words: list[str],

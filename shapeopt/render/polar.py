@@ -4,10 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from matplotlib import colormaps, rc_context
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from shapeopt.render.figures import OPTIMUM, STYLE, plt, save_figure
+from shapeopt.render.figures import OPTIMUM, STYLE, save_figure
 from surrogate.files import JsonObject
 from surrogate.flow.output.palette import INK
 
@@ -44,7 +47,7 @@ def plot_polar(rows: Sequence[JsonObject], title: str, path: str | Path) -> Path
     """
     found = [row for row in rows if row["cd"] is not None]
     number = "chord_reynolds" if rows[0]["reference"] == "chord" else "reynolds"
-    with plt.rc_context(STYLE):
+    with rc_context(STYLE):
         if len({row["incidence"] for row in rows}) > 1:
             figure = _over_incidence(found, number)
         else:
@@ -53,10 +56,11 @@ def plot_polar(rows: Sequence[JsonObject], title: str, path: str | Path) -> Path
         return save_figure(figure, path)
 
 
-def _over_incidence(rows: list[JsonObject], number: str) -> plt.Figure:
-    figure, axes = plt.subplots(2, 2, figsize=(10, 7.6), layout="constrained")
+def _over_incidence(rows: list[JsonObject], number: str) -> Figure:
+    figure = Figure(figsize=(10, 7.6), layout="constrained")
+    axes = figure.subplots(2, 2)
     reynolds = sorted({row[number] for row in rows})
-    colours = plt.get_cmap("viridis")(np.linspace(0.1, 0.8, len(reynolds)))
+    colours = colormaps["viridis"](np.linspace(0.1, 0.8, len(reynolds)))
     for axis, (x, y) in zip(axes.flat, PANELS, strict=True):
         for value, colour in zip(reynolds, colours, strict=True):
             line = sorted((r for r in rows if r[number] == value), key=lambda r: r["incidence"])
@@ -67,11 +71,12 @@ def _over_incidence(rows: list[JsonObject], number: str) -> plt.Figure:
     return figure
 
 
-def _over_reynolds(rows: list[JsonObject], number: str) -> plt.Figure:
+def _over_reynolds(rows: list[JsonObject], number: str) -> Figure:
     lifts = any(abs(row["cl"]) > 1e-6 * row["cd"] for row in rows)
     panels = ("cd", "cl", "cm") if lifts else ("cd",)
     size = 4.2 * len(panels) + 2, 4.4
-    figure, axes = plt.subplots(1, len(panels), figsize=size, layout="constrained", squeeze=False)
+    figure = Figure(figsize=size, layout="constrained")
+    axes = figure.subplots(1, len(panels), squeeze=False)
     line = sorted(rows, key=lambda row: row[number])
     for axis, y in zip(axes[0], panels, strict=True):
         _draw(axis, line, number, y, color=OPTIMUM)
@@ -85,7 +90,7 @@ def _over_reynolds(rows: list[JsonObject], number: str) -> plt.Figure:
     return figure
 
 
-def _draw(axis: plt.Axes, rows: list[JsonObject], x: str, y: str, **look: object) -> None:
+def _draw(axis: Axes, rows: list[JsonObject], x: str, y: str, **look: object) -> None:
     """Draw one quantity over another, with the bounds of the errors where they are known."""
     points = ([row[name] for row in rows] for name in (x, y))
     bounds = {f"{side}err": [_bound(r, name) for r in rows] for side, name in (("x", x), ("y", y))}

@@ -216,18 +216,20 @@ FIDELITIES = NAMED[2]
 
 
 def check_cells(fidelity: Fidelity, shape: tuple[int, ...], symmetric: bool) -> None:
-    """Raise InvalidInput if a 3-D grid of this shape has more cells than memory is likely to hold.
+    """Raise InvalidInput if a grid of this shape has more cells than memory is likely to hold.
 
     Args:
       fidelity: of the grid.
       shape: cells along each axis, of the part of the domain that is gridded.
-      symmetric: whether bodies have two mirror planes, so that a quarter is gridded, else half.
+      symmetric: whether bodies have a mirror plane along the stream, so that half is gridded; in
+        3-D two, so that a quarter is, else half.
     """
-    if len(shape) == 3 and (count := math.prod(shape)) > MOST_IN_SPACE:
-        part = "a quarter" if symmetric else "half"
+    most = {2: MOST_IN_DOMAIN, 3: MOST_IN_SPACE}[len(shape)]
+    if (count := math.prod(shape)) > most:
+        part = {(2, False): "", (3, True): "a quarter of "}.get((len(shape), symmetric), "half of ")
         raise InvalidInput(
-            f"fidelity {fidelity.name}: {part} of the domain has {count / 1e6:.1f} million cells; "
-            f"up to {MOST_IN_SPACE / 1e6:g} are solved, so fewer cells per D would do"
+            f"fidelity {fidelity.name}: {part}the domain has {count / 1e6:.1f} million cells; "
+            f"up to {most / 1e6:g} are solved, so fewer cells per D would do"
         )
 
 

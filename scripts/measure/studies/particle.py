@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 from correlations import bagheri_bonadonna, ellipsoid
 from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Loads
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from study import Result, Row, Run, Study, Table, cases, columns, values
 from tools import mean_and_most
 
 from shapeopt import Tumbling
-from shapeopt.render.figures import STYLE, plt, save_figure
+from shapeopt.render.figures import STYLE, save_figure
 from shapeopt.render.polar import LABELS
 from surrogate import Flow, load
 from surrogate.flow.output.palette import INK
@@ -126,10 +129,11 @@ def show_polars(rows: list[Row]) -> str:
 def draw(result: Result, path: Path) -> None:
     """Draw Cd, Cl and Cm of each spheroid over the incidence: the flow as points, others lines."""
     rows = result["polar"]
-    with plt.rc_context(STYLE):
+    with rc_context(STYLE):
         aspects = values(rows, "aspect")
         size = {"figsize": (13, 3.4 * len(aspects)), "layout": "constrained"}
-        figure, axes = plt.subplots(len(aspects), len(LOADS), squeeze=False, **size)
+        figure = Figure(**size)
+        axes = figure.subplots(len(aspects), len(LOADS), squeeze=False)
         for line, aspect in zip(axes, aspects, strict=True):
             mine = [row for row in rows if row["aspect"] == aspect]
             for axis, load_name in zip(line, LOADS, strict=True):
@@ -139,7 +143,7 @@ def draw(result: Result, path: Path) -> None:
         save_figure(figure, path)
 
 
-def _draw_polar(axis: plt.Axes, rows: list[Row], load_name: str) -> None:
+def _draw_polar(axis: Axes, rows: list[Row], load_name: str) -> None:
     turns = [row["incidence"] for row in rows]
     answers = {n: [row["loads"][n][load_name] for row in rows] for n in rows[0]["loads"]}
     axis.plot(turns, answers.pop("flow"), "o", color=INK, ms=5, zorder=3, label="flow")

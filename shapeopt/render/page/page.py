@@ -97,11 +97,16 @@ def reference_body(family: Family) -> Float[AnyArray, " parameters"]:
 
 def reference_name(family: Family) -> str:
     """Return the name of the reference body for the page's text."""
-    body = reference_body(family)
+    body, turned = reference_body(family), family.body_class.indices(Kind.INCIDENCE)
     aspect = float(family.body_class.aspect(body))
-    if np.any(body != family.ellipse(aspect)):
+    ellipse = family.ellipse(aspect)
+    ellipse[turned] = body[turned]
+    if np.any(body != ellipse):
         return "roundest body"
-    return family.round_body if aspect == 1 else f"{aspect:g}:1 ellipse"
+    if aspect == 1:  # at any incidence
+        return family.round_body
+    name = f"{aspect:g}:1 {'ellipse' if family.dimension == 2 else 'spheroid'}"
+    return name + "".join(f" at {degrees:g}\N{DEGREE SIGN}" for degrees in body[turned] if degrees)
 
 
 def _frame(family: Family) -> dict[str, str]:
@@ -181,12 +186,13 @@ def _sliders(surrogate: Surrogate) -> Iterator[str]:
 
 def _slider(name: str, label: str, low: float, high: float, start: float, log: bool = False) -> str:
     shown = math.exp if log else float
+    keypad = ' inputmode="decimal"' * (shown(low) >= 0)  # that of phones may lack a minus sign
     return (
         f'<div class="slider"><label for="{name}">{label}</label>'
         f'<small id="{name}-way" class="way"></small>'
-        f'<input type="text" class="value" id="{name}-value" inputmode="decimal" '
+        f'<input type="text" class="value" id="{name}-value"{keypad} '
         f'autocomplete="off" aria-label="{label}, value">'
-        f'<small>{_number(shown(low))}</small><input type="range" id="{name}" '
+        f'<small>{_number(shown(low))}</small><input type="range" id="{name}" autocomplete="off" '
         f'min="{float(low)!r}" max="{float(high)!r}" step="any" value="{float(start)!r}">'
         f"<small>{_number(shown(high))}</small></div>"
     )

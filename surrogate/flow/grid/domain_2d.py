@@ -20,7 +20,7 @@ from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.oseen_2d import Kernel, oseen_kernel
 from surrogate.flow.grid.wall_2d import wall_2d
-from surrogate.scene.fidelity import LIFTING_HARMONICS, Fidelity
+from surrogate.scene.fidelity import LIFTING_HARMONICS, Fidelity, check_cells
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream, Tunnel, domain_height
 
@@ -104,7 +104,8 @@ class Domain2D(Domain):
           reynolds: least U D / nu, for which the far field of an unbounded stream is large enough.
 
         Raises:
-          InvalidInput: the box does not fit between the tunnel's walls.
+          InvalidInput: the box does not fit between the tunnel's walls, or the grid has more cells
+            than memory is likely to hold.
         """
         cells, height = fidelity.cells, stream.height if isinstance(stream, Tunnel) else None
         width = domain_height(stream, fidelity.height)
@@ -123,6 +124,7 @@ class Domain2D(Domain):
             )
 
         lattice = grid(fidelity.upstream, fidelity.downstream, width, cells)
+        check_cells(fidelity, lattice.shape, symmetric)
         far = tuple(
             grid(size // 3, size - size // 3, min(size, height or size), per_d)
             for per_d, size in _far_levels(height, reynolds)
