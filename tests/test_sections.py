@@ -19,7 +19,7 @@ from shapeopt.commands.arguments import add_body_arguments
 from shapeopt.commands.cli import Parser, run
 from shapeopt.commands.predict_drag import _beyond
 from shapeopt.commands.ranges import MOST, numbers
-from shapeopt.commands.reference import POWERS, by_reference
+from shapeopt.commands.reference import KEY_POWERS, by_reference
 from shapeopt.commands.sweep import Case, solve_cases, text_table
 from surrogate import (
     Fidelity,
@@ -142,7 +142,7 @@ def test_the_chord_of_a_family_body_is_its_length_along_the_axis(incidence):
 
 @given(st.floats(0.1, 10))
 def test_coefficients_by_the_chord_are_scaled_exactly(chord):
-    row = {name: 1.0 for name in POWERS} | {"estimated_error": 0.1, "cd_friction": None}
+    row = {name: 1.0 for name in KEY_POWERS} | {"estimated_error": 0.1, "cd_friction": None}
     row |= {"reynolds": 20.0, "chord": chord, "reference": "diameter"}
     assert by_reference(row) == row
     scaled = by_reference(row | {"reference": "chord"})

@@ -6,7 +6,15 @@ from shapeopt.commands.arguments import REYNOLDS_HELP
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.newtons import conditions_of
 from shapeopt.commands.ranges import numbers
-from surrogate.body.chord_line import CHORD, DIAMETER, centroid_station, chord_point, moment_about
+from surrogate.body.chord_line import (
+    CHORD,
+    DIAMETER,
+    FORCE_POWER,
+    MOMENT_POWER,
+    centroid_station,
+    chord_point,
+    moment_about,
+)
 from surrogate.body.shape import Shape
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
@@ -14,17 +22,9 @@ from surrogate.files import JsonObject
 from surrogate.scene.limits import check_reynolds
 
 SEVERAL = "one, several as 1,10,40, or a range as 1:40:20 or 1:40:log20"
-POWERS = {  # of the chord, by which coefficients by D are divided
-    "cd": 1,
-    "cd_extrapolated": 1,
-    "cd_pressure": 1,
-    "cd_friction": 1,
-    "cl": 1,
-    "estimated_lift_error": 1,
-    "estimated_moment_error": 2,
-    "cm": 2,
-    "cm_about": 2,
-}
+OF_FORCES = "cd", "cd_extrapolated", "cd_pressure", "cd_friction", "cl", "estimated_lift_error"
+OF_MOMENTS = "cm", "cm_about", "estimated_moment_error"  # keys of a row, as those of forces
+KEY_POWERS = dict.fromkeys(OF_FORCES, FORCE_POWER) | dict.fromkeys(OF_MOMENTS, MOMENT_POWER)
 
 
 def add_reynolds_arguments(parser: Parser) -> None:
@@ -96,7 +96,7 @@ def by_reference(row: JsonObject) -> JsonObject:
     """
     if row["reference"] == DIAMETER:
         return row
-    given = {name: power for name, power in POWERS.items() if row.get(name) is not None}
+    given = {name: power for name, power in KEY_POWERS.items() if row.get(name) is not None}
     return row | {name: row[name] / row["chord"] ** power for name, power in given.items()}
 
 

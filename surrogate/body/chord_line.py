@@ -8,7 +8,8 @@ from surrogate.body.incidence import rotate
 from surrogate.body.shape import Shape
 
 DIAMETER, CHORD = "diameter", "chord"  # names of reference lengths, in files and options
-POWERS = np.array([1, 1, 2])  # of the chord, by which Cd, Cl and Cm by D are divided
+FORCE_POWER, MOMENT_POWER = 1, 2  # of the chord, by which Cd and Cl, and Cm, by D are divided
+POWERS = np.array([FORCE_POWER, FORCE_POWER, MOMENT_POWER])
 FLAT = 1e-3  # of the length, by which the smoothed points of a flat face lie behind one another
 
 

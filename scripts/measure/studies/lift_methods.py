@@ -36,8 +36,8 @@ def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
     scene = scene_of(name, run.tiny)
     seconds = SECONDS[name]
     plan = make_plan(scene, method, "full", samples, 0, seconds, published, held_out)
-    plan = dataclasses.replace(plan, report_every=1)
-    return dataclasses.replace(plan, iterations=2) if run.tiny else plan
+    plan = dataclasses.replace(plan, report_every=1 if method == "hig" else 10)
+    return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
 
 
 @functools.lru_cache(maxsize=1)
