@@ -8,10 +8,9 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from figures import draw_lines
 from solved_flows import CELLS, HELD_OUT, scene_of
 from studies.three_loads import mean_and_largest
-from study import Result, Row, Run, Study, Table, cases, columns, values
+from study import Result, Row, Run, Study, Table, cases, columns
 
 from surrogate import NotConverged
 from surrogate.training.loop import (
@@ -24,8 +23,7 @@ from surrogate.training.loop import (
 from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.train import train_plan
 
-SAMPLES = 64
-SECONDS = {"lift": 300.0, "particle": 90.0}  # of one training, by scene
+SAMPLES, SECONDS = 64, 90.0
 WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("sip", "dp"))
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
@@ -34,9 +32,7 @@ def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
     """Return the plan of a training, which ends when its time is over."""
     samples, held_out = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
     scene = scene_of(name, run.tiny)
-    seconds = SECONDS[name]
-    plan = make_plan(scene, method, "full", samples, 0, seconds, published, held_out)
-    plan = dataclasses.replace(plan, report_every=1 if method == "hig" else 10)
+    plan = make_plan(scene, method, "full", samples, 0, SECONDS, published, held_out)
     return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
 
 
@@ -61,8 +57,7 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
         found = run_training(plan_of(run, scene, method, published), setup)
     except NotConverged as problem:
         return row | {"outcome": str(problem)}
-    history = [[point.seconds, point.error_mean] for point in found.history]
-    return row | _learned(found, setup) | {"history": history}
+    return row | _learned(found, setup)
 
 
 def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
@@ -109,18 +104,6 @@ def text(result: Result) -> str:
     return f"Untrained, the network errs by {cd:.0f}, {cl:.0f} and {cm:.0f} % of Cd on average."
 
 
-def draw(result: Result, path: Path) -> None:
-    """Draw the mean error in Cd on held-out bodies over the seconds of each training."""
-    drawn, names = [], values(result["rows"], "method")
-    for row in result["rows"]:
-        published = row["kind"] == "as published"
-        label = f"{row['method']}, {row['kind']}"
-        look = {"color": f"C{names.index(row['method'])}", "ls": "--" if published else "-"}
-        if row.get("history"):
-            drawn.append((label, row["history"], look | {"ms": 2}))
-    draw_lines([("seconds of training", drawn)], "mean error in Cd", path)
-
-
 LEARNED = (
     " | error over Cd, mean and largest: Cd {cd:.3%}"
     " | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
@@ -133,7 +116,6 @@ STUDIES = {
         [Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)],
         text,
         untrained,
-        draw,
     )
     for scene in CELLS
 }
