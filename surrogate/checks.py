@@ -154,8 +154,8 @@ def flag(name: str, value: object) -> bool:
     Raises:
       InvalidInput: it is neither.
     """
-    known = not traced(value) and np.ndim(value) == 0
-    if not (isinstance(value, bool) or (known and getattr(value, "dtype", None) == np.dtype(bool))):
+    typed = getattr(value, "dtype", None) == np.dtype(bool) and not traced(value)
+    if not (isinstance(value, bool) or (typed and np.ndim(value) == 0)):
         raise InvalidInput(f"{name} {shown(value)}: must be True or False")
     return bool(value)
 

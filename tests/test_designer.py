@@ -268,7 +268,7 @@ def test_a_body_too_thin_for_the_grid_does_not_end_a_design(tiny_scene, monkeypa
     assert refused
     slender = Designer(designer.memory.flow)
     monkeypatch.setattr(slender.memory, "evaluate_all", lambda queries: refuse_slender([[[9]]]))
-    with pytest.raises(InvalidInput, match="body: thinner than the grid"):
+    with pytest.raises(NotConverged, match="2 bodies about Re 10; body: thinner than the grid"):
         slender.design(problem)
 
 

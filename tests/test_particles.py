@@ -255,7 +255,7 @@ def build(net, tmp_path, *more, precision="double"):
         pytest.skip("gcc is not installed")
     export(net, tmp_path / "particle.c", "c", prefix="particle", precision=precision)
     command = ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O3", "-fopenmp"]
-    program = tmp_path / "particles"
+    program = tmp_path / "-".join(["particles", precision, *more])
     files = ["-I", tmp_path, HOST, tmp_path / "particle.c", "-lm"]
     subprocess.run([*command, *more, *files, "-o", program], check=True)
     return program

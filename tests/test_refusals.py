@@ -20,7 +20,7 @@ from surrogate import (
     InvalidInput,
     Particle,
     Scene,
-    Unbounded,
+    Tunnel,
     contour_shape,
     export,
     family_shape,
@@ -177,7 +177,7 @@ WRONG_TYPES = {
     "'2'": lambda net: jax.jit(lambda re: net.drag(["2", "0", "0", "0"], re))(20.0),
     "million cells": lambda net: Fidelity("", 128, 80, 80, 80),
     "23.0 million cells; up to 16": lambda net: fitted_domain(
-        Unbounded(), Fidelity("", 40, 20, 40, 60), contour_shape(naca4("0012")), 60.0
+        Tunnel(60.0), Fidelity("", 40, 20, 40, 30), contour_shape(naca4("0012")), 60.0
     ),
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),

@@ -70,10 +70,11 @@ def _plane(result):
     rows = result("payoff")["payoff"]
     kriging = next(row for row in rows if row["method"] == "kriging with memory")
     *_, (early, fifty), (late, thousand) = zip(SHOWN_DESIGNS, kriging["cumulative_g"], strict=True)
-    paying = ", ".join(f"`{row['method']}`" for row in _over_kriging(rows)) or "no training"
+    paying = [f"`{row['method']}`" for row in _over_kriging(rows)]
+    paying = f"{', '.join(paying)} pay{'s' * (len(paying) == 1)}" if paying else "no training pays"
     form = (
         "Drag in 2-D, four parameters: against kriging with memory ({late:.0f} G a design in the "
-        "end) {paying} pays by G within {most:,} designs{by_clock}."
+        "end) {paying} by G within {most:,} designs{by_clock}."
     )
     soonest = min(_over_kriging(rows, "s"), key=lambda row: row["beats_kriging_s"], default=None)
     by_clock = ""
@@ -96,7 +97,7 @@ def _space(result):
     queries = len(result("payoff_space")["queries"])
     kriging = f"no training within {MOST_DESIGNS:,}"
     if queries <= LATE:
-        kriging = f"{queries} are too few to say"
+        kriging = f"{queries} queries are too few to say"
     elif over is not None:
         kriging = f"`{over['method']}` from design {over['beats_kriging_g']} on"
     form = (
@@ -111,7 +112,7 @@ def _robust(result):
     cases = max(row["cases"] for row in rows)
     flows = {row["strategy"]: row["flows"] for row in rows if row["cases"] == cases}
     form = (
-        "Two robust designs over {cases} cases: {network, and kriging:.0f} flows led by the "
+        "Robust designs over {cases} cases: {network, and kriging:.0f} flows each led by the "
         "network, {kriging from nothing:.0f} by kriging without memory, {direct:.0f} by `direct`."
     )
     return words(form, cases=cases, **flows)

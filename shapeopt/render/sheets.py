@@ -69,7 +69,9 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 
 def several_cases(record: JsonObject) -> int:
     """Return the number of cases over which a run's objective is taken; 0 where it is one."""
-    cases = (record.get("objective") or {}).get("number_of_cases", len(record.get("cases", [])))
+    objective, cases = record.get("objective"), len(record.get("cases", []))
+    if isinstance(objective, dict) and isinstance(objective.get("number_of_cases"), int):
+        cases = objective["number_of_cases"]
     return cases if cases > 1 else 0
 
 

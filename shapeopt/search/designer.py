@@ -96,8 +96,7 @@ class Designer:
             the number of flows so far.
 
         Raises:
-          InvalidInput: no body satisfies the constraints, or is thick enough for the scene's grid;
-            or the problem is of another scene.
+          InvalidInput: no body satisfies the constraints, or the problem is of another scene.
           NotConverged: no optimum was found.
         """
         check_problem(problem, self.scene)
@@ -179,11 +178,10 @@ class Designer:
         """Return the evaluated bodies, the number of failed ones, and that of drags of models.
 
         Raises:
-          InvalidInput: the flow refused all bodies.
           NotConverged: no flow was found, or none of the last ``MAX_FAILURES`` models has an
             optimum, as where bounds on loads are out of reach.
         """
-        memory, failed, refusals = self.memory, list[np.ndarray](), list[InvalidInput]()
+        memory, failed, refusal = self.memory, list[np.ndarray](), ""
         evaluated = known_optima(problem, memory)
         calls = tightness = without = 0
         for _ in range(MAX_BODIES):
@@ -209,19 +207,17 @@ class Designer:
                 evaluated.append(evaluate_design(problem, memory, body))
             except (InvalidInput, NotConverged) as reason:
                 if isinstance(reason, InvalidInput):  # as where it is too thin for the grid
-                    refusals.append(reason)
+                    refusal = f"; {reason}"
                 failed.append(body)
                 if len(failed) == MAX_FAILURES:
                     break
                 continue
             if report:
                 report(evaluated[-1], memory.flows)
-        if failed and len(refusals) == len(failed) and not evaluated:
-            raise refusals[-1]
         if not evaluated:
             number = f"{'chord ' * problem.by_chord}Re {problem.objective.nominal:g}"
             where = f"any of {len(failed)} bodies about {number}"
-            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}")
+            raise NotConverged(f"optimise on the flow: no flow or adjoint of {where}{refusal}")
         return evaluated, len(failed), calls
 
 

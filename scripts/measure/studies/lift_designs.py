@@ -153,7 +153,8 @@ def text(result: Result) -> str:
         f"{STRATEGIES(lines)}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in "
         f"brackets the 95 % interval. Kriging with memory takes {mean[GROWING]:.0f} G a design, "
         f"{late:.0f} in the last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}: against it "
-        f"training pays {_in_words(after)}. {unsteady} of the network's {len(rows)} optima are "
+        f"training {'pays' if after <= MOST_DESIGNS else 'does not pay'} "
+        f"{_in_words(after).removeprefix('not ')}. {unsteady} of the network's {len(rows)} optima are "
         f"steady flows beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
     )
 
