@@ -168,9 +168,9 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
         )
     body = np.array(family.numbers(parameters))
     body[family.names.index("incidence")] = 0.0
-    surrogate.loads(body, surrogate.scene.reynolds[0])  # refuses bodies outside the ranges
-    reversed_body = reversal(family.body_class) * body
-    if outside := surrogate.ranges.outside(reversed_body, surrogate.scene.reynolds[0]):
+    least = np.array(surrogate.scene.reynolds[0])
+    surrogate.loads(body, least)  # refuses bodies outside the ranges
+    if outside := surrogate.ranges.outside(reversal(family.body_class) * body, least):
         raise InvalidInput(
             f"body: moves tail first too, and is then outside the trained ranges: {outside}"
         )
