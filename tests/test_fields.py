@@ -236,7 +236,7 @@ def test_a_3d_flow_at_incidence_is_written_with_its_body_nose_up(turned):
     x, z = stored.contour[:, :2].T
     nose = np.argmax(np.where(x < 0, np.hypot(x, z), 0.0))  # the farthest point ahead
     assert np.rad2deg(np.arctan2(z[nose], -x[nose])) == pytest.approx(40, abs=1)
-    assert stored.picture.title.startswith("Re 40    incidence 40    Cd ")
+    assert stored.picture.title.startswith("Re 40    incidence 40\N{DEGREE SIGN}    Cd ")
     ahead = read_surface(turned)
     front = ahead["Cp"][ahead.points @ [-1, 0, -0.5] > 0.4]  # below the nose, to the stream
     assert front.mean() > 0.3 > 0 > ahead["Cp"][ahead.points @ [1, 0, 0.5] > 0.4].mean()
