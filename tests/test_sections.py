@@ -239,7 +239,7 @@ def test_a_chord_reynolds_number_is_the_flow_at_that_over_the_chord(capsys):
         assert by_chord[name] == pytest.approx(by_d[name] / chord**power, rel=1e-14)
     assert call(*arguments, "--reference", "chord") == 0
     text = capsys.readouterr().out
-    assert f"chord {chord:.4f} D, centroid at 0.42" in text
+    assert f"chord {chord:.4f} D, centroid at 0.418" in text
     assert "c; coefficients by the chord c (Cm by its square)" in text
     assert f"Cd {by_chord['cd']:.4f}" in text
 
