@@ -10,8 +10,9 @@ import numpy as np
 
 from surrogate import Fidelity, Scene
 from surrogate.processes import first, join
-from surrogate.training.loop import make_setup, run_training
+from surrogate.training.loop import run_training
 from surrogate.training.plan import Plan
+from surrogate.training.setup import make_setup
 
 folder, together = Path(sys.argv[1]), sys.argv[2:]
 if together:

@@ -7,11 +7,11 @@ import pytest
 from conftest import SECTIONS, TINY
 
 from surrogate import Scene
-from surrogate.training.loop import make_setup
 from surrogate.training.methods.inversion import LABEL_STEPS, FullSolve, Inversion, NewtonSteps
 from surrogate.training.methods.labels import no_labels
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import make_plan
+from surrogate.training.setup import make_setup
 from surrogate.training.step import compile_step, first_state
 
 COUNT = 6

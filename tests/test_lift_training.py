@@ -7,8 +7,9 @@ import pytest
 from conftest import ROUGH_3D, TINY
 
 from surrogate import Family, NotConverged, Scene
-from surrogate.training.loop import load_errors, make_setup, run_training
+from surrogate.training.loop import load_errors, run_training
 from surrogate.training.plan import METHODS, make_plan
+from surrogate.training.setup import make_setup
 
 SECTIONS = Family(aspect=(1.5, 3), gamma2=(-0.2, 0.3), incidence=(-4, 12))
 SPHEROIDS = Family(dimension=3, aspect=(0.6, 2.0), incidence=(0, 90))

@@ -14,11 +14,12 @@ from surrogate.scene.samples import held_out_samples, training_samples
 from surrogate.training import train as training
 from surrogate.training.checkpoint import save_checkpoint
 from surrogate.training.held_out import solve_held_out
-from surrogate.training.loop import load_errors, make_setup, run_training
+from surrogate.training.loop import load_errors, run_training
 from surrogate.training.methods.hig import HalfInverseGradients
 from surrogate.training.methods.sip import ScaleInvariantPhysics
 from surrogate.training.plan import MAKERS, METHODS, Plan, make_plan
 from surrogate.training.record import surrogate_of
+from surrogate.training.setup import make_setup
 from surrogate.training.step import compile_step, first_state
 from surrogate.training.train import checkpoint_path, train_all, train_plan
 

@@ -17,8 +17,9 @@ import numpy as np  # noqa: E402
 
 from surrogate import Fidelity, Scene  # noqa: E402
 from surrogate.devices import choose_devices  # noqa: E402
-from surrogate.training.loop import make_setup, run_training  # noqa: E402
+from surrogate.training.loop import run_training  # noqa: E402
 from surrogate.training.plan import Plan  # noqa: E402
+from surrogate.training.setup import make_setup  # noqa: E402
 
 scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=14, report_every=2)

@@ -17,8 +17,9 @@ from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.history import load_errors
-from surrogate.training.loop import TrainingResult, TrainingSetup
+from surrogate.training.loop import TrainingResult
 from surrogate.training.plan import Plan
+from surrogate.training.setup import TrainingSetup
 from surrogate.versions import command_line
 
 SETTINGS = {  # of a plan and of a record, as messages call them

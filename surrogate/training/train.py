@@ -13,11 +13,12 @@ from surrogate.processes import first
 from surrogate.progress import progress_bar
 from surrogate.scene.scene import Scene
 from surrogate.training.history import HistoryPoint
-from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
+from surrogate.training.loop import TrainingResult, run_training
 from surrogate.training.methods.labels import TrainingLabels
 from surrogate.training.methods.method import LabelStore
 from surrogate.training.plan import Plan, make_plan
 from surrogate.training.record import measured_anew, surrogate_of
+from surrogate.training.setup import TrainingSetup, make_setup
 from surrogate.training.stored import checkpoint_path, stored_training
 
 

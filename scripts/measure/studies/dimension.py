@@ -19,9 +19,9 @@ from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from surrogate import Family, Flow, NotConverged, Scene, Surrogate
 from surrogate.scene.samples import Samples, held_out_samples, training_samples
-from surrogate.training.loop import make_setup
 from surrogate.training.plan import make_plan
 from surrogate.training.record import surrogate_of
+from surrogate.training.setup import make_setup
 
 COUNTS = (32, 64, 128, 256)
 LED = 64  # bodies of the models by which designs are led

@@ -13,14 +13,9 @@ from studies.three_loads import mean_and_largest
 from study import Result, Row, Run, Study, Table, cases, columns
 
 from surrogate import NotConverged
-from surrogate.training.loop import (
-    TrainingResult,
-    TrainingSetup,
-    load_errors,
-    make_setup,
-    run_training,
-)
+from surrogate.training.loop import TrainingResult, load_errors, run_training
 from surrogate.training.plan import METHODS, Plan, make_plan
+from surrogate.training.setup import TrainingSetup, make_setup
 from surrogate.training.train import train_plan
 
 SAMPLES, SECONDS = 64, 90.0

@@ -18,8 +18,9 @@ from shapeopt import Designer, Problem
 from shapeopt.payoff.queries import query_stream
 from surrogate import Flow, Scene
 from surrogate.devices import choose_devices
-from surrogate.training.loop import make_setup, run_training
+from surrogate.training.loop import run_training
 from surrogate.training.plan import make_plan
+from surrogate.training.setup import make_setup
 
 PARAMETERS, STEPS = 9, 12
 QUERIES = 12  # whose flows, 64 at most, one size of compiled models holds

@@ -18,13 +18,14 @@ from surrogate.devices import choose_devices
 from surrogate.flow.loads import drag_coefficient
 from surrogate.model.network import make_network
 from surrogate.scene.samples import training_samples
-from surrogate.training.loop import TrainingSetup, load_errors, make_setup, run_training
+from surrogate.training.loop import load_errors, run_training
 from surrogate.training.methods.hig import with_goal_row
 from surrogate.training.methods.method import Method, predict
 from surrogate.training.methods.partial_inverse import weight_step
 from surrogate.training.physics import partition_samples, prepare_physics
 from surrogate.training.plan import MAKERS, Plan, make_plan
 from surrogate.training.record import surrogate_of
+from surrogate.training.setup import TrainingSetup, make_setup
 
 SETUPS: dict[tuple, TrainingSetup] = {}
 VARIANTS: list[tuple[str, str, dict[str, Any]]] = [

@@ -24,8 +24,9 @@ from surrogate.checks import whole_number
 from surrogate.flow.batch import FlowBatch
 from surrogate.model.inputs import scene_inputs
 from surrogate.scene.samples import Samples, held_out_samples, training_samples
-from surrogate.training.loop import TrainingResult, TrainingSetup, make_setup, run_training
+from surrogate.training.loop import TrainingResult, run_training
 from surrogate.training.plan import METHODS, PRESETS, Plan, compared_plans, make_plan
+from surrogate.training.setup import TrainingSetup, make_setup
 from surrogate.training.train import train_all
 
 SCENE = Path(__file__).parents[2] / "space.toml"
