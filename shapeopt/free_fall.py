@@ -36,7 +36,7 @@ from shapeopt.problem.scenarios import LoadModel
 from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.body_class import BodyClass
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
-from surrogate.body.incidence import in_first_quarter
+from surrogate.body.incidence import in_first_quarter, reversal
 from surrogate.checks import LARGEST, SMALLEST, expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.settling import Particle
@@ -170,16 +170,11 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
     body[family.names.index("incidence")] = 0.0
     least = np.array(surrogate.scene.reynolds[0])
     surrogate.loads(body, least)  # refuses bodies outside the ranges
-    if outside := surrogate.ranges.outside(reversal(family.body_class) * body, least):
+    if outside := surrogate.ranges.outside(reversal(family.body_class.parameters) * body, least):
         raise InvalidInput(
             f"body: moves tail first too, and is then outside the trained ranges: {outside}"
         )
     return body
-
-
-def reversal(body_class: BodyClass) -> Float[np.ndarray, " parameters"]:
-    """Return the factors of parameters that exchange nose and tail: -1 for even sine modes."""
-    return np.array([-1.0 if p.odd_fore_and_aft else 1.0 for p in body_class.parameters])
 
 
 @functools.partial(jax.jit, static_argnums=1)
@@ -274,7 +269,7 @@ def rates_of(
     speed = jnp.sqrt(velocity @ velocity + SLOWEST**2)
     angle = jnp.arctan2(velocity @ normal, velocity @ axis + SLOWEST)
     known = jnp.maximum(speed, slowest)
-    backward = reversal(body_class) * body
+    backward = reversal(body_class.parameters) * body
     drag, lift, moment = loads_at(network, body_class, body, angle, known)
     by_stokes = (moment - loads_at(network, body_class, backward, angle, known)[2]) / 2
     moment = known * by_stokes + speed * (moment - by_stokes)

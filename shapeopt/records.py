@@ -9,7 +9,7 @@ from shapeopt.problem.reference import Reference
 from surrogate.body.chord_line import CHORD
 from surrogate.checks import finite_number
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject, file_digest, path_of, strict_json
+from surrogate.files import JsonObject, changed_files, path_of, strict_json
 from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 
@@ -20,9 +20,8 @@ DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
 
 def is_whole(folder: Path, record: JsonObject) -> bool:
     """Return whether the files of a run are those that were written with its record."""
-    files = record.get("files_sha256") or {RECORD: ""}
-    names = (folder / name for name in files)
-    return all(path.is_file() and file_digest(path) == files[path.name] for path in names)
+    digests = record.get("files_sha256")
+    return bool(digests) and not changed_files(folder, digests)
 
 
 def load_run(folder: str | Path) -> dict[str, Any]:

@@ -167,6 +167,12 @@ def file_digests(folder: Path) -> dict[str, str]:
     return {path.name: file_digest(path) for path in sorted(folder.iterdir())}
 
 
+def changed_files(folder: Path, digests: dict[str, str]) -> list[str]:
+    """Return which files of a folder are missing, or have other digests than those by name."""
+    paths = {name: folder / name for name in digests}
+    return [n for n, path in paths.items() if not path.is_file() or file_digest(path) != digests[n]]
+
+
 def json_digest(value: object) -> str:
     """Return the SHA-256 digest of a JSON value, by which later changes of it are detected."""
     return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()

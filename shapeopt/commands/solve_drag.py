@@ -47,6 +47,7 @@ from shapeopt.commands.sweep import (
     write_table,
 )
 from shapeopt.render.polar import plot_polar
+from surrogate.body.contour import naca_digits
 from surrogate.body.family import Family
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import FamilyShape, family_shape
@@ -228,8 +229,9 @@ def _text(results: list[JsonObject]) -> str:
 
 def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
     """What a plot shows: the body, its chord, and the reference of the coefficients."""
-    digits = (arguments.naca or "").lower().removeprefix("naca").strip()
-    name = f"NACA {digits}" if digits else Path(arguments.contour or "").stem
+    name = Path(arguments.contour or "").stem
+    if arguments.naca:
+        name = f"NACA {naca_digits(arguments.naca)}"
     if arguments.aspect is not None:
         given = {n: v for n, v in family_named(arguments, SINGLE_VALUED).items() if v}
         name = ", ".join(f"{n} {v:g}" for n, v in given.items())

@@ -20,6 +20,11 @@ JUDGED = 200  # markers by which the loss to smoothing is judged; coarse grids h
 LARGEST_LOSS = 0.2  # D from a smoothed contour to what was given, above which it is refused
 
 
+def naca_digits(code: str | int) -> str:
+    """Return the digits of a NACA section that may be named with them, as "NACA 2412"."""
+    return re.sub("^naca", "", str(code), flags=re.IGNORECASE).strip()
+
+
 def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
     """Return a NACA 4-digit section with a closed trailing edge, chord 1, nose at the origin.
 
@@ -34,7 +39,7 @@ def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
         of range.
     """
     points = whole_number("points", points, 8, 10**6)
-    digits = re.sub("^naca", "", str(code), flags=re.IGNORECASE).strip()
+    digits = naca_digits(code)
     if not re.fullmatch(r"[0-9]{4}", digits) or digits.endswith("00"):
         hint = "; contour_shape(read_contour(file)) makes a body of a file" if "." in digits else ""
         raise InvalidInput(

@@ -63,6 +63,15 @@ def in_first_quarter(
     return values.at[index].set(nearest), image
 
 
+def reversal(parameters: tuple[Parameter, ...]) -> Float[np.ndarray, " parameters"]:
+    """Return the factors of parameters that exchange nose and tail: -1 for even sine modes.
+
+    Args:
+      parameters: of the body's class.
+    """
+    return np.array([-1.0 if p.odd_fore_and_aft else 1.0 for p in parameters])
+
+
 def descriptions(
     parameters: tuple[Parameter, ...], dimension: int
 ) -> tuple[Float[np.ndarray, "rows parameters"], Float[np.ndarray, "rows parameters"]]:
@@ -84,7 +93,7 @@ def descriptions(
     incidence = np.array([p.name == INCIDENCE.name for p in parameters])
     signs, offsets = [np.ones(len(parameters)), mirror], [0.0, 0.0]
     if dimension == 3:
-        reverse = np.array([-1.0 if p.odd_fore_and_aft else 1.0 for p in parameters])
+        reverse = reversal(parameters)
         signs += [reverse, reverse * mirror]
         offsets += [HALF_TURN, HALF_TURN]
     return np.array(signs), np.outer(offsets, incidence)

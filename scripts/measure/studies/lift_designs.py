@@ -149,14 +149,12 @@ def text(result: Result) -> str:
     unsteady = sum(row["reynolds"] > row["onset"] for row in rows)
     (after, own, late), lines = _late(result), strategies(result)
     mean = {line["strategy"]: line["work"] for line in lines}
-    paying = _in_words(after).removeprefix("not ")
-    paying = f"pays {paying}" if after <= MOST_DESIGNS else f"does not pay {paying}"
     return (
         f"{STRATEGIES(lines)}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in "
-        f"brackets the 95 % interval. Kriging with memory takes {mean[GROWING]:.0f} G a design, "
-        f"{late:.0f} in the last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}: against it "
-        f"training {paying}. {unsteady} of the network's {len(rows)} optima are steady flows "
-        f"beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
+        f"brackets the 95 % interval, and against kriging with memory {_in_words(after)}: that "
+        f"takes {mean[GROWING]:.0f} G a design, {late:.0f} in the last {LATE}, and the network "
+        f"{mean[LED]:.0f} and {own:.0f}. {unsteady} of the network's {len(rows)} optima are steady "
+        f"flows beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
     )
 
 

@@ -13,8 +13,8 @@ from jaxtyping import Float
 from surrogate.errors import InvalidInput
 from surrogate.files import (
     JsonObject,
+    changed_files,
     check_target,
-    file_digest,
     file_digests,
     path_of,
     strict_json,
@@ -119,15 +119,14 @@ def _record_of_files(folder: Path, *names: str) -> JsonObject:
 
     Raises:
       ValueError: it is no such record, or one of these files is not what was written with it.
-      OSError: one of the files cannot be read.
+      OSError: the record, or one of the files, cannot be read.
     """
     record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
     if missing := sorted(set(KEYS) - set(record)):
         raise ValueError(f"{RECORD} lacks {missing[0]}")
     digests = record.get("files_sha256", {})  # earlier versions wrote none
-    for name in names:
-        if name in digests and file_digest(folder / name) != digests[name]:
-            raise ValueError(f"{name} is not what was written with {RECORD}")
+    if changed := changed_files(folder, {name: digests[name] for name in names if name in digests}):
+        raise ValueError(f"{changed[0]} is not what was written with {RECORD}")
     return record
 
 
