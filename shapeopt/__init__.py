@@ -6,7 +6,7 @@ a surrogate's loads: ``fall`` and ``orientations``.
 """
 
 from shapeopt.free_fall import Fall, fall
-from shapeopt.orientation import Orientation, moment_is_known, orientations, small_swings
+from shapeopt.orientation import Orientation, Swing, moment_is_known, orientations, small_swings
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.objective import Glide, Weighted
 from shapeopt.problem.particles import Settling, Tumbling
@@ -33,6 +33,7 @@ __all__ = [
     "Robust",
     "Settling",
     "Station",
+    "Swing",
     "Tumbling",
     "Uniform",
     "Verified",

@@ -37,6 +37,7 @@ from surrogate.arrays import AnyArray, Body, Number
 from surrogate.body.body_class import BodyClass
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
 from surrogate.body.incidence import in_first_quarter, reversal
+from surrogate.body.parameters import INCIDENCE
 from surrogate.checks import LARGEST, SMALLEST, expect, finite_number
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.settling import Particle
@@ -166,8 +167,7 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
         raise InvalidInput(
             "surrogate: of 3-D bodies at incidences from 0 to 90 degrees, as pretrained:particle"
         )
-    body = np.array(family.numbers(parameters))
-    body[family.names.index("incidence")] = 0.0
+    body = family.body_class.replaced(family.numbers(parameters), INCIDENCE.name, 0.0)
     least = np.array(surrogate.scene.reynolds[0])
     surrogate.loads(body, least)  # refuses bodies outside the ranges
     if outside := surrogate.ranges.outside(reversal(family.body_class.parameters) * body, least):
@@ -194,7 +194,7 @@ def loads_at(
       angle: from the axis to the velocity, in radians.
       reynolds: by the speed, within the trained range.
     """
-    turned = jnp.asarray(body).at[body_class.names.index("incidence")].set(jnp.rad2deg(angle))
+    turned = body_class.replaced(body, INCIDENCE.name, jnp.rad2deg(angle))
     nearest, image = in_first_quarter(body_class.parameters, turned)
     return network.loads(nearest, reynolds) * jnp.stack([jnp.ones(()), image, image])
 

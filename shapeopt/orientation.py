@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.optimize import brentq
 
 from shapeopt.free_fall import Fall, axes_of, checked_body, constants_of, loads_at, rates_of
 from surrogate.arrays import Body
+from surrogate.body.parameters import INCIDENCE
 from surrogate.flow.settling import Particle
 from surrogate.model.surrogate import Surrogate
 
@@ -82,17 +84,26 @@ def moment_is_known(surrogate: Surrogate, parameters: Body, reynolds: float) -> 
     """
     if "moment_error_scale" not in surrogate.record:
         return True
-    body, names = checked_body(surrogate, parameters), surrogate.scene.family.names
-    bodies = np.tile(body, (SCAN, 1))
-    bodies[:, names.index("incidence")] = np.linspace(0, 180, SCAN)
+    body, angles = checked_body(surrogate, parameters), np.linspace(0, 180, SCAN)
+    bodies = surrogate.scene.family.body_class.replaced(body, INCIDENCE.name, angles)
     loads = np.asarray(surrogate.loads(bodies, reynolds))
     bounds = surrogate.error_bounds(bodies, reynolds)
     return bool(np.max(np.abs(loads[:, 2]) / loads[:, 0]) > np.max(bounds[:, 2]))
 
 
-def small_swings(
-    surrogate: Surrogate, parameters: Body, particle: Particle, found: Fall
-) -> tuple[float | None, float]:
+class Swing(NamedTuple):
+    """How a small disturbance of steady motion decays.
+
+    Attributes:
+      frequency: of the least damped swing in Hz; None where nothing swings.
+      decay_rate: of that swing, or else of the slowest disturbance, in 1/s; negative if it grows.
+    """
+
+    frequency: float | None
+    decay_rate: float
+
+
+def small_swings(surrogate: Surrogate, parameters: Body, particle: Particle, found: Fall) -> Swing:
     """Return how a small disturbance of the motion at the end of a fall decays.
 
     Args:
@@ -100,10 +111,6 @@ def small_swings(
       parameters: likewise.
       particle: likewise.
       found: a fall of this body that ends in steady motion.
-
-    Returns:
-      The frequency in Hz of its least damped swing, None where nothing swings; and the rate in 1/s
-      at which that swing, or else the slowest disturbance, decays.
     """
     body = checked_body(surrogate, parameters)
     constants, tilt = constants_of(surrogate, body, particle), math.radians(found.tilt[-1])
@@ -116,4 +123,5 @@ def small_swings(
     roots = np.linalg.eigvals(change) * particle.viscosity / particle.size**2
     swings = roots[np.abs(roots.imag) > REAL * np.abs(roots)]
     slowest = max(swings if len(swings) else roots, key=lambda root: root.real)
-    return (abs(slowest.imag) / (2 * math.pi) if len(swings) else None), float(-slowest.real)
+    frequency = abs(slowest.imag) / (2 * math.pi) if len(swings) else None
+    return Swing(frequency, float(-slowest.real))

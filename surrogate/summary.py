@@ -12,3 +12,9 @@ def aligned(rows: Mapping[str, str]) -> str:
 def listed(named: Mapping[str, float]) -> str:
     """Return named numbers in one line, as "aspect 2, beta2 0.1"."""
     return ", ".join(f"{name} {value:.4g}" for name, value in named.items())
+
+
+def steady_text(reynolds: float, onset: float) -> str:
+    """Return up to which Re the steady flow is stable, and whether this one is beyond it."""
+    only = "only " if reynolds > onset else ""
+    return f"{only}to Re {onset:.3g}, by an estimate"

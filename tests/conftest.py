@@ -75,9 +75,14 @@ def generator() -> np.random.Generator:
 
 
 @pytest.fixture
-def compiled():
+def no_estimates(monkeypatch):
+    """Solve flows without estimates of their errors, which take two more grids."""
+    monkeypatch.setattr("surrogate.flow.flow.with_estimate", lambda scene, settings, found: found)
+
+
+@pytest.fixture
+def compilations():
     """A list of the functions that JAX compiles or loads from its cache during the test."""
-    jax.clear_caches()  # as in a new process, whatever other tests have compiled
     seen = []
 
     def listen(event, seconds, **more):
@@ -85,8 +90,18 @@ def compiled():
             seen.append(more.get("fun_name", "?"))
 
     jax.monitoring.register_event_duration_secs_listener(listen)
+    jax.jit(lambda x: x + 1)(1.0)
+    assert seen, "JAX reports compilations by another event"
+    seen.clear()
     yield seen
     jax.monitoring.unregister_event_duration_listener(listen)
+
+
+@pytest.fixture
+def compiled(compilations):
+    """The same list, of all that a test takes in a new process, whatever others have compiled."""
+    jax.clear_caches()
+    return compilations
 
 
 @pytest.fixture

@@ -153,7 +153,7 @@ def designed(tmp_path_factory):
     return Designer(Flow(SCENE), memory).design(problem), memory
 
 
-def test_a_design_on_the_flow_is_saved_with_loads_over_the_chord(designed, tmp_path):
+def test_a_design_on_the_flow_is_saved_with_loads_over_the_chord(designed, tmp_path, no_estimates):
     """It is a local optimum of the flow, whose gradients the test above checks."""
     design, chord = designed[0], np.sqrt(designed[0].parameters[0])
     flow = design.verified.solutions[0]

@@ -345,12 +345,12 @@ def test_solve_drag_with_camber_and_its_gradient(capsys):
     level, turned = rows
     assert abs(level["cl"]) > 0.01
     assert turned["cl"] > level["cl"] + 0.01  # nose up
-    modes = {"beta2", "beta3", "beta4", "gamma2", "gamma3"}
-    assert set(level["gradient"]) == set(turned["gradient"]) == {"cd", "cl", "cm"}
-    assert all(set(g) == {"aspect", "reynolds", *modes} for g in level["gradient"].values())
-    assert turned["gradient"]["cl"]["incidence"] == pytest.approx(
-        (turned["cl"] - level["cl"]) / 4, rel=0.1
-    )
+    inputs = {"aspect", "beta2", "beta3", "beta4", "gamma2", "gamma3", "incidence", "reynolds"}
+    for row in rows:
+        assert set(row["gradient"]) == {"cd", "cl", "cm"}
+        assert all(set(slopes) == inputs for slopes in row["gradient"].values())
+        slope = row["gradient"]["cl"]["incidence"]
+        assert slope == pytest.approx((turned["cl"] - level["cl"]) / 4, rel=0.1)
 
 
 def test_predict_drag_knows_the_familys_parameters_only():

@@ -3,16 +3,22 @@
 import dataclasses
 import importlib
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pictures import pixels
 
+from shapeopt.commands.arguments import shapes_of
 from shapeopt.commands.cli import run
-from surrogate import Flow, load, save
+from shapeopt.commands.solve_drag import _parser as solve_parser
+from shapeopt.commands.train_surrogate import _errors as training_errors
+from surrogate import Flow, NotConverged, load, save
+from surrogate.model.card import recorded_errors
 
 ROOT = Path(__file__).parents[1]
 FAMILY = ["--aspect", "2", "--beta2", "0.1"]
@@ -44,6 +50,7 @@ upstream = 2.5
 downstream = 4
 height = 4
 harmonics = 5
+wake = 0
 """
 
 
@@ -95,9 +102,9 @@ def test_negative_numbers_of_every_form_are_values(capsys):
     arguments = ["--surrogate", "pretrained", "--reynolds", "20", "--aspect", "2", "--beta2"]
     drags = [
         answer(capsys, "predict_drag", *arguments, value)["results"][0]["cd"]
-        for value in ("-0.05", "-5e-2")
+        for value in ("-0.05", "-5e-2", "0.05")
     ]
-    assert drags[0] == drags[1]
+    assert drags[0] == drags[1] != drags[2]
 
 
 def test_a_drag_outside_the_trained_ranges_must_be_asked_for(capsys):
@@ -111,7 +118,54 @@ def test_a_drag_outside_the_trained_ranges_must_be_asked_for(capsys):
     assert result["cd_error_bound"] is None
 
 
-def test_solve_drag_of_contours(capsys, tmp_path):
+def test_bodies_have_an_incidence_where_the_option_is_given():
+    """Also 0, so that gradients are by it; without it they are symmetric in every respect."""
+    words = ["--aspect", "2", "--reynolds", "9"]
+    (plain,) = shapes_of(solve_parser().parse_args(words)).values()
+    (level,) = shapes_of(solve_parser().parse_args([*words, "--incidence", "0"])).values()
+    assert "incidence" not in plain.parameters
+    assert level.parameters["incidence"] == 0.0
+    assert level.symmetric
+    assert not level.differentiable().symmetric
+
+
+def test_flows_that_do_not_converge_leave_the_predictions(monkeypatch, capsys):
+    class Flow:
+        def __init__(self, scene):
+            self.scene = scene
+
+        def solve(self, body, reynolds, allow_unsteady):
+            if reynolds > 15:
+                raise NotConverged(f"flow at Re {reynolds:g}")
+            known = {"status": "accurate", "accuracy": "meets 0.4 %", "expected_error": 0.001}
+            loads = {"drag": 2.5, "lift": 0.0, "moment": 0.0}
+            more = {"moment_about": lambda station: 0.0, "estimated_error": 0.002}
+            return SimpleNamespace(**loads, **known, **more)
+
+    monkeypatch.setattr("shapeopt.commands.verification.Flow", Flow)
+    words = ["--aspect", "2", "--reynolds", "10,20", "--verify", "--moment-about", "0.25"]
+    assert call("predict_drag", *words, "--json") == 3
+    captured = capsys.readouterr()
+    good, bad = json.loads(captured.out.splitlines()[-1])["results"]
+    assert captured.err.splitlines()[-1].endswith(
+        "1 of 2 flows did not converge: incidence 0 at Re 20"
+    )
+    assert set(good) == set(bad)
+    assert (good["converged"], good["cd_flow"]) == (True, 2.5)
+    assert good["error"] == pytest.approx(abs(good["cd"] / 2.5 - 1))
+    assert (bad["converged"], bad["cd_flow"], bad["error"]) == (False, None, None)
+    assert bad["cd"] > 0
+    assert call("predict_drag", *words) == 3
+    assert "the flow did not converge" in capsys.readouterr().out
+
+
+def test_trainings_tell_the_errors_of_all_loads():
+    words = training_errors(recorded_errors(load("pretrained:lift").record))
+    assert re.fullmatch(r"error of Cd .* at most; of Cl .*; of Cm .* \(all over Cd\)", words)
+    assert "over" not in training_errors(recorded_errors(load("pretrained").record))
+
+
+def test_solve_drag_of_contours(capsys, tmp_path, no_estimates):
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ellipse = np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=1)
     np.savetxt(tmp_path / "e.csv", ellipse, delimiter=",", header="x,y", comments="")
@@ -329,6 +383,9 @@ def test_march(capsys, tmp_path):
     arguments = ["--aspect", "1", "--chord-reynolds", "20", "--time", "5", "--height", "6"]
     result = answer(capsys, "march_flow", *arguments, "--out", tmp_path / "march")
     assert (result["reynolds"], result["chord"], result["chord_reynolds"]) == (20, 1, 20)
+    assert result["body"]["parameters"]["aspect"] == 1
+    assert (result["incidence"], result["height"]) == (0, 6)
+    assert result["cl_mean"] == pytest.approx(0, abs=1e-3)
     assert result["cd"] == pytest.approx(result["cd_steady"], rel=0.2)
     assert Path(result["gif"]).read_bytes().startswith(b"GIF8")
 

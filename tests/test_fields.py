@@ -324,7 +324,7 @@ def test_a_section_at_incidence_is_written(stream, tmp_path):
     pixels(tmp_path / "wing" / "flow.png")
 
 
-def test_flows_by_the_commands(tmp_path, capsys):
+def test_flows_by_the_commands(tmp_path, capsys, no_estimates):
     out, sheet = tmp_path / "flows", tmp_path / "sheet.png"
     words = ["--aspect", "1.5", "--fidelity", "draft", "--reynolds", "5,20", "--json"]
     words += ["--out", str(out), "--fluid", "0.3,0.001,1.2"]

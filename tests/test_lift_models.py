@@ -11,7 +11,17 @@ import pytest
 from conftest import SECTIONS, TINY
 from pictures import pixels
 
-from shapeopt import Designer, Glide, Problem, Robust, Uniform, optimise, optimise_all, save_run
+from shapeopt import (
+    Design,
+    Designer,
+    Glide,
+    Problem,
+    Robust,
+    Uniform,
+    optimise,
+    optimise_all,
+    save_run,
+)
 from shapeopt.commands.cli import run
 from shapeopt.commands.design_sheet import main as design_sheet
 from shapeopt.commands.optimize_shape import bound_lines
@@ -22,7 +32,7 @@ from shapeopt.payoff.queries import query_stream
 from shapeopt.render.sheets import origin
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.over_lift import designs_over_lift
-from shapeopt.search.propose import propose
+from shapeopt.search.propose import propose, propose_all
 from shapeopt.search.verify import violated_bounds
 from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
 from surrogate.flow.solver import steady
@@ -168,22 +178,22 @@ def test_kriging_of_loads_interpolates_and_has_the_mirror_symmetry(generator):
 
 
 def test_optima_of_a_known_polar():
-    glide = propose(Problem(SCENE, Glide(10.0)), Polar())
+    ellipse = {"aspect": (2.0, 2.0), "beta2": (0.0, 0.0)}
+    without_moment = {"min_moment": 0.0, "max_moment": 0.0}
+    flat = Problem(SCENE, Glide(10.0), **without_moment, max_camber=0.1, within=ellipse)
+    problems = [Problem(SCENE, Glide(10.0)), Problem(SCENE, 10.0, lift=1.25)]
+    problems += [Problem(SCENE, Glide(10.0), **without_moment), flat]
+    glide, bound, trimmed, flattened = propose_all(problems, Polar())
     assert glide.value == pytest.approx(-0.5, rel=1e-9)
     assert glide.parameters[3] == pytest.approx(8.0, rel=1e-4)
-    bound = propose(Problem(SCENE, 10.0, lift=1.25), Polar())
     assert bound.parameters[3] == pytest.approx(5.0, rel=1e-7)
     assert bound.value == pytest.approx(2 + 1.25**2 / 2, rel=1e-7)
     assert bound.kkt_residual < 1e-6
-    trimmed = propose(Problem(SCENE, Glide(10.0), min_moment=0.0, max_moment=0.0), Polar())
     assert trimmed.parameters[2] == pytest.approx(0.3, abs=1e-6)  # all that camber can balance
     assert trimmed.parameters[3] == pytest.approx(4.8, rel=1e-5)
-    ellipse = {"aspect": (2.0, 2.0), "beta2": (0.0, 0.0)}
-    flat = Problem(
-        SCENE, Glide(10.0), min_moment=0.0, max_moment=0.0, max_camber=0.1, within=ellipse
-    )
-    gamma2 = propose(flat, Polar()).parameters[2]
-    assert gamma2 == pytest.approx(0.1 / np.sqrt(1 / 2), rel=1e-5)  # camber 2 b gamma2
+    assert flattened.parameters[2] == pytest.approx(
+        0.1 / np.sqrt(1 / 2), rel=1e-5
+    )  # camber 2 b gamma2
     with pytest.raises(
         InvalidInput, match=r"max camber 0\.1 and ranges of the parameters contradict"
     ):
@@ -225,7 +235,18 @@ def test_bodies_over_lift_that_are_out_of_reach_say_why():
     assert "lift 2.5 is out of reach" in rows[1]["why_not"]
     assert best["at_range_ends"] == ["incidence"]
     with pytest.raises(NotConverged, match=r"lift 2\.5 is out of reach"):
-        designs_over_lift(net, 40.0, [2.5], within=ellipse)
+        designs_over_lift(net, 40.0, [2.5, 2.5], within=ellipse)
+
+
+def test_bodies_over_lift_are_kept_where_the_best_glide_is_not_found(monkeypatch):
+    net, body = load("pretrained:lift"), np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4.0])
+    problem, cost = Problem(net.scene, 40.0, lift=0.1), (0, 1, 100, 1.0)
+    design = Design(problem, body, 1.0, (1.5, 0.1, 0.0), 1e-4, 2.0, body[None], *cost)
+    found = [design, NotConverged("no glider")]
+    monkeypatch.setattr("shapeopt.search.over_lift.optima", lambda *_: found)
+    (row,), best, _ = designs_over_lift(net, 40.0, [0.1])
+    assert (row["cl"], row["why_not"]) == (0.1, None)
+    assert (best["cd"], best["why_not"]) == (None, "no glider")
 
 
 def test_a_sheet_over_lifts_has_the_constraints_of_a_design(monkeypatch, tmp_path, capsys):

@@ -73,15 +73,18 @@ def test_a_damaged_file_is_replaced(files):
     (path,) = files.iterdir()
     whole = path.read_bytes()
     path.write_bytes(whole[:-100])
+    assert lowering._read(path) is None
     assert lower().result == {"sum": 0, "values": {"x": 1}}
-    assert len(path.read_bytes()) == pytest.approx(len(whole), rel=0.1)
+    assert lowering._read(path).result == {"sum": 0, "values": {"x": 1}}
 
 
-def test_a_file_that_cannot_be_understood_is_replaced(files, monkeypatch):
+def test_a_file_that_cannot_be_understood_is_replaced(files):
     lower()
-    with monkeypatch.context() as patch:
-        patch.setattr("jax.export.deserialize", lambda program: 1 / 0)
-        assert lower().result == {"sum": 0, "values": {"x": 1}}
+    (path,) = files.iterdir()
+    program_files.write_content(path, b"no pickle")  # with its digest
+    assert lowering._read(path) is None
+    assert lower().result == {"sum": 0, "values": {"x": 1}}
+    assert lowering._read(path).result == {"sum": 0, "values": {"x": 1}}
 
 
 def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):

@@ -232,6 +232,8 @@ def test_exact_mean_over_orientations_in_stokes_flow(net):
         Problem(net.scene, Tumbling(2.0), within={"flatness": (1.2, 2.0)})
     with pytest.raises(InvalidInput, match="range of incidence: the objective holds it at 45"):
         Problem(net.scene, Tumbling(2.0), within={"incidence": (0.0, 30.0)})
+    with pytest.raises(InvalidInput, match="range of incidence: the objective holds it at 45"):
+        Problem(net.scene, Tumbling(2.0), within={"incidence": (30.0, 60.0)})
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from pages import surrogate_of
 from pictures import LENS, pixels, record_of
 
-from shapeopt import Problem, optimise, save_run
+from shapeopt import Design, Problem, save_run
 from shapeopt.commands import design_sheet
 from shapeopt.commands.cli import run
 from shapeopt.export.files import write_contour_csv, write_contour_vtp, write_solid_stl
@@ -212,8 +212,10 @@ def test_rendering_is_silent_without_a_display(tmp_path):
 def runs(tiny_scene, tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     for reynolds in (5.0, 20.0):
-        problem = Problem(tiny_scene, reynolds, max_length=1.5)
-        design = optimise(problem, Flow(tiny_scene))
+        problem, body = Problem(tiny_scene, reynolds, max_length=1.5), FAMILY.ellipse(2.0)
+        path = np.stack([FAMILY.ellipse(1.0), body])
+        loads, cost = (1.5, 0.0, 0.0), (0, 2, 100, 1.0)
+        design = Design(problem, body, 1.5, loads, 1e-4, 2.0, path, *cost, on_flow=True)
         save_run(folder / f"re{reynolds:g}", design)
     others = {
         "bare": {"cd_verified": None},
@@ -371,6 +373,8 @@ def test_the_plot_over_lift_draws_its_bodies(tmp_path):
     )
     assert size == other_size
     assert 0.0005 < np.any(first != second, axis=1).mean() < 0.1
+    _, third = pixels(plot_over_lift(family, rows, None, tmp_path / "over_lift.png"))
+    assert np.any(third != first)
 
 
 @pytest.mark.slow

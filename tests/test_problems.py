@@ -238,18 +238,24 @@ def test_a_quadratic_program_is_solved(generator, count):
     assert multipliers @ (values + jacobian @ step) == pytest.approx(0, abs=1e-3)
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES)
-def test_constraints_hold_and_the_optimum_is_stationary(pretrained, objective):
-    problem = Problem(
-        pretrained.scene,
-        objective,
-        max_length=1.6,
-        stations=(Station(0.25, 0.5),),
-        min_radius=0.1,
-        within={"aspect": (1.0, 3.0), "beta2": (-0.2, 0.2), "beta4": (-0.05, 0.05)},
-        trust=0.05,
-    )
-    optimum = optimise(problem, pretrained)
+@pytest.fixture(scope="module")
+def optima(pretrained):
+    """The optima for several objectives under all kinds of bounds, by one call."""
+    bounds = {
+        "max_length": 1.6,
+        "stations": (Station(0.25, 0.5),),
+        "min_radius": 0.1,
+        "within": {"aspect": (1.0, 3.0), "beta2": (-0.2, 0.2), "beta4": (-0.05, 0.05)},
+        "trust": 0.05,
+    }
+    problems = [Problem(pretrained.scene, objective, **bounds) for objective in OBJECTIVES]
+    return optimise_all(problems, pretrained)
+
+
+@pytest.mark.parametrize("k", range(len(OBJECTIVES)))
+def test_constraints_hold_and_the_optimum_is_stationary(optima, k):
+    optimum, problem = optima[k], optima[k].problem
+    assert problem.reynolds == OBJECTIVES[k]
     assert np.all(np.asarray(constraint_values(optimum.parameters, problem.limits)) >= -1e-6)
     low, high = problem.limits.low, problem.limits.high
     assert np.all((optimum.parameters >= low) & (optimum.parameters <= high))

@@ -47,7 +47,7 @@ class FullDisk(io.StringIO):
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_full_disk_behind_stderr_costs_messages_alone(capsys):
+def test_a_full_disk_behind_stderr_costs_messages_alone(capsys, no_estimates):
     words = ["--aspect", "1", "--cells", "8", "--reynolds", "5,10", "--json"]
     with contextlib.redirect_stderr(FullDisk()):
         assert run(solve_drag.main, words) == 0
@@ -58,11 +58,12 @@ def test_a_full_disk_behind_stderr_costs_messages_alone(capsys):
 def test_a_terminated_training_ends_with_status_130_and_one_line(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(
-        'fidelity = {name = "tiny", cells = 8, upstream = 2.5, downstream = 4, height = 4}\n'
+        'fidelity = {name = "tiny", cells = 8, upstream = 2.5, downstream = 4, height = 4, '
+        "wake = 0, harmonics = 5}\n"
         "[family]\naspect = [1, 2]\n"
     )
     words = ["--method", "hig", "--samples", "8", "--budget-seconds", "600"]
-    words += ["--scene", str(scene), "--out", str(tmp_path / "hig")]
+    words += ["--held-out", "4", "--scene", str(scene), "--out", str(tmp_path / "hig")]
     process = started("train_surrogate.py", *words)
     for line in process.stderr:
         if " step " in line:

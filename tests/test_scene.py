@@ -180,14 +180,14 @@ def test_durations_have_the_unit_that_is_read_most_easily():
     assert [duration(time) for time in times] == texts
 
 
-def test_explain_is_quick(compiled):
+def test_explain_is_quick(compilations):
     scene = Scene()
     scene.explain()
-    compiled.clear()
+    compilations.clear()
     start = time.perf_counter()
     assert scene.explain() == Scene().explain()
     assert time.perf_counter() - start < 1
-    assert compiled == []
+    assert compilations == []
 
 
 BAD = {

@@ -257,8 +257,10 @@ def test_a_surrogates_drag_by_the_chord_has_its_gradient(capsys):
     for by_d, by_chord, reynolds in zip(rows, scaled, (10, 30), strict=True):
         assert (by_d["reynolds"], by_d["chord"]) == (reynolds, 2.0)
         assert by_chord["cd"] == pytest.approx(by_d["cd"] / 2, rel=1e-12)
-    found = list(scaled[0]["gradient"].values())
+    *found, by_reynolds = scaled[0]["gradient"].values()
+    assert list(scaled[0]["gradient"])[-1] == "reynolds"
     assert found == pytest.approx(np.asarray(jax.grad(drag)(body)), rel=1e-9, abs=1e-12)
+    assert by_reynolds == pytest.approx(float(jax.grad(net.drag, 1)(body, 10.0)) / 2, rel=1e-9)
 
 
 def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
@@ -293,7 +295,7 @@ def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
 
 
 @pytest.mark.parametrize("body", [["--aspect", "1"], ["--naca", "2430", "--incidence", "8"]])
-def test_the_drag_over_reynolds_numbers_is_plotted(capsys, tmp_path, body):
+def test_the_drag_over_reynolds_numbers_is_plotted(capsys, tmp_path, body, no_estimates):
     plot = tmp_path / "drag.png"
     flows = ["--fidelity", "draft", "--cells", "8", "--reynolds", "1:10:log3", "--plot", plot]
     rows = answer(capsys, "solve_drag", *body, *flows)["results"]
@@ -301,7 +303,9 @@ def test_the_drag_over_reynolds_numbers_is_plotted(capsys, tmp_path, body):
     pixels(plot)
 
 
-def test_a_flow_that_does_not_converge_leaves_the_others(capsys, monkeypatch, tmp_path):
+def test_a_flow_that_does_not_converge_leaves_the_others(
+    capsys, monkeypatch, tmp_path, no_estimates
+):
     """Two Newton steps do at Re 0.01, not at 10."""
     impatient = functools.partial(Flow, settings=NewtonSettings(max_steps=2))
     monkeypatch.setattr("shapeopt.commands.solve_drag.Flow", impatient)
@@ -324,15 +328,17 @@ def test_a_flow_that_does_not_converge_leaves_the_others(capsys, monkeypatch, tm
     assert re.search(r"10 .* - .*not converged", capsys.readouterr().out)
 
 
-def test_one_program_solves_a_section_at_every_reynolds_number_and_opposite_incidence(compiled):
+def test_one_program_solves_a_section_at_every_reynolds_number_and_opposite_incidence(
+    compilations,
+):
     flow = Flow(Scene(fidelity=Fidelity("tiny", 8, 4, 5, 6, 5, wake=0.0)))
     points = naca4("0030")
     found = flow.solve(contour_shape(points, 4.0), 5.0, estimate=False)
     assert found.chord_reynolds == 5 * found.chord == 5 * found.shape.chord
-    before = len(compiled)
+    compilations.clear()
     for incidence, reynolds in ((4.0, 10.0), (-4.0, 5.0), (-4.0, 8.0)):
         flow.solve(contour_shape(points, incidence), reynolds, estimate=False)
-    assert compiled[before:] == []
+    assert compilations == []
 
 
 def test_a_section_has_few_grids_over_many_incidences():

@@ -1,6 +1,7 @@
 """Shape optimisation by both models, verification, runs, payoff arithmetic."""
 
 import dataclasses
+import json
 import math
 import pickle
 
@@ -23,6 +24,7 @@ from shapeopt import (
     save_run,
     verify,
 )
+from shapeopt.commands import payoff_command
 from shapeopt.commands.optimize_shape import main as optimize_shape
 from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
@@ -165,6 +167,34 @@ def test_queries_that_one_strategy_does_not_answer_are_left_out_of_all(pretraine
     queries[1] = queries[0]
     with pytest.raises(NotConverged, match=r"2 of 3 queries .* query 1 by direct: no optimum"):
         comparable(rivals(queries, Flow(pretrained.scene)))
+
+
+def test_a_payoff_is_kept_where_its_pictures_fail(pretrained, monkeypatch, tmp_path):
+    """And pictures of an earlier one do not pass for its own."""
+
+    def fail(*_):
+        raise OSError("no display")
+
+    direct, sip, kriging = example_strategies()
+    for name, value in {
+        "train_all": lambda *_: {"sip": pretrained},
+        "compile_all": lambda *_: None,
+        "rivals": lambda *_: [direct, kriging],
+        "trained": lambda *_: sip,
+        "trained_with_memory": lambda *_: dataclasses.replace(sip, name="sip, and kriging"),
+        "_robust": lambda _: {},
+        "_draw": fail,
+    }.items():
+        monkeypatch.setattr(payoff_command, name, value)
+    stored = {"payoff": [], "queries": [], "settings": {"preset": "full"}}
+    (tmp_path / "payoff.json").write_text(json.dumps(stored))
+    (tmp_path / "payoff.png").write_bytes(b"old")
+    with pytest.raises(OSError, match="no display"):
+        payoff_command.main(["--queries", "2", "--out", str(tmp_path), "--overwrite"])
+    record = json.loads((tmp_path / "payoff.json").read_text())
+    assert [row["method"] for row in record["payoff"]][:2] == ["direct", "kriging with memory"]
+    assert record["plot"] == str(tmp_path / "payoff.png")
+    assert not (tmp_path / "payoff.png").exists()
 
 
 def test_cumulative_costs_with_flows_kept_and_not():
@@ -336,7 +366,7 @@ def test_a_run_has_the_constraints_that_are_set(tmp_path):
     assert load_run(tmp_path / "run") == record
 
 
-def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path):
+def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path, no_estimates):
     """Not those of one of the cases; each case says to which Re its flow is steady."""
     scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))
     problem = Problem(scene, Robust(10.0, LogNormal(0.3), tolerance=0.02, cases=2))

@@ -60,22 +60,22 @@ def test_exact_a_batch_of_systems_is_solved_as_one_by_one():
     def solve(matrix, right):
         return gmres(lambda x: matrix @ x, right, 1e-8, 25)
 
-    found = jax.vmap(solve)(matrices, rights)
+    found, one_by_one = jax.jit(jax.vmap(solve))(matrices, rights), jax.jit(solve)
     assert len(set(found.steps.tolist())) > 2
     for k, (matrix, right) in enumerate(zip(matrices, rights, strict=True)):
-        alone = solve(matrix, right)
+        alone = one_by_one(matrix, right)
         assert alone.steps == found.steps[k]
         assert alone.converged == found.converged[k]
         np.testing.assert_allclose(found.x[k], alone.x, rtol=1e-12, atol=1e-12)
-    shared = jax.vmap(solve, (None, 0))(matrices[0], rights)
+    shared = jax.jit(jax.vmap(solve, (None, 0)))(matrices[0], rights)
     np.testing.assert_allclose(shared.x[0], found.x[0], rtol=1e-12, atol=1e-12)
-    nested = jax.vmap(jax.vmap(solve, (None, 0)), (0, None))(matrices[:2], rights)
+    nested = jax.jit(jax.vmap(jax.vmap(solve, (None, 0)), (0, None)))(matrices[:2], rights)
     np.testing.assert_allclose(nested.x[0], shared.x, rtol=1e-12, atol=1e-12)
 
     def along(right):
         return jax.jvp(lambda b: solve(matrices[0], b).x, (right,), (jnp.ones(30),))
 
-    values, _ = jax.vmap(along)(rights)
+    values, _ = jax.jit(jax.vmap(along))(rights)
     np.testing.assert_allclose(values[0], found.x[0], rtol=1e-12, atol=1e-12)
     program = str(jax.make_jaxpr(jax.vmap(solve))(matrices, rights))
     assert set(re.findall(r":f64\[5,28,30\] = (\w+)", program)) == {"broadcast_in_dim", "scatter"}

@@ -297,6 +297,23 @@ def test_the_model_card_of_what_ships(folder):
         assert f"{name} {low:g} to {high:g}" in card
 
 
+def test_a_model_card_names_what_is_not_recorded():
+    net = load("pretrained")
+    card = dataclasses.replace(net, record={}).card
+    assert "Training: not recorded." in card
+    assert "Errors: not recorded." in card
+    assert "None" not in card
+    some = {"method": "hig", "samples": 9, "seed": 4, "held_out": 5, "drag_error_mean": 0.001}
+    card = dataclasses.replace(net, record=some).card
+    assert "Training: half-inverse gradients on 9 bodies, seed 4." in card
+    assert "Errors over Cd on 5 unseen bodies" in card
+    assert "Cd: mean 0.100 %" in card
+    for less in ({"method": "hig"}, {"drag_error_mean": 0.001}, {"method": "none", "seed": 3}):
+        card = dataclasses.replace(net, record=less).card
+        assert "None" not in card
+        assert " 0 bodies" not in card
+
+
 def test_golden_pretrained_surrogate_on_unseen_bodies():
     """A handful of the acceptance test: mean error below 0.05 %, none above 0.3 %."""
     net: Surrogate = load("pretrained")

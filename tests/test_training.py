@@ -530,14 +530,14 @@ def test_matrix_free_hig_trains_as_the_dense_one(plan, setup):
 
 def test_train_saves_what_it_returns(tiny_scene, tmp_path, capfd):
     out = tmp_path / "deep" / "folder"
-    options = {"samples": 24, "preset": "quick", "budget_seconds": 1, "seed": 3}
+    options = {"samples": 16, "held_out": 8, "preset": "quick", "budget_seconds": 1, "seed": 3}
     surrogate = train(tiny_scene, "hig", out=out, **options)
-    assert "preparing flows: 0% 24 bodies, 48 held out" in capfd.readouterr().err
+    assert "preparing flows: 0% 16 bodies, 8 held out" in capfd.readouterr().err
     loaded = load(out)
     body = np.array([2.0, 0.1, 0.0, 0.0])
     assert float(loaded.drag(body, 10.0)) == float(surrogate.drag(body, 10.0))
     assert loaded.scene == tiny_scene
-    for key, value in {"method": "hig", "samples": 24, "seed": 3, "held_out": 48}.items():
+    for key, value in {"method": "hig", "samples": 16, "seed": 3, "held_out": 8}.items():
         assert loaded.recorded(key) == value
     assert 0 < loaded.recorded("drag_error_mean") < loaded.recorded("drag_error_max")
     assert loaded.recorded("unsolved_samples") == 0

@@ -17,11 +17,11 @@ import numpy as np  # noqa: E402
 
 from surrogate import Fidelity, Scene  # noqa: E402
 from surrogate.devices import choose_devices  # noqa: E402
-from surrogate.training.loop import run_training  # noqa: E402
+from surrogate.training.loop import load_errors, run_training  # noqa: E402
 from surrogate.training.plan import Plan  # noqa: E402
 from surrogate.training.setup import make_setup  # noqa: E402
 
-scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
+scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0))
 plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=14, report_every=2)
 setup = make_setup(plan, choose_devices(count))
 
@@ -45,3 +45,5 @@ for method in methods[1:]:
     run = run_training(dataclasses.replace(plan, method=method), setup)
     weights[method] = run.network.weights
 np.savez(folder / "weights.npz", **weights)
+initial = load_errors(setup.network, setup.held_out, setup.labels.loads)[:, 0].mean()
+np.save(folder / "errors.npy", [initial, run.history[-1].error_mean])  # of the last method

@@ -1,6 +1,7 @@
 """The passages of the README that state measurements, written from the records in results/."""
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from tools import mean_and_most
 from shapeopt.payoff.break_even import LATE, MOST_DESIGNS
 from shapeopt.payoff.tables import SHOWN_DESIGNS, short_table
 from surrogate import load
-from surrogate.training.plan import PRESETS
 
 SHIPPED = "pretrained", "pretrained:space", "pretrained:lift", "pretrained:particle"
 
@@ -34,9 +34,10 @@ def duration(result: Callable[[str], Result]) -> str:
     form = (
         "It takes {least:.0f} to {most:.0f} minutes on two cores with the install. A GPU "
         '({device}; `pip install "jax[cuda13]"`) solves batches of flows {gain:.0f} times as fast '
-        "as one core."
+        "as one CPU device."
     )
     least, most = (seconds / 60 for seconds in result("duration")["seconds"])
+    most = math.ceil(most)
     gain = accelerator.gain(result("accelerator"), "2-D, standard")
     return words(form, least=least, most=most, **gain)
 
@@ -48,15 +49,15 @@ def payoff(result: Callable[[str], Result]) -> str:
         "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
         "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `hig, 64 bodies` "
         "after {after[hig, 64 bodies]:.0f}. Fitted to as many flows, kriging errs by "
-        "{off[gradient-enhanced kriging]} on average with gradients, by {off[kriging]} without, a "
-        "polynomial by {off[polynomial]}; as published SIP errs by {off[sip, as published]:.3%}, "
+        "{off[gradient-enhanced kriging]} with gradients, by {off[kriging]} without, a polynomial "
+        "without by {off[polynomial]}; as published SIP errs by {off[sip, as published]:.3%}, "
         "HIG by {off[hig, as published]:.3%}, DP by {off[dp, as published]:.3%}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}
     off = {row["method"]: row["error_mean"] for row in training.summary(result("training"))}
     off |= {row["method"]: row["drag_error_mean"] for row in rows if row["training_g"]}
-    count, bodies = len(result("payoff")["queries"]), PRESETS["full"].samples
+    count, bodies = len(result("payoff")["queries"]), result("payoff")["settings"]["samples"]
     return f"{short_table(rows)}\n\n{words(form, after=after, off=off, count=count, bodies=bodies)}"
 
 
@@ -94,17 +95,18 @@ def _space(result):
     paid = [row for row in rows if row["training_g"] and row["break_even_g"] is not None]
     first = min(paid, key=lambda row: row["break_even_g"])
     over = min(_over_kriging(rows), key=lambda row: row["beats_kriging_g"], default=None)
-    queries = len(result("payoff_space")["queries"])
+    settings, queries = result("payoff_space")["settings"], len(result("payoff_space")["queries"])
+    seeds = "one seed" if settings["seeds"] == 1 else f"{settings['seeds']} seeds"
     kriging = f"no training within {MOST_DESIGNS:,}"
     if queries <= LATE:
         kriging = f"{queries} queries are too few to say"
     elif over is not None:
         kriging = f"`{over['method']}` from design {over['beats_kriging_g']} on"
     form = (
-        "Drag in 3-D, {queries} queries, one seed: by G `{method}` pays against `direct` after "
+        "Drag in 3-D, {queries} queries, {seeds}: by G `{method}` pays against `direct` after "
         "{break_even_g:.1f} designs, against kriging with memory {kriging}."
     )
-    return words(form, kriging=kriging, queries=queries, **first)
+    return words(form, kriging=kriging, queries=queries, seeds=seeds, **first)
 
 
 def _robust(result):

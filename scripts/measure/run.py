@@ -118,7 +118,8 @@ def main(argv: Sequence[str] | None = None) -> Result:
 class Checkpoint:
     """The rows and seconds of the cases measured so far, in a file until the record is written.
 
-    A file with another ``head`` is of another command or other versions, and is replaced.
+    A file with another ``head`` is of another command or other versions, and is replaced. Cases
+    that lacked a package are measured again.
     """
 
     def __init__(self, path: Path, head: Row):
@@ -126,9 +127,13 @@ class Checkpoint:
         if path.is_file() and (found := json.loads(path.read_text()))["head"] == head:
             self.cases = found["cases"]
 
-    def add(self, case: Row) -> None:
-        """Add one more case, and write the file."""
-        self.cases.append(case)
+    def lacks(self, k: int) -> bool:
+        """Return whether case ``k`` is to be measured."""
+        return k >= len(self.cases) or "unavailable" in self.cases[k]
+
+    def put(self, k: int, case: Row) -> None:
+        """Add case ``k``, the next one at most, or replace it, and write the file."""
+        self.cases[k : k + 1] = [case]
         with whole_file(self.path) as part:
             part.write_text(json.dumps({"head": self.head, "cases": self.cases}))
 
@@ -136,10 +141,12 @@ class Checkpoint:
 def measure(study: Study, run: Run, checkpoint: Checkpoint) -> tuple[Result, float]:
     """Measure every case of every table, and return the result and the seconds that it took."""
     jobs = [(table, case) for table in study.tables for case in table.chosen(run)]
-    for k, (table, case) in list(enumerate(jobs))[len(checkpoint.cases) :]:
+    for k, (table, case) in enumerate(jobs):
+        if not checkpoint.lacks(k):
+            continue
         shown = [f"{x:g}" if isinstance(x, float) else x for x in case.values()]
         run.progress(k / len(jobs), ", ".join(str(x) for x in shown if isinstance(x, str | int)))
-        checkpoint.add(_measured(run, table, case))
+        checkpoint.put(k, _measured(run, table, case))
     result: Result = {table.key: [] for table in study.tables}
     for (table, _), case in zip(jobs, checkpoint.cases, strict=True):
         result[table.key] += case["rows"]

@@ -10,6 +10,7 @@ from shapeopt.commands.ranges import numbers
 from surrogate.body.body_2d import Body2D
 from surrogate.body.contour import naca4
 from surrogate.body.contour_file import read_contour
+from surrogate.body.incidence import check_incidence
 from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
@@ -17,9 +18,10 @@ from surrogate.files import JsonObject
 from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS
 
-METHODS_HELP = (
-    "METHOD: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
-    "gradients) or supervised (regression); or lift, space, particle (sections, 3-D, any incidence)"
+SURROGATES_HELP = (
+    "NAME: lift (sections at incidence), space (3-D) or particle (3-D at any incidence); or a "
+    "method: dp (differentiable physics), sip (scale-invariant physics), hig (half-inverse "
+    "gradients) or supervised (regression)"
 )
 SINGLE_VALUED = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # one value each
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
@@ -32,6 +34,12 @@ def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> N
         usual = f" ({p.neutral:g})" if p.name != "aspect" else ""
         words = f"{p.meaning}, {p.low:g} to {p.high:g}{usual}"
         group.add_argument(f"--{p.name}", type=float, help=words)
+
+
+def add_surrogate_argument(parser: Parser) -> None:
+    """Add the option --surrogate, of a trained one."""
+    models = f"folder, or pretrained[:NAME] (pretrained); {SURROGATES_HELP}"
+    parser.add_argument("--surrogate", default="pretrained", help=models)
 
 
 def check_aspect(arguments: argparse.Namespace) -> None:
@@ -73,16 +81,17 @@ def add_body_arguments(parser: Parser) -> None:
 def add_incidence_argument(parser: Parser) -> None:
     """Add the option --incidence, of one or several angles."""
     incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or FIRST:LAST:COUNT (0)"
-    parser.add_argument("--incidence", default="0", help=incidence)
+    parser.add_argument("--incidence", help=incidence)
 
 
 def incidences_of(arguments: argparse.Namespace) -> list[float]:
-    """Return the incidences that the option gives, in degrees.
+    """Return the incidences that the option gives, in degrees; 0 without it.
 
     Raises:
       InvalidInput: it gives none.
     """
-    return numbers(arguments.incidence, "--incidence", "-4,0,4", "-4:12:9", logarithmic=False)
+    given = "0" if arguments.incidence is None else arguments.incidence
+    return numbers(given, "--incidence", "-4,0,4", "-4:12:9", logarithmic=False)
 
 
 def shapes_of(arguments: argparse.Namespace, dimension: int = 2) -> dict[float, Shape]:
@@ -145,7 +154,10 @@ def _shape(arguments: argparse.Namespace, incidence: float, dimension: int) -> S
     if arguments.aspect is not None:
         if arguments.keep_size:
             raise InvalidInput("--keep-size: goes with --contour or --naca")
-        return family_shape(family_named(arguments, SINGLE_VALUED), incidence, dimension)
+        named = family_named(arguments, SINGLE_VALUED)
+        if arguments.incidence is not None:  # also 0, as gradients are by it too then
+            named[INCIDENCE.name] = check_incidence(incidence)
+        return family_shape(named, dimension=dimension)
     if dimension == 3:
         raise InvalidInput("--dimension 3: goes with --aspect; a contour is 2-D")
     if any(getattr(arguments, name) for name in SINGLE_VALUED if name != "aspect"):

@@ -16,6 +16,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from shapeopt.commands.arguments import add_surrogate_argument
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.problem_arguments import (
     CHORD_HELP,
@@ -55,9 +56,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         return _over_lift(arguments, surrogate, reynolds, lengths, out)
     if not lengths:
         raise InvalidInput("--max-length: give it, as 1.2,1.5,2; or --lifts")
+    bounds, model = constraints_of(arguments), _model(arguments, surrogate)
     with progress_bar("designs") as progress:
-        over, bounds = (reynolds, lengths, progress), constraints_of(arguments)
-        rows, seconds = designs_over(_model(arguments, surrogate), *over, **bounds)
+        rows, seconds = designs_over(model, reynolds, lengths, progress, **bounds)
     plot_designs(surrogate.scene.family, [row for row in rows if row["excess"] is not None], out)
     result = {"designs": rows, "seconds": seconds, "until": arguments.until, "out": str(out)}
     return _emitted(result, arguments.json, rows, [_length(row) for row in rows])
@@ -76,11 +77,12 @@ def _over_lift(
     lifts = numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False)
     bounds = constraints_of(arguments) | {"max_length": lengths[0] if lengths else None}
     bounds["by_chord"] = arguments.chord_reynolds is not None
+    model, lifts = _model(arguments, surrogate), sorted(set(lifts))
     with progress_bar("designs") as progress:
-        over = reynolds[0], sorted(set(lifts)), progress
-        rows, best, seconds = designs_over_lift(_model(arguments, surrogate), *over, **bounds)
+        rows, best, seconds = designs_over_lift(model, reynolds[0], lifts, progress, **bounds)
     found, by_chord = [row for row in rows if not row["why_not"]], bounds["by_chord"]
-    plot_over_lift(surrogate.scene.family, found, best, out, by_chord)
+    glider = None if best["why_not"] else best
+    plot_over_lift(surrogate.scene.family, found, glider, out, by_chord)
     reference = CHORD if by_chord else DIAMETER
     result = {"designs": rows, "best_glide": best, "seconds": seconds, "reference": reference}
     result |= {"until": arguments.until, "out": str(out)}
@@ -166,7 +168,7 @@ def _line(row: JsonObject, on_flow: bool) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add = parser.add_argument
-    add("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
+    add_surrogate_argument(parser)
     add("--reynolds", help="U D / nu: one, several as 1,3,10,40, or 1:40:log5")
     add("--chord-reynolds", help=f"with --lifts: {CHORD_HELP}")
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")

@@ -5,6 +5,7 @@ python scripts/explore.py --surrogate pretrained --out explore.html
 
 from collections.abc import Sequence
 
+from shapeopt.commands.arguments import add_surrogate_argument
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.render.page.page import write_page
 from surrogate.files import JsonObject, check_file
@@ -14,7 +15,7 @@ from surrogate.model.store import load
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments and write the page."""
     parser = Parser(__doc__)
-    parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
+    add_surrogate_argument(parser)
     parser.add_argument("--out", required=True, help="file, .html")
     arguments = parser.parse_args(argv)
     surrogate = load(arguments.surrogate)

@@ -9,7 +9,9 @@ The file has the weights, the loads and their exact derivatives, and flags for t
 
 from collections.abc import Sequence
 
+from shapeopt.commands.arguments import add_surrogate_argument
 from shapeopt.commands.cli import Parser, emit
+from surrogate.errors import InvalidInput
 from surrogate.exports.export import PREFIX, TARGETS, export
 from surrogate.exports.literals import PRECISIONS
 from surrogate.files import JsonObject
@@ -19,21 +21,24 @@ from surrogate.model.store import load
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments and write the file."""
     parser = Parser(__doc__)
-    parser.add_argument("--surrogate", default="pretrained", help="folder, or pretrained[:METHOD]")
+    add_surrogate_argument(parser)
     parser.add_argument(
         "--to", type=str.lower, required=True, choices=TARGETS, help="language of the file"
     )
     parser.add_argument("--out", required=True, help="file: .c, .f90, .py or .onnx")
-    parser.add_argument("--prefix", default=PREFIX, help="of the names in C and Fortran")
+    names = f"of the names in C, Fortran and ONNX ({PREFIX})"
+    parser.add_argument("--prefix", help=names)
     parser.add_argument("--precision", default="double", choices=PRECISIONS, help="of all numbers")
     arguments = parser.parse_args(argv)
+    if arguments.prefix is not None and arguments.to == "numpy":
+        raise InvalidInput("--prefix: goes with C, Fortran and ONNX; leave it out")
     surrogate = load(arguments.surrogate)
     out = export(
         surrogate,
         arguments.out,
         arguments.to,
         precision=arguments.precision,
-        prefix=arguments.prefix,
+        prefix=PREFIX if arguments.prefix is None else arguments.prefix,
     )
     result = {
         "out": str(out),

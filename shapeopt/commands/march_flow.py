@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shapeopt.commands.arguments import add_body_arguments, shape_of
+from shapeopt.commands.arguments import add_body_arguments, body_record, shape_of
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.reference import add_reynolds_arguments, reference_record, reynolds_of
 from shapeopt.render.pictures import render_march
@@ -34,7 +34,10 @@ LEAST_REYNOLDS = 1.0  # the stable time step falls with Re
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
-    """Parse the arguments, march in time, compare with the steady flow where stable, and render."""
+    """Parse the arguments, march in time, compare with the steady flow, and render.
+
+    The comparison is for symmetric bodies of the family below the onset of instability.
+    """
     arguments = _parser().parse_args(argv)
     shape = shape_of(arguments)
     reynolds = reynolds_of(arguments, shape.chord, dimension=2)
@@ -64,11 +67,15 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     drag, lift, frames = _march(box, markers, re, steps, kick=0.5 if sheds else 0.0)
     late = len(drag) // 2
     result = {
+        "body": body_record(arguments),
+        "incidence": shape.incidence,
         **reference_record(re, shape),
+        "height": arguments.height,
         "blockage": float(height / arguments.height),
         "time": duration,
         "cd": float(drag[-1]),
         "cd_mean": float(drag[late:].mean()),
+        "cl_mean": float(lift[late:].mean()),
         "cl_amplitude": float(np.ptp(lift[late:]) / 2),
         "strouhal": _strouhal(lift[late:], box.step) if sheds else None,
         "cd_steady": None,
@@ -111,7 +118,8 @@ def _strouhal(lift: np.ndarray, step: float) -> float | None:
 def _text(r: JsonObject) -> str:
     line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd_mean']:.4f}"
     if r["strouhal"] is not None:
-        line += f" on average, Cl +-{r['cl_amplitude']:.3f}, Strouhal number {r['strouhal']:.4f}"
+        lift = f"Cl {r['cl_mean']:.3f} +- {r['cl_amplitude']:.3f}"
+        line += f" on average, {lift}, Strouhal number {r['strouhal']:.4f}"
     if r["cd_steady"] is not None:
         gap = 100 * (r["cd"] / r["cd_steady"] - 1)
         line += (

@@ -74,6 +74,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if devices is not None and surrogate is not None and arguments.until != "flow":
         raise InvalidInput("--devices: goes with --until flow or --surrogate none")
     problem = problem_of(arguments, surrogate)
+    if devices not in (None, 1) and len(problem.scenarios.weight) == 1:
+        words = "the cases of an objective are spread over devices, and this one has a single case"
+        raise InvalidInput(f"--devices: {words}")
     on_flow = surrogate is None or arguments.until == "flow"
     settings = design_settings(problem, surrogate, on_flow, arguments.memory)
     record = stored_run(arguments.out, settings, arguments.overwrite)

@@ -46,7 +46,7 @@ from surrogate.training.plan import PRESETS, SAMPLES_HELP, Plan, compared_plans
 from surrogate.training.train import train_all
 from surrogate.versions import command_line
 
-RECORD, PICTURES = "payoff.json", ("payoff.png", "shapes.png")
+RECORD, PICTURES = "payoff.json", {"shapes": "shapes.png", "plot": "payoff.png"}
 PLAIN = {"quick": 2, "full": 5}  # design problems without constraints, over the range of Re
 QUERIES = {"quick": 5, "full": 50}  # design problems in all
 
@@ -108,15 +108,18 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "drags": {s.name: [[d.drag for d in row] for row in s.designs] for s in strategies},
         "robust": _robust(groups[0][best]),
         "best": best,
-        **_pictures(strategies, groups[0][best], queries[: PLAIN[preset]], best, out),
+        **_places(out),
     }
+    for picture in PICTURES.values():  # of an earlier payoff
+        (out / picture).unlink(missing_ok=True)
     with whole_file(out / RECORD) as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
+    _draw(strategies, groups[0][best], queries[: PLAIN[preset]], best, out)
     return _emit(result, arguments.json)
 
 
 def _emit(result: JsonObject, as_json: bool) -> JsonObject:
-    pictures = "\n\n".join(f"-> {result[name]}" for name in ("shapes", "plot"))
+    pictures = "\n\n".join(f"-> {result[name]}" for name in PICTURES)
     return emit(result, as_json, f"{payoff_tables(result)}\n\n{pictures}")
 
 
@@ -143,8 +146,13 @@ def _stored(out: Path, settings: JsonObject, overwrite: bool) -> JsonObject | No
         return None
     stored = strict_json((out / RECORD).read_text(encoding="utf-8"))
     check_settings(out, "payoff", stored.get("settings"), settings)
-    places = {name: str(out / f) for name, f in zip(("plot", "shapes"), PICTURES, strict=True)}
-    return stored | places if all((out / name).is_file() for name in PICTURES) else None
+    complete = all((out / name).is_file() for name in PICTURES.values())
+    return stored | _places(out) if complete else None
+
+
+def _places(out: Path) -> dict[str, str]:
+    """Where the pictures of a payoff are."""
+    return {name: str(out / file) for name, file in PICTURES.items()}
 
 
 def _plans(arguments: argparse.Namespace, scene: Scene, seed: int) -> dict[str, Plan]:
@@ -158,7 +166,7 @@ def _own_names(arguments: argparse.Namespace) -> list[str]:
     names += [f"{name}.checkpoint" for name in names]
     runs = [f"run-{k}" for k in range(9)]
     seeds = [f"seed{arguments.seed + k}" for k in range(arguments.seeds)]
-    return [*names, *PICTURES, *runs, *seeds]
+    return [*names, *PICTURES.values(), *runs, *seeds]
 
 
 def _robust(surrogate: Surrogate) -> JsonObject:
@@ -168,9 +176,9 @@ def _robust(surrogate: Surrogate) -> JsonObject:
     return {"calls": design.calls, "seconds": design.seconds}
 
 
-def _pictures(
+def _draw(
     strategies: list[Strategy], surrogate: Surrogate, queries: list[Problem], best: str, out: Path
-) -> dict[str, str]:
+) -> None:
     """Plot the cost, and draw the bodies of the first and the last query without constraints."""
     with progress_bar("rendering") as progress:
         rows = []
@@ -178,10 +186,9 @@ def _pictures(
             folder = out / f"run-{k}"
             save_run(folder, optimise(queries[k], surrogate), surrogate, str(out / best))
             rows.append(before_and_after(load_run(folder)))
-        plot = plot_payoff(strategies, out / "payoff.png")
-        shapes = render_panels(rows, out / "shapes.png")
+        plot_payoff(strategies, out / PICTURES["plot"])
+        shapes = render_panels(rows, out / PICTURES["shapes"])
         progress(1.0, str(shapes))
-    return {"shapes": str(shapes), "plot": str(plot)}
 
 
 def _query(problem: Problem) -> JsonObject:

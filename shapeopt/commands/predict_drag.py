@@ -22,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from shapeopt.commands.arguments import (
-    METHODS_HELP,
     SINGLE_VALUED,
     add_family_arguments,
     add_incidence_argument,
+    add_surrogate_argument,
     check_aspect,
     family_named,
     incidences_of,
@@ -50,12 +50,13 @@ from shapeopt.commands.reference import (
     reynolds_of,
     unsteady_remark,
 )
+from shapeopt.commands.sweep import check_converged
+from shapeopt.commands.verification import beside_the_flow
 from surrogate.body.chord_line import loads_by_chord
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import Shape, family_shape
 from surrogate.compilation import compiled
 from surrogate.files import JsonObject
-from surrogate.flow.flow import Flow
 from surrogate.flow.forces import Conditions
 from surrogate.flow.loads import LOADS
 from surrogate.model.evaluation import network_loads
@@ -76,6 +77,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         row for incidence in incidences for row in _at_incidence(surrogate, arguments, incidence)
     ]
     family = surrogate.scene.family
+    if arguments.verify:
+        bodies = [family.parameters(_named(arguments, row["incidence"])) for row in results]
+        results = beside_the_flow(surrogate, bodies, results)
     result = {
         "results": results,
         "surrogate": arguments.surrogate,
@@ -90,7 +94,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     lines = [reference_line(results[0]), *(_line(row, lifting) for row in results)]
     if any(row["cd_error_bound"] is not None for row in results):
         lines.append(f"+-: bounds for {100 * surrogate.bound_coverage:.0f} % of bodies")
-    return emit(result, arguments.json, "\n".join(lines))
+    emit(result, arguments.json, "\n".join(lines))
+    if arguments.verify:
+        check_converged(results)
+    return result
 
 
 def _named(arguments: argparse.Namespace, incidence: float) -> dict[str, float]:
@@ -116,7 +123,7 @@ def _at_incidence(
         }
         if conditions is not None:
             row |= _forces(surrogate, parameters, reynolds, conditions)
-        rows.append(row | (_verify(surrogate, parameters, row) if arguments.verify else {}))
+        rows.append(row)
     return rows
 
 
@@ -137,8 +144,11 @@ def _predict(
     }
     row |= moment_record(shape, arguments.moment_about, *by_diameter)
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-    jacobian = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
-    gradients = dict(zip(LOADS, map(family.named, np.asarray(jacobian)), strict=True))
+    by_body, by_re = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
+    gradients = {
+        load: family.named(row) | {"reynolds": slope}
+        for load, row, slope in zip(LOADS, np.asarray(by_body), by_re.tolist(), strict=True)
+    }
     outside = surrogate.outside(parameters, reynolds)
     confidence = "inside"
     if outside:
@@ -164,13 +174,13 @@ def _forces(
 
 @compiled("body_class", "by_chord")
 def _jacobian(network, body_class, by_chord, parameters, reynolds):
-    """Return the derivatives by parameters of a body's loads, by D or by its chord."""
+    """Return the derivatives of a body's loads, over D or its chord, by parameters and U D / nu."""
 
-    def coefficients(body):
+    def coefficients(body, reynolds):
         by_diameter = network_loads(network, body, reynolds)
         return loads_by_chord(by_diameter, body_class.length(body)) if by_chord else by_diameter
 
-    return jax.jacrev(coefficients)(parameters)
+    return jax.jacrev(coefficients, argnums=(0, 1))(parameters, reynolds)
 
 
 def _error_bounds(
@@ -192,34 +202,6 @@ def _error_bounds(
     return dict(zip(keys, bounds.tolist(), strict=True))
 
 
-def _verify(surrogate: Surrogate, parameters: np.ndarray, row: JsonObject) -> JsonObject:
-    """Solve the flow: on the scene's grid inside the trained ranges, else on one for the body."""
-    scene, body = surrogate.scene, parameters
-    if not row["in_trained_range"]:
-        body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
-    solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
-    by = row["chord"] if row["reference"] == CHORD else 1.0
-    by_diameter = np.array([solution.drag, solution.lift, solution.moment])
-    drag, lift, moment = loads_by_chord(by_diameter, by).tolist()
-    flow = {"cl": lift, "cm": moment}
-    errors = {f"{load}_error": abs(row[load] - value) for load, value in flow.items()}
-    about = {}
-    if "moment_about" in row:
-        about["cm_about_flow"] = solution.moment_about(row["moment_about"]) / by**2
-    return {
-        "cd_flow": drag,
-        "cl_flow": flow["cl"],
-        "cm_flow": flow["cm"],
-        "error": abs(row["cd"] / drag - 1),
-        **errors,
-        **about,
-        "status": solution.status,
-        "accuracy": solution.accuracy,
-        "expected_error": solution.expected_error,
-        "estimated_error": solution.estimated_error,
-    }
-
-
 def _line(r: JsonObject, lifts: bool) -> str:
     """Return a row as text, with incidence, Cl and Cm if any row has them."""
     turned = f"incidence {r['incidence']:<5g} " if lifts else ""
@@ -230,7 +212,9 @@ def _line(r: JsonObject, lifts: bool) -> str:
     loads = [load for load in LOADS if lifts or load == "cd"]
     words = (f"{load.capitalize()} {r[load]:.4f}{bounds[load]}" for load in loads)
     line = f"{turned}Re {r['reynolds']:<8g} {'  '.join(words)}  {moment_text(r)}".rstrip()
-    if "cd_flow" in r:
+    if not r.get("converged", True):
+        line += "  the flow did not converge"
+    elif "cd_flow" in r:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
         line += f", which {r['accuracy']}"
@@ -255,8 +239,7 @@ def _beyond(r: JsonObject, lifts: bool) -> str:
 
 def _parser() -> Parser:
     parser = Parser(__doc__)
-    models = f"folder, or pretrained[:METHOD]; {METHODS_HELP}"
-    parser.add_argument("--surrogate", default="pretrained", help=models)
+    add_surrogate_argument(parser)
     add_family_arguments(parser, SINGLE_VALUED)
     add_incidence_argument(parser)
     add_reynolds_arguments(parser)

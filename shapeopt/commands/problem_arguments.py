@@ -2,7 +2,7 @@
 
 import argparse
 
-from shapeopt.commands.arguments import METHODS_HELP, REYNOLDS_HELP
+from shapeopt.commands.arguments import REYNOLDS_HELP, SURROGATES_HELP
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
@@ -37,7 +37,7 @@ UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 def add_problem_arguments(parser: Parser) -> None:
     """Add the options of an optimisation problem: model, objective and constraints."""
     add = parser.add_argument
-    models = f"folder, pretrained[:METHOD] (default) or none; {METHODS_HELP}"
+    models = f"folder, pretrained[:NAME] (default) or none; {SURROGATES_HELP}"
     add("--surrogate", default="pretrained", help=models)
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
@@ -135,7 +135,8 @@ def _objective(arguments: argparse.Namespace) -> Objective:
     if arguments.reynolds is not None and arguments.chord_reynolds is not None:
         raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
-    uncertain = [name for name, value in given.items() if value is not None]
+    without = {"spread": 0.0, "tolerance": 0.0}  # as if the option were not given
+    uncertain = [n for n, value in given.items() if value not in (None, without.get(n))]
     settles = arguments.objective == SETTLING
     if settles != (arguments.archimedes is not None):
         raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
@@ -174,6 +175,8 @@ def _objective(arguments: argparse.Namespace) -> Objective:
         return AtReynolds(reynolds[0])
     if not (given["spread"] or given["tolerance"]):
         raise InvalidInput(f"--{uncertain[0]}: needs an uncertainty, --spread or --tolerance")
+    if given["distribution"] and not given["spread"]:
+        raise InvalidInput("--distribution: goes with --spread, the spread of Re")
     kind = Uniform if given["distribution"] == "uniform" else LogNormal
     return Robust(
         reynolds[0],

@@ -124,9 +124,10 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         which = f"--incidence {incidence:g}: " if len(shapes) > 1 else ""
         with refusals_by_options(arguments.keep_size, which):
             onset = onset_of(shape)
+            solved = shape.differentiable() if arguments.gradient else shape
             for value in scene.reynolds:
                 check_reynolds(value, unsteady, dimension, onset)
-                fitted_domain(scene.stream, scene.fidelity, shape, value)
+                fitted_domain(scene.stream, scene.fidelity, solved, value)
     return scene, cases
 
 
@@ -203,7 +204,7 @@ def _row(s: Solution) -> JsonObject:
         "iterations": s.newton_steps,
         "green_applications": s.green_applications,
         "wall_s": s.seconds,
-        "gradient": s.gradient if s.shape.symmetric else s.gradients,
+        "gradient": s.gradients if s.gradients and len(s.gradients) > 1 else s.gradient,
         "expected_error": s.expected_error,
         "estimated_error": s.estimated_error,
         "estimated_lift_error": s.estimated_lift_error,
@@ -288,7 +289,7 @@ def _parser() -> Parser:
     add(
         "--gradient",
         action="store_true",
-        help="derivatives of the loads by parameters (incidence in degrees) and Re",
+        help="derivatives by parameters and Re; with --incidence, also 0, of all loads, by it too",
     )
     unsteady = "beyond the onset of instability: Re 47 of the cylinder, in 3-D 210"
     add("--allow-unsteady", action="store_true", help=unsteady)

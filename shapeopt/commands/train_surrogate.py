@@ -28,6 +28,8 @@ from shapeopt.commands.distributed import (
 )
 from surrogate.devices import Devices, choose_devices
 from surrogate.files import JsonObject
+from surrogate.model.card import recorded_errors
+from surrogate.model.outputs import SYMBOLS
 from surrogate.model.store import load, warn_of_inaccuracy
 from surrogate.model.surrogate import Surrogate
 from surrogate.processes import first
@@ -39,7 +41,7 @@ from surrogate.training.stored import stored_training
 from surrogate.training.train import is_measured, train_plan
 
 KEYS = (
-    *("method", "drag_error_mean", "drag_error_max", "green_applications", "train_s", "weights"),
+    *("method", "green_applications", "train_s", "weights"),
     *("compile_s", "foreseen_g", "foreseen_s", "unsolved_samples"),
 )
 
@@ -71,18 +73,28 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         print_message(f"{out}: this training is done already; --overwrite repeats it")
     warn_of_inaccuracy(surrogate, str(out))
     record = surrogate.record
+    errors = recorded_errors(record)
     result = {key: record.get(key) for key in KEYS}
+    result |= {f"{name}_error_{k}": e[k] for name, e in errors.items() for k in ("mean", "max")}
     result |= {"out": str(out), "warning": surrogate.inaccuracy}
     forecasts = [record.get("foreseen_g"), record.get("foreseen_s")]
     work, seconds = ("" if f is None else f" (forecast {f:.0f})" for f in forecasts)
     text = (
-        f"{plan.method}: drag error mean {100 * result['drag_error_mean']:.2f} %, max "
-        f"{100 * result['drag_error_max']:.2f} % on {surrogate.unseen} unseen bodies after "
+        f"{plan.method}: {_errors(errors)} on {surrogate.unseen} unseen bodies after "
         f"{result['green_applications']} convolutions{work}, "
         f"{record['setup_s'] + result['train_s']:.1f} s{seconds} and "
         f"{record.get('compile_s', 0.0):.1f} s of compiling -> {out}"
     )
     return emit(result, a.json, text)
+
+
+def _errors(errors: dict[str, dict[str, float]]) -> str:
+    """The mean and the largest error of every load as text."""
+    words = (
+        f"{SYMBOLS[name]} {100 * e['mean']:.2f} % on average, {100 * e['max']:.2f} % at most"
+        for name, e in errors.items()
+    )
+    return f"error of {'; of '.join(words)}{' (all over Cd)' if len(errors) > 1 else ''}"
 
 
 def _train(plan: Plan, out: Path, devices: Devices, overwrite: bool) -> Surrogate:

@@ -39,7 +39,8 @@ class Problem:
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
       min_radius: lower bound on the radius of curvature all around the outline; in 3-D of the
         outline seen from the side.
-      within: narrower ranges of parameters by name, as ``{"aspect": (1, 3)}``.
+      within: narrower ranges of parameters by name, as ``{"aspect": (1, 3)}``; of none that the
+        objective holds, as ``Tumbling`` does.
       trust: distance that every shape parameter keeps from both ends of its trained range, as a
         share of the range's width, from 0 to below 0.5; a surrogate is least accurate at the ends.
         A parameter that the objective holds is exempt.
@@ -227,7 +228,7 @@ class Problem:
             )
 
     def _check_ranges(self):
-        trained = dict(self.scene.family.ranges)
+        trained, held = dict(self.scene.family.ranges), self.objective.fixed_parameters(self.scene)
         for name, value in (self.within or {}).items():
             if name not in trained:
                 hint = did_you_mean(name, trained)
@@ -238,10 +239,9 @@ class Problem:
                     f"range of {name} {least:g} to {most:g}: must lie within the family's, "
                     f"{low:g} to {high:g}"
                 )
-        held = self.objective.fixed_parameters(self.scene)
-        for name, low, high in zip(trained, *self._ranges(), strict=True):
-            if low > high and name in held:
+            if name in held and not least == most == held[name]:
                 raise InvalidInput(f"range of {name}: the objective holds it at {held[name]:g}")
+        for name, low, high in zip(trained, *self._ranges(), strict=True):
             if low > high:
                 raise InvalidInput(
                     f"{name}: its range and trust {self.trust:g} (or the tolerance, or the "

@@ -26,7 +26,7 @@ LARGEST, LEAST = 0.55, 0.2  # inches of one D in the figure
 def plot_over_lift(
     family: Family,
     rows: list[JsonObject],
-    best: JsonObject,
+    best: JsonObject | None,
     path: str | Path,
     by_chord: bool = False,
 ) -> Path:
@@ -38,13 +38,14 @@ def plot_over_lift(
     Args:
       family: of the bodies.
       rows: the bodies of least drag, with "parameters", "cd" and "cl".
-      best: the body of best glide, with "glide" too.
+      best: the body of best glide, with "glide" too; None if it is not known.
       path: of the picture.
       by_chord: whether Re and coefficients are based on the chord; bodies are then of one chord.
     """
-    number = best["chord_reynolds"] if by_chord else best["reynolds"]
+    number = rows[0]["chord_reynolds" if by_chord else "reynolds"]
     reynolds = f"{'chord ' * by_chord}Re {number:.4g}"
-    lifts = [0.0, *(row["cl"] for row in (*rows, best))]
+    drawn = rows if best is None else [*rows, best]
+    lifts = [0.0, *(row["cl"] for row in drawn)]
     span = max(lifts) - min(lifts) or 1.0
     left, right = min(lifts) - 0.08 * span, max(lifts) + 0.1 * span
     with rc_context(STYLE):
@@ -52,19 +53,20 @@ def plot_over_lift(
         axis = figure.subplots()
         points = sorted((row["cl"], row["cd"]) for row in rows)
         axis.plot(*np.transpose(points), color=OPTIMUM, lw=2, marker="o", ms=5)
-        longest = max(row["chord"] for row in (*rows, best)) if by_chord else None
+        longest = max(row["chord"] for row in drawn) if by_chord else None
         bodies = [section_contour(family, row, longest) for row in rows]
         scale = _draw_bodies(axis, bodies, rows, WIDTH / (right - left))
-        _draw_best(axis, scale * section_contour(family, best, longest), best)
+        if best is not None:
+            _draw_best(axis, scale * section_contour(family, best, longest), best)
+            axis.legend(loc="lower right")
         axis.set(
             xlim=(left, right),
-            ylim=(0, 1.35 * max(row["cd"] for row in (*rows, best))),
+            ylim=(0, 1.35 * max(row["cd"] for row in drawn)),
             xlabel="$C_l$, over c" if by_chord else "$C_l$",
             ylabel="$C_d$, over c" if by_chord else "$C_d$",
             title=f"least $C_d$ for $C_l$, {reynolds}",
         )
         axis.axvline(0, color=INK, lw=0.6, zorder=0)
-        axis.legend(loc="lower right")
         return save_figure(figure, path)
 
 

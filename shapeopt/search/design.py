@@ -12,7 +12,9 @@ from shapeopt.search.optimality import KKT_ACCEPTED, Derivatives, multipliers
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
 from surrogate.body.parameters import PARAMETERS
-from surrogate.summary import aligned, listed
+from surrogate.body.shape import family_shape
+from surrogate.scene.limits import onset_of
+from surrogate.summary import aligned, listed, steady_text
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -81,6 +83,7 @@ class Design:
                 **lift,
                 **self._ends,
                 **self._slopes,
+                "steady": steady_text(self.reynolds, self.onset),
                 "KKT residual": f"{self.kkt_residual:.1e}, 0 at a local optimum",
                 "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
             }
@@ -155,6 +158,11 @@ class Design:
     def chord_reynolds(self) -> float:
         """The nominal Reynolds number U c / nu, by the chord c."""
         return self.reynolds * self.chord
+
+    @functools.cached_property
+    def onset(self) -> float:
+        """An estimate of the Re beyond which the steady flow past the body is unstable."""
+        return onset_of(family_shape(self._named, dimension=self.problem.scene.dimension))
 
     @property
     def converged(self) -> bool:

@@ -8,11 +8,9 @@ from shapeopt.problem.problem import Problem
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
 from shapeopt.search.optimise import optimise_all
-from surrogate.body.shape import family_shape
 from surrogate.errors import NotConverged
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import Update
-from surrogate.scene.limits import onset_of
 
 Row = dict[str, Any]
 OPTIMUM = (  # the entries of a row that has an optimum
@@ -80,12 +78,10 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
     row["chord_reynolds"] = nominal if by_chord else None
     if isinstance(found, NotConverged):
         return row | {"why_not": str(found)}
-    family = problem.scene.family
-    body = family.named(found.parameters)
     return row | {
         "reynolds": found.reynolds,
         "chord_reynolds": found.chord_reynolds,
-        "parameters": body,
+        "parameters": problem.scene.family.named(found.parameters),
         "chord": found.chord,
         "thickness": found.thickness,
         "multipliers": found.multipliers,
@@ -95,7 +91,7 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "glide": found.lift / found.drag,
         "kkt_residual": found.kkt_residual,
         "flows": found.flows,
-        "onset": onset_of(family_shape(body, dimension=problem.scene.dimension)),
+        "onset": found.onset,
         "at_range_ends": problem.at_range_ends(found.parameters),
     }
 

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.special import eval_chebyu
 
-from surrogate.arrays import AnyArray, picked
+from surrogate.arrays import AnyArray, array_module, picked
 from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
@@ -49,6 +49,14 @@ class BodyClass(abc.ABC):
     default_ranges: ClassVar[Mapping[str, Range]]
     round_body: ClassVar[str]  # what the ellipse of aspect 1 is called
     size: ClassVar[str]  # what all bodies have in common
+
+    def replaced(
+        self, parameters: Float[AnyArray, "*bodies parameters"], name: str, values: AnyArray | float
+    ) -> Float[AnyArray, "*all parameters"]:
+        """Return parameters with other values of one of them; bodies and values broadcast."""
+        module, here = array_module(parameters, values), np.arange(len(self.names))
+        here = here == self.names.index(name)
+        return module.where(here, module.asarray(values)[..., None], parameters)
 
     @abc.abstractmethod
     def half_axes(

@@ -43,7 +43,8 @@ def export(
       path: the file, .c, .f90, .py or .onnx.
       to: "c" (C99), "fortran" (2003), "numpy" or "onnx".
       precision: "double" or "single".
-      prefix: begins the names of functions in C and names the module in Fortran.
+      prefix: begins the names of functions in C and names the module in Fortran and the graph in
+        ONNX; NumPy files have none.
 
     Returns:
       The path.

@@ -156,7 +156,7 @@ class Flow:
             if not partial and not bool(found.converged):
                 raise NotConverged(
                     f"flow or adjoint at Re {float(at[1]):g} did not converge; flow.solve "
-                    "approaches it by lower Re, partial=True returns NaN"
+                    "reaches it by continuation in Re, partial=True returns NaN"
                 )
             return found
         known = covers(self.scene, self.bodies, *at, allow_unsteady)

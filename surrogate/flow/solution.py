@@ -25,7 +25,7 @@ from surrogate.flow.surface.pressure import pressure
 from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import onset_of
-from surrogate.summary import aligned, listed
+from surrogate.summary import aligned, listed, steady_text
 
 if TYPE_CHECKING:
     import pyvista as pv
@@ -103,8 +103,7 @@ class Solution:
             "Cl": f"{self.lift:.4f}",
             "Cm": f"{self.moment:.4f}, about the centroid, nose up",
             "error of Cd": f"{self.status}: {self.accuracy}",
-            "steady": f"{'to' if self.reynolds <= self.onset else 'only to'} Re {self.onset:.3g}, "
-            "by an estimate",
+            "steady": steady_text(self.reynolds, self.onset),
             "work": f"{self.newton_steps} Newton steps, {self.green_applications} convolutions "
             f"with the Green's function, {self.seconds:.2f} s",
         }

@@ -28,7 +28,7 @@ def model_card(scene: Scene, record: JsonObject) -> str:
       record: of its training.
     """
     planar, lifting = scene.dimension == 2, scene.family.has_lift
-    method, fidelity = str(record.get("method")), scene.fidelity
+    fidelity = scene.fidelity
     low, high = scene.reynolds
     ranges = "; ".join(
         f"{name} {a:g} to {b:g} ({PARAMETERS[name].meaning})"
@@ -47,10 +47,8 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Trained ranges: Re = U D / nu {low:g} to {high:g}; {ranges}.",
         "Bodies: " + FORMULAS[scene.dimension].replace("\n", "\n  "),
         f"Normalisation: {loads}, with U = D = rho = 1, D the diameter of equal {size}.",
-        f"Training: {METHODS.get(method, method)} on {_trained_on(record)} bodies, "
-        f"seed {record.get('seed')}.",
-        f"Errors over Cd on {unseen_bodies(record)} unseen bodies, against the flow solver:",
-        *(f"  {line}" for line in _errors(record)),
+        _training(record),
+        *_errors(record),
         "Bounds for the errors of each answer: Surrogate.error_bounds in Python, predict_drag.py.",
         f"Flow solver: {fidelity.name}, {scene.fidelity_for_bodies.cells} cells per D, made for "
         f"drags within {100 * fidelity.tolerance:g} % of the exact flow.",
@@ -60,6 +58,15 @@ def model_card(scene: Scene, record: JsonObject) -> str:
         f"Made by drag-surrogates {version}, MIT licence; {_weights(record)}.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def recorded_errors(record: JsonObject) -> dict[str, dict[str, float]]:
+    """Return the errors on held-out bodies, over Cd, that a record has: by load, then by kind."""
+    known = {
+        load: {k: e for k in KINDS if (e := record.get(f"{load}_error_{k}")) is not None}
+        for load in LOAD_NAMES
+    }
+    return {load: errors for load, errors in known.items() if errors}
 
 
 def unseen_bodies(record: JsonObject) -> int | None:
@@ -92,11 +99,17 @@ def inaccuracy_of(scene: Scene, record: JsonObject) -> str | None:
     )
 
 
-def _trained_on(record):
-    """Return how many bodies have solved flows: failures count where no body can fail twice."""
-    once = record.get("method") == "supervised" or not record.get("published")
-    failed = once * record.get("failed_samples", 0)
-    return record.get("samples", 0) - failed - record.get("unsolved_samples", 0)
+def _training(record):
+    """Return how and on how many bodies the network was trained, as far as that is recorded."""
+    if "method" not in record:
+        return "Training: not recorded."
+    words = METHODS.get(record["method"], record["method"])
+    if "samples" in record:
+        once = record["method"] == "supervised" or not record.get("published")  # none fails twice
+        failed = once * record.get("failed_samples", 0) + record.get("unsolved_samples", 0)
+        words += f" on {record['samples'] - failed} bodies"
+    words += f", seed {record['seed']}" if "seed" in record else ""
+    return f"Training: {words}."
 
 
 def _limits(scene, record):
@@ -117,12 +130,14 @@ def _weights(record):
 
 
 def _errors(record):
-    """Yield one line for each load whose errors the record has."""
-    for load, symbol in SYMBOLS.items():
-        known = {
-            words: record[f"{load}_error_{kind}"]
-            for kind, words in KINDS.items()
-            if f"{load}_error_{kind}" in record
-        }
-        if known:
-            yield f"{symbol}: " + ", ".join(f"{k} {100 * e:.3f} %" for k, e in known.items())
+    """Yield lines on the errors of each load that are recorded."""
+    known = recorded_errors(record)
+    if not known:
+        yield "Errors: not recorded."
+        return
+    count = unseen_bodies(record)
+    number = "" if count is None else f"{count} "
+    yield f"Errors over Cd on {number}unseen bodies, against the flow solver:"
+    for load, errors in known.items():
+        words = (f"{KINDS[kind]} {100 * error:.3f} %" for kind, error in errors.items())
+        yield f"  {SYMBOLS[load]}: {', '.join(words)}"

@@ -13,7 +13,7 @@ from surrogate.arrays import Bodies, Body, Number, Numbers
 from surrogate.checks import check_batch, finite_number, flag, real_numbers, shown, transformed
 from surrogate.errors import InvalidInput
 from surrogate.flow.forces import Conditions, Forces, forces_of
-from surrogate.model.card import inaccuracy_of, model_card, unseen_bodies
+from surrogate.model.card import KINDS, inaccuracy_of, model_card, recorded_errors, unseen_bodies
 from surrogate.model.confidence import Novelty, coverage
 from surrogate.model.evaluation import loads_or_nan, network_loads, novelty_of_loads
 from surrogate.model.network import LoadNetwork
@@ -54,11 +54,10 @@ class Surrogate:
         }
         rows["Re"] = f"{low:g} to {high:g}"
         rows["method"] = str(self.record.get("method", "unknown"))
-        for name, symbol in SYMBOLS.items():
-            for key, text in (("mean", "mean"), ("max", "largest")):
-                if (error := self.record.get(f"{name}_error_{key}")) is not None:
-                    of = "" if name == "drag" else " of Cd"
-                    rows[f"{text} error of {symbol}"] = f"{error:.3%}{of} on held-out bodies"
+        for load, errors in recorded_errors(self.record).items():
+            of = "on held-out bodies" if load == "drag" else "of Cd on held-out bodies"
+            for kind, error in errors.items():
+                rows[f"error of {SYMBOLS[load]}, {KINDS[kind]}"] = f"{error:.3%} {of}"
         return aligned(rows)
 
     @property

@@ -115,7 +115,7 @@ def explain_scene(
             f"{words.unsteady} beyond Re {ONSET_OF_INSTABILITY[dimension]:g}, {words.others}), "
             "compressibility, roughness.",
             f"On this machine a convolution with G takes {duration(seconds)}, a flow about "
-            f"{takes.flow:.0f} of them. Beside compilation and the network's own steps this takes:",
+            f"{takes.flow:.0f} of them. Compilation and the network's own steps apart, this takes:",
             *(
                 f"- {what}: {work:,.0f} convolutions with G, {duration(work * seconds)}"
                 for what, work in costs.items()

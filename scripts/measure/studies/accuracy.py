@@ -1,6 +1,7 @@
 """Accuracy of the 2-D flow and its gradients: references, grids, precision, marching in time."""
 
 import contextlib
+import dataclasses
 import functools
 import sys
 import tempfile
@@ -14,7 +15,16 @@ from study import TINY, Result, Row, Run, Study, Table, cases, columns, maps, pa
 from tools import medians, solved
 
 from shapeopt.commands.march_flow import main as march
-from surrogate import FIDELITIES, Fidelity, Flow, Scene, Unbounded, family_shape, load
+from surrogate import (
+    FIDELITIES,
+    Fidelity,
+    Flow,
+    NotConverged,
+    Scene,
+    Unbounded,
+    family_shape,
+    load,
+)
 from surrogate.arrays import single
 from surrogate.flow.grid import far
 from surrogate.flow.grid.discretise import fitted_domain
@@ -31,7 +41,7 @@ REFERENCES = {
 }
 CYLINDER = {"aspect": 1.0}
 SLENDER = {"aspect": 4.0, "beta2": 0.2, "beta3": 0.1, "beta4": 0.05}
-FINEST = Fidelity("finest", 40, 10, 24, 16, wake=0.3)
+FINEST = Fidelity("finest", 40, 10, 24, 16, wake=0.3)  # with twice the cells of a flow or more
 DOMAINS = ((3, 5, 6), (4, 8, 8), (6, 12, 8), (8, 16, 12))  # upstream, downstream, height
 LARGEST = Fidelity("largest", 10, 10, 24, 16, wake=0.0)
 
@@ -77,10 +87,13 @@ def flow_error(run, reynolds, fidelity, truth, body=CYLINDER, stream="unbounded"
       stream: As for ``parse_stream``.
       **_: The case's place in the maps.
     """
-    if isinstance(truth, Fidelity):
-        truth = _drag_once(tuple(body.items()), reynolds, truth)
     solved(body, reynolds, fidelity, stream=stream)
     found = solved(body, reynolds, fidelity, stream=stream)
+    if truth is FINEST:
+        cells = max(FINEST.cells, 2 * found.fidelity.cells)
+        truth = dataclasses.replace(FINEST, cells=cells, refinement=1.0)
+    if isinstance(truth, Fidelity):
+        truth = _drag_once(tuple(body.items()), reynolds, truth)
     drag = {"cd": found.drag, "reference": truth, "error": found.drag / truth - 1}
     return drag | {"green_applications": found.green_applications, "seconds": found.seconds}
 
@@ -91,7 +104,11 @@ def _drag_once(body: tuple, reynolds: float, fidelity: Fidelity) -> float:
 
 
 def gradient_error(run: Run, gradient: str) -> Row:
-    """Return the distances from the adjoint's gradient on the standard and on the fine grid."""
+    """Return the distances from the adjoint's gradient on the standard and on the fine grid.
+
+    Raises:
+      NotConverged: A flow or an adjoint of a body has not converged.
+    """
     bodies = held_out_samples(Scene(), 0, run.pick(2, 64))
     if gradient in METHODS:
         drag = load(f"pretrained:{gradient}").network.drag
@@ -107,7 +124,10 @@ def gradient_error(run: Run, gradient: str) -> Row:
 
 @functools.cache
 def _slopes_once(fidelity: Fidelity, count: int) -> np.ndarray:
-    return adjoint_slopes(Flow(Scene(fidelity=fidelity)), held_out_samples(Scene(), 0, count))
+    found = adjoint_slopes(Flow(Scene(fidelity=fidelity)), held_out_samples(Scene(), 0, count))
+    if not np.isfinite(found).all():
+        raise NotConverged(f"gradients: a flow or an adjoint on the {fidelity.name} grid")
+    return found
 
 
 def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
@@ -119,7 +139,10 @@ def adjoint_slopes(flow: Flow, bodies: Samples) -> np.ndarray:
 
 
 def distance(gradient: np.ndarray, truth: np.ndarray, widths: np.ndarray) -> float:
-    """Return the median of |g - truth| / |truth| over bodies, parameters scaled by their ranges."""
+    """Return the median of |g - truth| / |truth| over bodies, parameters scaled by their ranges.
+
+    Bodies without a gradient are left out.
+    """
     error = np.linalg.norm((gradient - truth) * widths, axis=1)
     return float(np.nanmedian(error / np.linalg.norm(truth * widths, axis=1)))
 

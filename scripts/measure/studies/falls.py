@@ -53,10 +53,9 @@ def text(result: Result) -> str:
         "diameters; of liquids, that the orientation relaxes monotonically. Here the flattest "
         f"spheroid swings at {disc['frequency'] / rod['frequency']:.1f} times the frequency of the "
         f"longest one and decays {disc['decay'] / rod['decay']:.1f} times as fast; the largest "
-        f"drift is {max(row['drift'] for row in air.values()):.1f} D. So the kinds of motion "
-        "agree, the ratio of frequencies and the drift do not: the bodies were released "
-        "otherwise, and the resistance to rotation here is that of Stokes flow. Sideways is the "
-        "range of the horizontal position over the fall; a dash, that nothing swings."
+        f"drift is {max(row['drift'] for row in air.values()):.1f} D. The bodies were released "
+        "otherwise than here, where the resistance to rotation is that of Stokes flow. Sideways is "
+        "the range of the horizontal position over the fall; a dash, that nothing swings."
     )
 
 

@@ -36,7 +36,7 @@ WEDGES = {0.1: 102.6, 1.0: 90.0, 40.0: 90.0}
 # Body-fitted finite elements with their adjoint, six radial modes, a box of 60 D: fall of the drag
 GAINS = {1.0: 4.5, 40.0: 25.1}
 FRONT = (0.05, 0.15)  # share of the chord, behind the rounded nose, by which the wedge is measured
-FRICTION_WHY = "friction comes from the wall vorticity, which the standard grid has to about 4 %"
+FRICTION_WHY = "friction comes from the wall vorticity, which errs more than Cd (study `constants`)"
 PRESSURE = "pressure is the rest of the drag, so it takes over what friction lacks"
 SURFACE = "pressure beside the wall, extrapolated to it: good to about 3 % of the drag"
 TOTAL = "walls of another kind and distance: only the cylinder's drag was made equal"

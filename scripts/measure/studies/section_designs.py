@@ -33,6 +33,9 @@ def over_lift(run: Run) -> list[Row]:
     """Return the bodies of least drag over bounds on the lift, and that of best glide, last.
 
     They are optima of the flow, led by the network; ``network`` is the Cd of its own optimum.
+
+    Raises:
+      NotConverged: A body was not found.
     """
     net = load(NAME)
     coarse = Flow(dataclasses.replace(net.scene, fidelity=TINY))
@@ -40,6 +43,8 @@ def over_lift(run: Run) -> list[Row]:
     bounds = {"within": run.pick(ELLIPSE, None)}
     designer = Designer(run.pick(coarse, net))
     rows, best, _ = designs_over_lift(designer, reynolds, lifts, run.progress, **bounds)
+    if best["why_not"]:
+        raise NotConverged(f"best glide: {best['why_not']}")
     problems = [Problem(net.scene, reynolds, lift=lift, **bounds) for lift in lifts]
     own = [design.drag for design in optimise_all(problems, net)]
     asked = [f"Cl at least {lift:.1f}" for lift in lifts]

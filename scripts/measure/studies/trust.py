@@ -189,29 +189,15 @@ def parts_of_errors(dimension: int) -> Iterator[list[tuple[Loads, Loads]]]:
 
 
 def rows_of(result: Result) -> list[Row]:
-    """Return all rows with their error tolerance, of older records too.
-
-    Older records have one tolerance for all rows, or for parts. Their estimates are likely errors,
-    and their bounds 2.5 times these.
-    """
-    return [
-        {name: part.get(name) for name in ("tolerance", "fidelity")} | _old(row) | row
-        for part in result.get("parts", [result])
-        for row in part["rows"]
-    ]
+    """Return all rows with their error tolerance, of records too that have one for all rows."""
+    common = {name: result.get(name) for name in ("tolerance", "fidelity")}
+    return [common | row for row in result["rows"]]
 
 
 def against_elements(result: Result) -> list[Row]:
     """Return the rows of ``trust`` whose error is against elements, each body once."""
     rows = [row for row in rows_of(result) if row["kind"] == "symmetric"]
     return [row for row in rows if row.get("error") is not None]
-
-
-def _old(row: Row) -> Row:
-    likely, lift = row.get("likely"), row.get("lift_likely")
-    if likely is None:
-        return {}
-    return {"expected": likely, "bound": 2.5 * likely, "lift_bound": 2.5 * lift}
 
 
 def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:

@@ -182,11 +182,13 @@ def _contour(solution: Solution) -> Float[np.ndarray, "nodes 4"]:
 def _record(s: Solution) -> JsonObject:
     names = {"drag": "cd", "drag_pressure": "cd_pressure", "drag_friction": "cd_friction"}
     names |= {"lift": "cl", "moment": "cm", "reynolds": "reynolds", "status": "status"}
-    names |= {"estimated_error": "estimated_error", "green_applications": "green_applications"}
+    same = ("expected_error", "estimated_error", "estimated_lift_error", "estimated_moment_error")
+    names |= {name: name for name in (*same, "chord", "green_applications")}
     found = {key: getattr(s, name) for name, key in names.items()}
     body = s.shape.parameters and dict(s.shape.parameters)
     return {
         "kind": "flow",
+        "reference": "diameter",  # of all coefficients
         "dimension": s.shape.dimension,
         **found,
         "onset": s.onset,
