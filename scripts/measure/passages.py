@@ -34,7 +34,7 @@ def duration(result: Callable[[str], Result]) -> str:
     form = (
         "It takes {least:.0f} to {most:.0f} minutes on two cores with the install. A GPU "
         '({device}; `pip install "jax[cuda13]"`) solves batches of flows {gain:.0f} times as fast '
-        "as one CPU device."
+        "as JAX on the CPU."
     )
     least, most = (seconds / 60 for seconds in result("duration")["seconds"])
     most = math.ceil(most)
@@ -49,9 +49,10 @@ def payoff(result: Callable[[str], Result]) -> str:
         "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
         "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `hig, 64 bodies` "
         "after {after[hig, 64 bodies]:.0f}. Fitted to as many flows, kriging errs by "
-        "{off[gradient-enhanced kriging]} with gradients, by {off[kriging]} without, a polynomial "
-        "without by {off[polynomial]}; as published SIP errs by {off[sip, as published]:.3%}, "
-        "HIG by {off[hig, as published]:.3%}, DP by {off[dp, as published]:.3%}."
+        "{off[gradient-enhanced kriging]} with gradients, without them by {off[kriging]}, a "
+        "polynomial by {off[polynomial]}. As published SIP errs by "
+        "{off[sip, as published]:.3%}, HIG by {off[hig, as published]:.3%}, DP by "
+        "{off[dp, as published]:.3%}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}

@@ -289,7 +289,8 @@ def _parser() -> Parser:
     add(
         "--gradient",
         action="store_true",
-        help="derivatives by parameters and Re; with --incidence, also 0, of all loads, by it too",
+        help="derivatives of Cd by parameters and Re; with camber or --incidence (0 too) those of "
+        "Cd, Cl and Cm, also by the incidence in degrees if it is given",
     )
     unsteady = "beyond the onset of instability: Re 47 of the cylinder, in 3-D 210"
     add("--allow-unsteady", action="store_true", help=unsteady)

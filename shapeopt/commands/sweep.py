@@ -29,7 +29,7 @@ COLUMNS = {  # of the text: key in a row, head and format
     "expected_error": ("expected error", ".2%"),
     "estimated_error": ("bound", ".2%"),
     "status": ("status", ""),
-    "sufficient": ("sufficient", ""),
+    "sufficient": ("sufficient fidelity", ""),
 }
 
 

@@ -39,8 +39,8 @@ class Problem:
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
       min_radius: lower bound on the radius of curvature all around the outline; in 3-D of the
         outline seen from the side.
-      within: narrower ranges of parameters by name, as ``{"aspect": (1, 3)}``; of none that the
-        objective holds, as ``Tumbling`` does.
+      within: narrower ranges of parameters by name, as ``{"aspect": (1, 3)}``; that of a
+        parameter that the objective holds, as ``Tumbling`` does, has to be its value alone.
       trust: distance that every shape parameter keeps from both ends of its trained range, as a
         share of the range's width, from 0 to below 0.5; a surrogate is least accurate at the ends.
         A parameter that the objective holds is exempt.

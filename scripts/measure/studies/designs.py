@@ -35,7 +35,7 @@ QUANTITIES = {
 
 
 def many_designs(run: Run, _: Result) -> Result:
-    """Return means of median rounds without compilation, and designs of one call beside others."""
+    """Return seconds per design, one at a time and in one call, and how the two compare."""
     surrogate, count = load("pretrained"), run.pick(4, 1000)
     queries, alone, together = query_stream(surrogate.scene, 0, count), [], []
     for k in range(1 + ROUNDS):

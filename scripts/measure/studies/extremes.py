@@ -21,7 +21,7 @@ BODIES = {"ellipse": {}, "section": {"beta2": 0.2, "beta3": 0.08, "gamma2": 0.4,
 STEADY = (0.01, 1.0, 10.0, 40.0, 100.0, 300.0)  # Re at incidence, refused beyond the onset
 LOADS = {"Cd": "drag", "Cl": "lift", "Cm": "moment"}
 REFINEMENT = 1.5  # of the fine grid at most, for thin boundary layers
-FINER = 1.5  # times the cells of a flow, that the grid has at least by which its error is known
+FINER = 1.5  # least ratio of the cells of the finer grid to those of the flow
 ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 
@@ -155,8 +155,8 @@ def sections_text(result: Result) -> str:
     most = load_tolerances(FIDELITIES["standard"].tolerance)._asdict()
     over = sum(any(abs(row[f"{load}_error"]) > most[load] for load in most) for row in called)
     return (
-        f"Of {len(rows)} flows {lost} did not converge; of {len(known)} with an estimate, and a "
-        f"grid that is finer, the bound covers the error of {counts}. Of {len(called)} that are "
+        f"Of {len(rows)} flows {lost} did not converge; of {len(known)} with an estimate and a "
+        f"known error the bound covers the error of {counts}. Of {len(called)} that are "
         f"called accurate {over} exceed a tolerance; their largest errors are {_largest(called)}."
     )
 

@@ -53,9 +53,10 @@ def text(result: Result) -> str:
         "diameters; of liquids, that the orientation relaxes monotonically. Here the flattest "
         f"spheroid swings at {disc['frequency'] / rod['frequency']:.1f} times the frequency of the "
         f"longest one and decays {disc['decay'] / rod['decay']:.1f} times as fast; the largest "
-        f"drift is {max(row['drift'] for row in air.values()):.1f} D. The bodies were released "
-        "otherwise than here, where the resistance to rotation is that of Stokes flow. Sideways is "
-        "the range of the horizontal position over the fall; a dash, that nothing swings."
+        f"drift is {max(row['drift'] for row in air.values()):.1f} D. Frequencies and drifts may "
+        "differ from those reported since the bodies were released in another way, or since the "
+        "resistance to rotation here is that of Stokes flow. Sideways is the range of the "
+        "horizontal position over the fall; a dash, that nothing swings."
     )
 
 

@@ -189,7 +189,7 @@ def parts_of_errors(dimension: int) -> Iterator[list[tuple[Loads, Loads]]]:
 
 
 def rows_of(result: Result) -> list[Row]:
-    """Return all rows with their error tolerance, of records too that have one for all rows."""
+    """Return all rows with their error tolerance, also of a record that has one for all rows."""
     common = {name: result.get(name) for name in ("tolerance", "fidelity")}
     return [common | row for row in result["rows"]]
 
