@@ -17,7 +17,7 @@ from surrogate.training.setup import make_setup
 folder, together = Path(sys.argv[1]), sys.argv[2:]
 if together:
     join(together[0], *map(int, together[1:]))
-scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0))
+scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan("sip", scene, samples=24, held_out=4, iterations=60, report_every=1)
 
 

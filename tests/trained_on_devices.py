@@ -21,7 +21,7 @@ from surrogate.training.loop import load_errors, run_training  # noqa: E402
 from surrogate.training.plan import Plan  # noqa: E402
 from surrogate.training.setup import make_setup  # noqa: E402
 
-scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0))
+scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
 plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=14, report_every=2)
 setup = make_setup(plan, choose_devices(count))
 

@@ -61,6 +61,7 @@ def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, flo
     """
     net = load(NAME)
     scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    bounds = run.pick(bounds | {"lift": 0.1}, bounds)  # what ellipses can reach
     limits = {"within": run.pick(ELLIPSE, None), **bounds, "by_chord": True}
     objective = Glide(chord_reynolds) if glide else chord_reynolds
     problem = Problem(scene, objective, **limits)
