@@ -54,8 +54,8 @@ class BodyClass(abc.ABC):
         self, parameters: Float[AnyArray, "*bodies parameters"], name: str, values: AnyArray | float
     ) -> Float[AnyArray, "*all parameters"]:
         """Return parameters with other values of one of them; bodies and values broadcast."""
-        module, here = array_module(parameters, values), np.arange(len(self.names))
-        here = here == self.names.index(name)
+        module = array_module(parameters, values)
+        here = np.arange(len(self.names)) == self.names.index(name)
         return module.where(here, module.asarray(values)[..., None], parameters)
 
     @abc.abstractmethod
