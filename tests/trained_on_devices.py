@@ -1,4 +1,8 @@
-"""Run by test_devices: small trainings by some methods on a number of CPU devices."""
+"""Run by test_devices: small trainings by some methods on a number of CPU devices.
+
+Arguments are the number, the folder of the results, a checkpoint, "symmetric" or "sections", and the
+methods.
+"""
 
 import dataclasses
 import shutil
@@ -10,18 +14,20 @@ import jax
 import surrogate  # noqa: F401  (64-bit numbers)
 
 count, folder, checkpoint = int(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3])
-methods = sys.argv[4:]
+bodies, *methods = sys.argv[4:]
 jax.config.update("jax_num_cpu_devices", count)
 
 import numpy as np  # noqa: E402
 
-from surrogate import Fidelity, Scene  # noqa: E402
+from surrogate import Family, Fidelity, Scene  # noqa: E402
 from surrogate.devices import choose_devices  # noqa: E402
 from surrogate.training.loop import load_errors, run_training  # noqa: E402
 from surrogate.training.plan import Plan  # noqa: E402
 from surrogate.training.setup import make_setup  # noqa: E402
 
-scene = Scene(fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5))
+sections = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
+family = sections if bodies == "sections" else Family()
+scene = Scene(family=family, fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0))
 plan = Plan(methods[0], scene, samples=13, held_out=5, iterations=14, report_every=2)
 setup = make_setup(plan, choose_devices(count))
 
