@@ -1,7 +1,7 @@
 """Run by test_devices: small trainings by some methods on a number of CPU devices.
 
-Arguments are the number, the folder of the results, a checkpoint, "symmetric" or "sections", and the
-methods.
+Arguments are the number, the folder of the results, a checkpoint, the bodies ("symmetric" or
+"sections") and the methods.
 """
 
 import dataclasses

@@ -143,7 +143,7 @@ def prepare_physics(flow: Flow, samples: Samples, partition: Partition) -> Physi
     def prepare(sample):
         operators = restored(flow, sample)
         stored = operators if flow.domain.operators_are_small else sample
-        oseen = steady.oseen_flow(flow.domain, operators)
+        oseen = steady.eliminate(operators).oseen_flow()
         influence = steady.influence_matrix(operators)
         outputs = outputs_of(_loads(flow, sample[0], oseen.amplitude))
         return stored, (oseen.amplitude, outputs, influence)

@@ -35,7 +35,7 @@ FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
 # Of the modes of lifting bodies: a choice. Beyond, singular values on the edge of the box of known
 # responses are below 2 % of the largest, and flows take as many Krylov vectors as with all modes.
 FAR_COMBINATIONS = 8
-LEAST_EXTENT = 4.0  # D, of the box around a fitted body; larger ones have twice that, and so on
+LEAST_EXTENT = (4.0, 2.0)  # D, of the box around a fitted body, each doubled as often as needed
 MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
 
 
@@ -71,9 +71,9 @@ class Domain2D(Domain):
         shape: Shape,
         reynolds: float,
     ) -> "Domain2D":
-        """Discretise a stream around one body, in a square box of 4, 8, ... D that holds it."""
-        doublings = math.ceil(max(math.log2(extent.max() / LEAST_EXTENT), 0.0))
-        room = (LEAST_EXTENT * 2**doublings,) * 2
+        """Discretise a stream around one body, in a box of 4, 8... by 2, 4... D that holds it."""
+        doublings = np.ceil(np.maximum(np.log2(extent / LEAST_EXTENT), 0.0))
+        room = tuple((LEAST_EXTENT * 2**doublings).tolist())
         at = tuple(extent.tolist()), shape.symmetric
         return cls.make(stream, fidelity, *at, box_extent=room, reynolds=reynolds)
 

@@ -172,7 +172,7 @@ def adjoint_solver(
       state: x, of the flow at which F is linearised.
       max_vectors: largest number of Krylov vectors.
     """
-    inverse = eliminate(domain, operators)
+    inverse = eliminate(operators)
 
     def system(operators, state, inverse):
         adjoint = transposed_jacobian(domain, operators, state)

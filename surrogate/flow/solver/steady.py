@@ -165,12 +165,6 @@ def oseen_velocity(
     return operators.response(amplitude)
 
 
-def oseen_flow(domain: Domain, operators: Operators) -> FlowState:
-    """Return body flow without convection of the perturbation: exact as Re tends to 0."""
-    amplitude = eliminate(domain, operators).inverse @ -operators.body.slip_of_stream()
-    return FlowState(oseen_velocity(operators, amplitude), amplitude)
-
-
 def body_flow(
     domain: Domain,
     operators: Operators,
@@ -188,13 +182,10 @@ def body_flow(
     Returns:
       The state that solves equations (2) and (3), and how Newton's method ended.
     """
+    elimination = eliminate(operators)
     return root(
-        System(
-            lambda data, state: residual(domain, data, state),
-            operators,
-            eliminate(domain, operators),
-        ),
-        guess or oseen_flow(domain, operators),
+        System(lambda data, state: residual(domain, data, state), operators, elimination),
+        guess or elimination.oseen_flow(),
         lambda state: _size(domain, state.velocity) + jnp.linalg.norm(state.amplitude),
         settings,
     )
@@ -245,8 +236,13 @@ class Elimination(eqx.Module):
         amplitude = self.inverse @ (y.amplitude - self.body.slip(y.velocity))
         return FlowState(y.velocity + self.response(amplitude), amplitude)
 
+    def oseen_flow(self) -> FlowState:
+        """Return body flow without convection of the perturbation: exact as Re tends to 0."""
+        amplitude = self.inverse @ -self.body.slip_of_stream()
+        return FlowState(self.response(amplitude), amplitude)
 
-def eliminate(domain: Domain, operators: Operators) -> Elimination:
+
+def eliminate(operators: Operators) -> Elimination:
     """Return the inverse of the linear part of a body's equations.
 
     Derivatives do not pass through it.
