@@ -52,7 +52,7 @@ def quick_options(dimension: int = 2) -> CompilerOptions:
 
 
 def same_options(dimension: int = 2, gradients: bool = False) -> CompilerOptions:
-    """Return quick options by which no number of devices changes the results.
+    """Return quick options by which no number of devices, up to that of cores, changes results.
 
     XLA runs its algebraic simplifier once more on partitioned programs, and orders the operands of
     products and sums otherwise, which changes the rounding. With that pass disabled, and without

@@ -41,6 +41,7 @@ LONG = {
     "extremes",
     "extremes_lift",
     "far_field",
+    "fit_memory",
     "flow_3d",
     "foreseen",
     "gradients",

@@ -20,6 +20,7 @@ from surrogate import (
 )
 from surrogate.body.nose import nose_of_contour, nose_of_ellipse
 from surrogate.flow.grid.discretise import fitted_domain
+from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.model.network import blank_network
 
 COARSE = Flow(Scene(fidelity=Fidelity("coarse", 6, 4, 8, 8)))
@@ -46,6 +47,21 @@ def test_bodies_have_two_harmonics_more_than_their_highest_mode(shape, mode):
     domain = fitted_domain(Unbounded(), FIDELITIES["standard"], shape, 20.0)
     usual = 7 if shape.symmetric else 12
     assert domain.modes.harmonics == (usual if mode + 2 <= usual else 16)
+
+
+@pytest.mark.parametrize(
+    ("extent", "room"),
+    [((1.5, 0.7), (4, 2)), ((4.0, 2.0), (4, 2)), ((4.25, 1.0), (8, 2)), ((0.75, 2.25), (4, 4))],
+)
+def test_bodies_on_a_grid_of_their_own_have_a_box_of_few_sizes(extent, room):
+    standard = FIDELITIES["standard"]
+    shape, others = family_shape({"aspect": 2.0}), (Unbounded(), standard)
+    domain = Domain2D.around(*others, np.array(extent), shape, 20.0)
+    assert domain.half_extent == pytest.approx(np.array(room) / 2, abs=1 / standard.cells)
+    assert np.all(2 * domain.half_extent >= extent)
+    exact = Domain2D.make(*others, extent, True, reynolds=20.0)
+    assert domain.lattice == exact.lattice
+    assert all(own >= least for own, least in zip(domain.box, exact.box, strict=True))
 
 
 def test_scenes_have_harmonics_for_the_modes_of_their_bodies():

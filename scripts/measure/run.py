@@ -47,6 +47,7 @@ MODULES = {  # the studies of every module
     "extremes": "extremes extremes_lift",
     "falls": "falls",
     "far_field": "far_field",
+    "fit_memory": "fit_memory",
     "harmonics": "harmonics",
     "incidence": "incidence incidence_elements elements_in_space",
     "infill": "infill",

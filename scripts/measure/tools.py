@@ -92,7 +92,9 @@ class PeakMemory:
         self._thread.join()
 
     def _watch(self):
-        while not self._over.wait(POLL_S):
+        over = False
+        while not over:
+            over = self._over.wait(POLL_S)
             self.mib = max(self.mib, resident_mib() - self._begin)
 
 

@@ -30,9 +30,10 @@ class StreamwiseProfile(NamedTuple):
       length: side of its box along the stream.
       height: side of its box across the stream.
       thickness: greatest distance, across the stream, of its upper from its lower side.
-      rise: of its mean line, midway between the two sides: four times the line's standard
-        deviation across the stream, with the thickness of an ellipse as weight, so that of a
-        straight line it is the difference of its ends.
+      rise: of the straight line that is closest to its mean line, midway between the two sides,
+        with the thickness of an ellipse as weight: the difference of its ends.
+      arch: of the mean line over that straight line: four times its standard deviation across
+        the stream, with the same weight, which of a parabola is its height.
       front: area of the front half over that of the ellipse of this length and thickness.
       rear: the same of the rear half.
     """
@@ -41,6 +42,7 @@ class StreamwiseProfile(NamedTuple):
     height: Float[AnyArray, ""]
     thickness: Float[AnyArray, ""]
     rise: Float[AnyArray, ""]
+    arch: Float[AnyArray, ""]
     front: Float[AnyArray, ""]
     rear: Float[AnyArray, ""]
 
@@ -90,13 +92,16 @@ def streamwise_profile(contour: Float[AnyArray, "nodes 2"]) -> StreamwiseProfile
     sides = y + (above - y) * (at - x) / jnp.where(after == x, 1.0, after - x)
     upper = jnp.max(jnp.where(crossed, sides, -jnp.inf), axis=1)
     lower = jnp.min(jnp.where(crossed, sides, jnp.inf), axis=1)
-    line, weights = (upper + lower) / 2, np.sqrt(stations * (1 - stations))
+    weights, along = np.sqrt(stations * (1 - stations)), stations - 0.5
     weights = weights / weights.sum()
-    rise = 4 * jnp.sqrt(weights @ (line - weights @ line) ** 2)
+    line = (upper + lower) / 2
+    slope = weights @ (along * line) / (weights @ along**2)
+    bent = line - weights @ line - slope * along
+    rise, arch = jnp.abs(slope), 4 * jnp.sqrt(weights @ bent**2)
     thickness = jnp.max(upper - lower)
     halves = jnp.mean((upper - lower).reshape(2, STATIONS // 2), axis=1)
     front, rear = 4 / np.pi * halves / thickness
-    return StreamwiseProfile(length, jnp.ptp(y), thickness, rise, front, rear)
+    return StreamwiseProfile(length, jnp.ptp(y), thickness, rise, arch, front, rear)
 
 
 def least(values: Float[AnyArray, " values"]) -> Float[AnyArray, ""]:

@@ -28,14 +28,16 @@ class OnsetRule2D(NamedTuple):
         Re = sqrt(plate^2 + slope^2 (length / height)^power) / height
 
     Of a body as it lies in the stream, see ``StreamwiseProfile``: the length is shortened by the
-    factor front^nose if its front half is less full than an ellipse's; the height is at least
-    sqrt(thickness^2 + (lean rise)^2).
+    factor front^nose if its front half is less full than an ellipse's. The height is h plus
+    bend arch length / h, where h is the body's height, or sqrt(thickness^2 + (lean rise)^2) if that
+    is larger.
 
     Attributes:
       plate: onset, by the height, of a plate across the stream, extrapolated from aspect 0.3.
       slope: about what slenderness adds to the onset by the height.
       power: of the slenderness.
-      lean: weight of the rise of the mean line, by incidence or camber.
+      lean: weight of the rise of the mean line, mostly by incidence.
+      bend: weight of its arch, mostly by camber.
       nose: power of the fullness of the front half.
     """
 
@@ -43,6 +45,7 @@ class OnsetRule2D(NamedTuple):
     slope: float
     power: float
     lean: float
+    bend: float
     nose: float
 
     def by_height(self, slenderness: Float[AnyArray, ""]) -> Float[Array, ""]:
@@ -80,7 +83,7 @@ class OnsetRule3D(NamedTuple):
 
 # Fitted to the studies ``onset`` and ``onset_incidence``, and to ``onset_2d``.
 RULE_3D = OnsetRule3D(126.5, 170.0, 0.4, 0.84, 1.9)
-RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.43)
+RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.113, 0.43)
 
 
 @jax.jit
@@ -120,8 +123,9 @@ def onset_in_3d(
 
 def onset_in_2d(contour: Float[AnyArray, "nodes 2"]) -> Float[Array, ""]:
     """Return the onset of shedding of a 2-D body with this contour as it lies in the stream."""
-    length, height, thickness, rise, front, _ = streamwise_profile(contour)
+    length, height, thickness, rise, arch, front, _ = streamwise_profile(contour)
     height = jnp.maximum(height, jnp.hypot(thickness, RULE_2D.lean * rise))
+    height += RULE_2D.bend * arch * length / height
     slenderness = length * jnp.minimum(front, 1.0) ** RULE_2D.nose / height
     return RULE_2D.by_height(slenderness) / height
 

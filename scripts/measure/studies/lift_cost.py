@@ -23,7 +23,7 @@ CAMBERED = {"gamma2": 0.2, "incidence": 8.0}
 SCENES = {2: "lift.toml", 3: "particle.toml"}  # those of the shipped surrogates
 TURNED = {2: 8.0, 3: 30.0}  # degrees, of the bodies whose memory is compared
 FLOWS = cases(aspect=(2.0, 4.0), reynolds=(1.0, 40.0))
-GRADIENTS = cases(aspect=(2.0, 3.5), reynolds=(5.0, 40.0, 90.0))  # below the onset
+GRADIENTS = cases(aspect=(2.0, 3.5), reynolds=(5.0, 40.0, 90.0))
 GRADIENTS += cases(aspect=[3.5], reynolds=[150.0])
 MEMORY = cases(dimension=(2, 3), fidelity=("draft", "standard"))
 TOLERANCES = (1e-4, 2e-4, 3e-4, 7e-4, 2e-3)  # of adjoints

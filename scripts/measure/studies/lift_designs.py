@@ -133,9 +133,8 @@ def when_to_train(result: Result) -> str:
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
         f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct` "
         f"(restarted in {direct['restarted']}). By G training pays against `direct` "
-        f"{_pays(result)}, against kriging with memory ({growing['work']:.0f} G a design, "
-        f"{late:.0f} in the last {LATE}; the network {led['work']:.0f}, {own:.0f}) "
-        f"{_in_words(after)}."
+        f"{_pays(result)}, against kriging with memory ({late:.0f} G a design in the last {LATE}; "
+        f"the network {own:.0f}) {_in_words(after)}."
     )
 
 

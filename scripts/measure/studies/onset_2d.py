@@ -45,6 +45,9 @@ FITTED: tuple[dict[str, Any], ...] = (
     {"section": "0012", "incidence": 15.0},
     {"aspect": 2.5, "beta3": 0.15, "incidence": 5.0},
     {"aspect": 3.0, "beta2": 0.25, "beta3": -0.08, "beta4": 0.05},
+    {"aspect": 2.0, "gamma2": 0.5},
+    {"aspect": 3.0, "gamma2": 0.5, "incidence": 4.0},
+    {"aspect": 3.5, "beta3": -0.1, "gamma2": 0.4, "gamma3": 0.1, "incidence": 10.0},
 )
 HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 4.0, "incidence": 30.0},
@@ -58,6 +61,9 @@ HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 1.2, "incidence": 30.0},
     {"aspect": 2.0, "beta2": -0.2, "beta3": 0.1},
     {"aspect": 1.5, "beta2": 0.15, "gamma2": 0.2, "gamma3": -0.1, "incidence": -10.0},
+    {"aspect": 1.5, "gamma2": 0.5},
+    {"aspect": 3.9, "gamma2": 0.5},
+    {"aspect": 2.5, "gamma2": 0.4, "gamma3": -0.15, "incidence": 12.0},
 )
 BEYOND: tuple[dict[str, Any], ...] = (  # wider than all that the rule is fitted to, or steeper
     {"aspect": 0.2},

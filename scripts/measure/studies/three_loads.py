@@ -18,9 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from figures import lines
 from rivals import SolvedLoads, gekpls, polynomial_with_slopes
-from solved_flows import bodies_of, read_or_solve
+from solved_flows import SolvedFlows, bodies_of, read_or_solve
 from study import Row, Run, Study, Table, columns
-from tools import PeakMemory, medians
+from tools import medians
 
 from surrogate import Scene
 from surrogate.arrays import AnyArray
@@ -83,10 +83,20 @@ def mean_and_largest(errors: AnyArray) -> Row:
 
 @functools.lru_cache(maxsize=1)
 def ground_of(name: str, run: Run, count: int) -> Ground:
-    """Return ``count`` bodies of a scene with their flows; those not found are left out."""
+    """Return ``count`` bodies of a scene with their flows."""
     flow, samples, unseen = bodies_of(name, run.tiny, count)
-    scene, inputs = flow.scene, scene_inputs(flow.scene)
-    _, found, truth, seconds, device = read_or_solve(run, flow, samples, unseen)
+    return ground_from(flow.scene, unseen, read_or_solve(run, flow, samples, unseen))
+
+
+def ground_from(scene: Scene, unseen: Samples, flows: SolvedFlows) -> Ground:
+    """Return the bodies of a scene with their flows; those not found are left out.
+
+    Args:
+      scene: of all bodies.
+      unseen: the held-out bodies.
+      flows: of training and held-out bodies.
+    """
+    inputs, (samples, found, truth, seconds, device) = scene_inputs(scene), flows
     unseen = unseen.at(np.flatnonzero(truth.converged))
     kept = np.flatnonzero(found.converged)
     samples, found = jax.tree.map(lambda leaf: np.asarray(leaf)[kept], (samples, found))
@@ -129,15 +139,14 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     """
     ground = ground_of(scene, run, max(COUNTS[scene]))
     begin = _clocks()
-    with PeakMemory() as memory:
-        outputs, compiling = _fitted(ground, method, bodies, run)
+    outputs, compiling = fitted(ground, method, bodies, run.pick(2, None))
     fit_s, clock_s = _clocks() - begin - compiling
     guess = outputs(ground.unseen)
     loads = np.exp(guess[:, :1]) * np.column_stack([np.ones(len(guess)), guess[:, 1:]])
     errors = np.abs(loads - ground.truth) / ground.truth[:, :1]
     row = {"work": ground.work[:bodies].sum(), "flow_s": bodies * ground.seconds, "fit_s": fit_s}
     row |= {"all_s": row["flow_s"] + clock_s}
-    row |= {"flow_device": ground.device, "memory": memory.mib} | mean_and_largest(errors)
+    row |= {"flow_device": ground.device} | mean_and_largest(errors)
     many = np.resize(ground.unseen, (MANY, ground.unseen.shape[1]))
     outputs(many)
     return row | {"answers": MANY / medians([lambda: outputs(many)], run.pick(1, 5))[0]}
@@ -148,8 +157,17 @@ def _clocks() -> np.ndarray:
     return np.array([time.process_time(), time.perf_counter()])
 
 
-def _fitted(ground: Ground, method: str, count: int, run: Run) -> tuple[Outputs, np.ndarray]:
-    """Outputs at scaled inputs by a method from the first bodies, and its compilation's seconds."""
+def fitted(
+    ground: Ground, method: str, count: int, iterations: int | None = None
+) -> tuple[Outputs, np.ndarray]:
+    """Return outputs at scaled inputs by a method from the first bodies, and seconds of compiling.
+
+    Args:
+      ground: all bodies and flows.
+      method: one of ``METHODS``.
+      count: number of bodies.
+      iterations: of a training; by default those of its preset.
+    """
     nothing = np.zeros(2)
     part = SolvedLoads(*(x[:count] for x in ground.known))
     if method == "GEKPLS":
@@ -159,12 +177,12 @@ def _fitted(ground: Ground, method: str, count: int, run: Run) -> tuple[Outputs,
     if method == "gradient-enhanced kriging":
         model, compiling = kriging(ground.observations[:count], ground.inputs), nothing
     else:
-        model, compiling = _trained(ground, method, count, run)
+        model, compiling = _trained(ground, method, count, iterations)
     answers = jax.jit(jax.vmap(model.outputs))
     return lambda z: np.asarray(answers(z)), compiling
 
 
-def _trained(ground: Ground, method: str, count: int, run: Run):
+def _trained(ground: Ground, method: str, count: int, iterations: int | None):
     """A network trained by the updates of a method on labels that are known."""
     name = "hig" if method == TRUNCATED else method
     plan = make_plan(ground.scene, name, "full", count)
@@ -181,7 +199,7 @@ def _trained(ground: Ground, method: str, count: int, run: Run):
     batches, begin = shuffled_batches(plan.seed, count, rule.batch), _clocks()
     arguments = network, state, labels, samples, batches(0), np.asarray(0.0)
     step = jax.jit(rule.update).lower(*arguments).compile()
-    compiling, iterations = _clocks() - begin, run.pick(2, plan.iterations)
+    compiling, iterations = _clocks() - begin, iterations or plan.iterations
     for k in range(iterations):
         done = np.asarray(k / iterations)
         network, state, _ = step(network, state, labels, samples, batches(k), done)
@@ -193,7 +211,6 @@ FORM = (
     "Cd {cd:.3%} | {cd_most:.2%} | Cl {cl:.3%} | {cl_most:.2%} | Cm {cm:.3%} | {cm_most:.2%}"
     " | flows, G {work:,} | flows, s {flow_s:.0f} | on {flow_device} | fit, s {fit_s:.1f}"
     " | answers/s, 1,000 at a time {answers:,.0f}"
-    " | memory of the fit, MiB {memory:,.0f}"
 )
 BY_CLOCK = FORM + " | flows and fit by the clock, s {all_s:.0f}"
 BODIES, SECONDS = ("bodies", "mean error of Cd"), ("seconds of flows and fit", "mean error of Cd")

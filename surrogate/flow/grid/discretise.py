@@ -37,7 +37,8 @@ def scene_domain(scene: Scene) -> Domain:
 def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: float) -> Domain:
     """Return a domain for one body, as long as the wake at this Re needs.
 
-    There are few domains of a fidelity, whatever the bodies, so that few programs are compiled.
+    There are few domains of a fidelity, whatever the bodies, so that few programs are compiled: in
+    2-D one for all bodies of up to 4 by 2 D.
 
     Args:
       stream: unbounded or a tunnel.

@@ -33,7 +33,7 @@ FAR_REYNOLDS, FAR_STEP = 100.0, 8
 # with lift, where it changes Cd half as much (study ``far_field``).
 FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
 # Of the modes of lifting bodies: a choice. Beyond, singular values on the edge of the box of known
-# responses are below 2 % of the largest, and flows take as many Krylov vectors as with all modes.
+# responses are below 3 % of the largest, and flows take as many Krylov vectors as with all modes.
 FAR_COMBINATIONS = 8
 LEAST_EXTENT = (4.0, 2.0)  # D, of the box around a fitted body, each doubled as often as needed
 MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
