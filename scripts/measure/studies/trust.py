@@ -30,6 +30,7 @@ from surrogate import (
     family_shape,
     naca4,
 )
+from surrogate.flow.check.error_estimate import load_tolerances
 from surrogate.flow.check.error_model import ERROR_MODELS, Loads
 from surrogate.scene.fidelity import NAMED
 
@@ -152,10 +153,11 @@ def compared(
         body = [shape.parameters[n] for n in coarse.scene.family.names] if in_scene else shape
         with parts_of_errors(shape.dimension) as parts:
             found = coarse.solve(body, reynolds, allow_unsteady=True)
-        truth, lift = exact, found.lift
+        truth, lift, moment = exact, found.lift, found.moment
         if exact is None:
             finest = fine.solve(shape, reynolds, estimate=extrapolated, allow_unsteady=True)
-            truth, lift = finest.extrapolated_drag or finest.drag, finest.lift
+            truth = finest.extrapolated_drag or finest.drag
+            lift, moment = finest.lift, finest.moment
     except (InvalidInput, NotConverged) as error:
         return row | {"status": type(error).__name__}
     grid, domain = parts[0] if parts else (None, None)
@@ -170,6 +172,8 @@ def compared(
         "lift": found.lift,
         "lift_bound": found.estimated_lift_error,
         "lift_error": found.lift - lift,
+        "moment_bound": found.estimated_moment_error,
+        "moment_error": found.moment - moment,
         "sufficient": found.sufficient,
     }
 
@@ -205,7 +209,6 @@ def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
     for kind in (*kinds, "all"):
         mine = [row for row in rows if kind in (row["kind"], "all")]
         judged = [row for row in mine if row.get("bound") is not None]
-        lifting = [row for row in judged if row["lift"]]
         accurate = [row for row in judged if row["status"] == "accurate"]
         within = [row for row in judged if abs(row["error"]) <= row["tolerance"]]
         yield {
@@ -220,11 +223,33 @@ def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
             "over": sum(abs(row["error"]) > row["tolerance"] for row in accurate),
             "most": max((abs(row["error"]) for row in accurate), default=None),
             "silent": sum(abs(row["error"]) > SILENT * row["tolerance"] for row in accurate),
-            "lift_covered": _share([r["lift_bound"] >= abs(r["lift_error"]) for r in lifting]),
-            "lift_ratio": _median(
-                [r["lift_bound"] / max(abs(r["lift_error"]), FLOOR * r["drag"]) for r in lifting]
-            ),
         }
+
+
+def lift_and_moment(rows: Sequence[Row]) -> Iterator[Row]:
+    """Yield coverage and largest errors of Cl and Cm over Cd, by kind, of bodies that have lift."""
+    lifting = [row for row in rows if row.get("lift_bound") is not None and row["lift"]]
+    for kind in values(lifting, "kind"):
+        mine = [row for row in lifting if row["kind"] == kind]
+        for load, symbol in (("lift", "Cl"), ("moment", "Cm")):
+            errors = [abs(row[f"{load}_error"]) / row["drag"] for row in mine]
+            bounds = [row[f"{load}_bound"] / row["drag"] for row in mine]
+            pairs = list(zip(bounds, errors, strict=True))
+            accurate = [
+                (error, getattr(load_tolerances(row["tolerance"]), load))
+                for row, error in zip(mine, errors, strict=True)
+                if row["status"] == "accurate"
+            ]
+            yield {
+                "kind": kind,
+                "load": symbol,
+                "cases": len(mine),
+                "covered": _share([bound >= error for bound, error in pairs]),
+                "ratio": _median([bound / max(error, FLOOR) for bound, error in pairs]),
+                "accurate": len(accurate),
+                "over": sum(error > most for error, most in accurate),
+                "most": max((error for error, _ in accurate), default=None),
+            }
 
 
 def _median(ratios: Sequence[float]) -> float | None:
@@ -237,9 +262,9 @@ def _share(held: Sequence[bool]) -> float | None:
 
 def text(result: Result) -> str:
     """Return the summary over kinds of bodies, and the section, as tables."""
-    form = columns(f"{SUMMARY}{LIFTS}")
     rows, sections = rows_of(result), rows_of({"rows": result["sections"]})
-    return f"{form(list(summary(rows, values(rows, 'kind'))))}\n\n{SECTIONS(sections)}"
+    drags = columns(SUMMARY)(list(summary(rows, values(rows, "kind"))))
+    return f"{drags}\n\n{LIFTS(list(lift_and_moment(rows)))}\n\n{SECTIONS(sections)}"
 
 
 def text_3d(result: Result) -> str:
@@ -257,9 +282,10 @@ SUMMARY = (
     " | of these called degraded {degraded} | called accurate {accurate} | of these over the"
     " tolerance {over} | largest error of these {most:.2%} | above twice the tolerance {silent}"
 )
-LIFTS = (
-    " | bound of Cl covers its error {lift_covered:.1%}"
-    " | median bound over its error {lift_ratio:.2f}"
+LIFTS = columns(
+    "kind {kind} | load {load} | bodies {cases} | bound covers the error {covered:.1%}"
+    " | median bound over error {ratio:.2f} | called accurate {accurate} | of these over the"
+    " tolerance {over} | largest error of these, over Cd {most:.2%}"
 )
 SECTIONS = columns(
     "section {kind} | Re {reynolds:g} | Cd {drag:.4f} | expected error {expected:.2%}"
