@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from run import RESULTS
-from studies import accelerator, far_field, lift_designs, particle, training
+from studies import accelerator, far_field, lift, lift_designs, particle, training
 from study import Result, words
 from tools import mean_and_most
 
@@ -133,11 +133,12 @@ def _flow(result):
         chosen = [row for row in rows if "standard" in (row["row"].split(",")[0], row["column"])]
         return [row["error"] for row in chosen]
 
-    sections = [row for row in result("random_sections")["rows"] if row["fidelity"] == "standard"]
+    drawn = lift.steady(result("random_sections")["rows"])
+    sections = [row for row in drawn if row["fidelity"] == "standard"]
     form = (
         "The flow, standard grid, against body-fitted finite elements, mean and largest error in "
         "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric "
-        "bodies {random}, of {count} random sections at incidence {cd}, their Cl {cl} and Cm {cm} "
+        "bodies {random}, of {count} random steady sections at incidence {cd}, their Cl {cl}, Cm {cm} "
         "of Cd; in 3-D Cd of the sphere {sphere}, of {revolved} other bodies of revolution "
         "{aspect}, of ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
     )
