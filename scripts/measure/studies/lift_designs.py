@@ -127,14 +127,12 @@ def when_to_train(result: Result) -> str:
     """Return the README's sentence on what training gains in a scene with lift."""
     lines = {line["strategy"]: line for line in strategies(result)}
     led, growing, direct = lines[LED], lines[GROWING], lines[DIRECT]
-    after, own, late = _late(result)
     return (
         f"Sections at incidence, {led['asked']} queries: "
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
-        f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct` "
-        f"(restarted in {direct['restarted']}). By G training pays against `direct` "
-        f"{_pays(result)}, against kriging with memory ({late:.0f} G a design in the last {LATE}; "
-        f"the network {own:.0f}) {_in_words(after)}."
+        f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct`. By G "
+        f"training pays against `direct` {_pays(result)}, against kriging with memory "
+        f"{_in_words(_late(result)[0])}."
     )
 
 
