@@ -138,8 +138,8 @@ def _flow(result):
     form = (
         "The flow, standard grid, against body-fitted finite elements, mean and largest error in "
         "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric "
-        "bodies {random}, of {count} random steady sections at incidence {cd}, their Cl {cl}, Cm {cm} "
-        "of Cd; in 3-D Cd of the sphere {sphere}, of {revolved} other bodies of revolution "
+        "bodies {random}, of {count} random steady sections at incidence {cd}, their Cl {cl}, "
+        "Cm {cm} of Cd; in 3-D Cd of the sphere {sphere}, of {revolved} other bodies of revolution "
         "{aspect}, of ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
     )
     panels = "sphere", "ellipsoids", "aspect"
