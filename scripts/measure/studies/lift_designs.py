@@ -98,7 +98,7 @@ def _answer(problem: Problem, solve: Callable[[Problem], list[Design]]) -> Row:
     }
     body = problem.scene.family.named(best.parameters)
     loads = {"cd": best.drag, "cl": best.lift, "cm": best.moment}
-    loads |= {"parameters": body, "onset": onset_of(family_shape(body))}
+    loads |= {"parameters": body}
     found = {"objective": best.objective, "kkt": best.kkt_residual, "starts": len(designs)}
     return row | found | loads | work
 
@@ -142,7 +142,11 @@ def text(result: Result) -> str:
         f"The training of {NAME} on {result['bodies']:,} sections took {result['training_g']:,} "
         "convolutions (G)."
     )
-    rows = [row for row in result["rows"] if row["problem"] is None]
+    rows = [
+        row | {"onset": onset_of(family_shape(row["parameters"]))}
+        for row in result["rows"]
+        if row["problem"] is None
+    ]
     unsteady = sum(row["reynolds"] > row["onset"] for row in rows)
     (after, own, late), lines = _late(result), strategies(result)
     mean = {line["strategy"]: line["work"] for line in lines}
