@@ -52,13 +52,15 @@ def quick_options(dimension: int = 2) -> CompilerOptions:
 
 
 def same_options(dimension: int = 2, gradients: bool = False) -> CompilerOptions:
-    """Return quick options by which no number of devices, up to that of cores, changes results.
+    """Return quick options by which results are the same on any number of devices.
 
-    XLA runs its algebraic simplifier once more on partitioned programs, and orders the operands of
-    products and sums otherwise, which changes the rounding. With that pass disabled, and without
-    the older emitters where there are adjoints, results agree to the last bit, at 5 % more time
-    on a CPU. XLA's library of small products (YNNPACK, jaxlib 0.10) then crashes now and then, so
-    the pass that calls it, ``dot-library-rewriter``, is disabled too.
+    There must be no more devices than cores, as XLA has the larger number of threads, on which the
+    rounding of large matrix products depends. XLA runs its algebraic simplifier once more on
+    partitioned programs, and orders the operands of products and sums otherwise, which changes the
+    rounding. With that pass disabled, and without the older emitters where there are adjoints,
+    results agree to the last bit, at 5 % more time on a CPU. XLA's library of small products
+    (YNNPACK, jaxlib 0.10) then crashes now and then, so the pass that calls it,
+    ``dot-library-rewriter``, is disabled too.
 
     Args:
       dimension: of the flow, as for ``quick_options``.

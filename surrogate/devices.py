@@ -3,7 +3,7 @@
 The flows of different bodies are independent. Each device solves the bodies of its shard inside
 ``jax.shard_map``, so that its loops end when its own bodies have converged. Inputs and results
 of a few numbers per body are replicated on all devices. ``surrogate/training/README.md`` says why
-results do not depend on the number of devices, up to that of cores.
+results do not depend on the number of devices, as long as there are no more than cores.
 """
 
 import dataclasses

@@ -155,7 +155,7 @@ def test_two_devices_train_without_stored_velocities(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("bodies", ["symmetric", "sections"])
 def test_weights_are_the_same_on_any_number_of_devices(tmp_path, bodies):
-    """On one and on four; and the first method's on four from a checkpoint of one."""
+    """Train on one and on four, and by the first method on four from a checkpoint of one."""
     methods = ["sip", "dp", "hig", "supervised"]
     found = {count: _trained_on(tmp_path, count, bodies, methods) for count in (1, 4)}
     assert set(found[1]) == set(methods)

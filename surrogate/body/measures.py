@@ -30,10 +30,10 @@ class StreamwiseProfile(NamedTuple):
       length: side of its box along the stream.
       height: side of its box across the stream.
       thickness: greatest distance, across the stream, of its upper from its lower side.
-      rise: of the straight line that is closest to its mean line, midway between the two sides,
-        with the thickness of an ellipse as weight: the difference of its ends.
-      arch: of the mean line over that straight line: four times its standard deviation across
-        the stream, with the same weight, which of a parabola is its height.
+      rise: height difference between the ends of the straight line that fits its mean line,
+        midway between the two sides, by least squares weighted by the thickness of an ellipse.
+      arch: four times the root mean square, weighted in the same way, of the mean line's distance
+        from that line; for a parabolic mean line this is its height over its chord.
       front: area of the front half over that of the ellipse of this length and thickness.
       rear: the same of the rear half.
     """

@@ -27,10 +27,9 @@ class OnsetRule2D(NamedTuple):
 
         Re = sqrt(plate^2 + slope^2 (length / height)^power) / height
 
-    Of a body as it lies in the stream, see ``StreamwiseProfile``: the length is shortened by the
-    factor front^nose if its front half is less full than an ellipse's. The height is h plus
-    bend arch length / h, where h is the body's height, or sqrt(thickness^2 + (lean rise)^2) if that
-    is larger.
+    Of a body as it lies in the stream, see ``StreamwiseProfile``: height is h + bend arch L / h,
+    where h is the body's own, or sqrt(thickness^2 + (lean rise)^2) if that is larger, and L its
+    length; length is L, times front^nose if the front half is less full than an ellipse's.
 
     Attributes:
       plate: onset, by the height, of a plate across the stream, extrapolated from aspect 0.3.
@@ -81,7 +80,8 @@ class OnsetRule3D(NamedTuple):
     most_inclined: float
 
 
-# Fitted to the studies ``onset`` and ``onset_incidence``, and to ``onset_2d``.
+# Fitted to the studies ``onset`` and ``onset_incidence``, and to ``onset_2d``: ``bend`` to all
+# fitted bodies of it, the other constants of RULE_2D to the first 20 before there was ``bend``.
 RULE_3D = OnsetRule3D(126.5, 170.0, 0.4, 0.84, 1.9)
 RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.113, 0.43)
 

@@ -150,14 +150,17 @@ def sections_text(result: Result) -> str:
         for symbol, load in LOADS.items()
     }
     counts = ", ".join(f"{count} of {symbol}" for symbol, count in within.items())
-    lost = sum(row["outcome"] == "not converged" for row in rows)
+    lost, refused = (
+        sum(row["outcome"] == outcome for row in rows) for outcome in ("not converged", "unsteady")
+    )
     called = [row for row in known if row["outcome"] == "accurate"]
     most = load_tolerances(FIDELITIES["standard"].tolerance)._asdict()
     over = sum(any(abs(row[f"{load}_error"]) > most[load] for load in most) for row in called)
     return (
-        f"Of {len(rows)} flows {lost} did not converge; of {len(known)} with an estimate and a "
-        f"known error the bound covers the error of {counts}. Of {len(called)} that are "
-        f"called accurate {over} exceed a tolerance; their largest errors are {_largest(called)}."
+        f"Of {len(rows)} flows {refused} are refused as unsteady, and {lost} did not converge; of "
+        f"{len(known)} with an estimate and a known error the bound covers the error of {counts}. "
+        f"Of {len(called)} that are called accurate {over} exceed a tolerance; their largest "
+        f"errors are {_largest(called)}."
     )
 
 

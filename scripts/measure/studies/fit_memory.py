@@ -1,4 +1,4 @@
-"""How much memory fits of three loads take, each in a process of its own.
+"""Peak memory of fitting surrogates of Cd, Cl and Cm, each fit in a process of its own.
 
 Bodies are those of studies ``three_loads`` and ``three_loads_lift``; their loads and gradients are
 those of the shipped networks, on which the memory does not depend but for the polynomial's degree.
@@ -24,7 +24,10 @@ from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.scene.samples import training_samples
 
 SCENE = "lift"  # of the sentence in the README
-PACKAGES = "sklearn.preprocessing", "smt.surrogate_models"  # loaded before the fits of rivals
+PACKAGES = (
+    "sklearn.preprocessing",
+    "smt.surrogate_models",
+)  # imported before every fit
 STEPS = 2  # of a training, every one of which takes as much memory
 
 
@@ -85,7 +88,7 @@ def ground_by_network(name: str, count: int) -> Ground:
 
 
 def in_short(result: Result, errors: Result) -> str:
-    """Return the README's sentence on networks and kriging fitted to as many sections as it can be.
+    """Return the README's sentence on fits to the most sections that kriging can hold.
 
     Args:
       result: of this study.

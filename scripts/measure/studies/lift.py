@@ -182,7 +182,7 @@ def text(result: Result) -> str:
 
 
 def text_of_random(result: Result) -> str:
-    """Return tables of every random section and of the fidelities, and a sentence on the status.
+    """Return tables of every random section and of the fidelities, and sentences on both.
 
     The table of fidelities is of the flows up to their onset of instability.
     """
@@ -243,7 +243,7 @@ LOADS_TEXT = (
     " | status {status} | work {green_applications} G | seconds {seconds:.1f}"
 )
 FLOWS = columns(f"body {{body}} | Re {{reynolds:g}} | {LOADS_TEXT}")
-RANDOM = columns(f"body {{body}} | onset {{onset:.0f}} | Re {{reynolds:g}} | {LOADS_TEXT}")
+RANDOM = columns(f"body {{body}} | onset Re {{onset:.0f}} | Re {{reynolds:g}} | {LOADS_TEXT}")
 LEVELS = columns(
     "fidelity {fidelity} | flows {flows} | Cd: mean error {cd_mean:.2%} | most {cd_most:.2%}"
     " | within its bound {cd_covered:.0%} | median bound over error {cd_ratio:.1f}"

@@ -149,8 +149,9 @@ TABLES = [
         gradients,
         columns(
             "aspect {aspect:g} | Re {reynolds:g} | loads {work} G, {seconds:.2f} s"
-            " | gradients of all loads, more {more_work} G | over the flow's {work_ratio:.2f}"
-            " | loads and gradients {all_s:.2f} s | over the loads' {ratio:.2f}"
+            " | gradients of all loads, more {more_work} G"
+            " | more G over the flow's {work_ratio:.2f}"
+            " | loads and gradients {all_s:.2f} s | seconds over the loads' {ratio:.2f}"
         ),
         key="gradients",
     ),

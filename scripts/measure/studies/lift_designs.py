@@ -152,10 +152,11 @@ def text(result: Result) -> str:
     mean = {line["strategy"]: line["work"] for line in lines}
     return (
         f"{STRATEGIES(lines)}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in "
-        f"brackets the 95 % interval, and against kriging with memory {_in_words(after)}: that "
-        f"takes {mean[GROWING]:.0f} G a design, {late:.0f} in the last {LATE}, and the network "
-        f"{mean[LED]:.0f} and {own:.0f}. {unsteady} of the network's {len(rows)} optima are steady "
-        f"flows beyond the estimated onset of instability.\n\n{LED_ROWS(rows)}"
+        f"brackets the 95 % interval; by the costs of the last {LATE} designs against kriging with "
+        f"memory {_in_words(after)}: that takes {mean[GROWING]:.0f} G a design, {late:.0f} in the "
+        f"last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}. {unsteady} of the network's "
+        f"{len(rows)} optima are steady flows beyond the estimated onset of instability.\n\n"
+        f"{LED_ROWS(rows)}"
     )
 
 
@@ -231,7 +232,7 @@ STRATEGIES = columns(
     f" | by more than {100 * FAR:g} % in {{far}} | started again in {{restarted}}"
 )
 LED_ROWS = columns(
-    "query {query} | asked {asked} | Re {reynolds:.3g} | onset {onset:.3g} | Cd {cd:.4f}"
+    "query {query} | asked {asked} | Re {reynolds:.3g} | onset Re {onset:.3g} | Cd {cd:.4f}"
     " | Cl {cl:.4f} | Cm {cm:.4f} | flows {flows} | work {green_applications} G"
     " | KKT residual {kkt:.0e}"
 )

@@ -160,7 +160,7 @@ def _clocks() -> np.ndarray:
 def fitted(
     ground: Ground, method: str, count: int, iterations: int | None = None
 ) -> tuple[Outputs, np.ndarray]:
-    """Return outputs at scaled inputs by a method from the first bodies, and seconds of compiling.
+    """Return a predictor of the outputs fitted to the first bodies, and seconds of its compilation.
 
     Args:
       ground: all bodies and flows.

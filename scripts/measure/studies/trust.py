@@ -227,7 +227,7 @@ def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
 
 
 def lift_and_moment(rows: Sequence[Row]) -> Iterator[Row]:
-    """Yield coverage and largest errors of Cl and Cm over Cd, by kind, of bodies that have lift."""
+    """Yield coverage by the bounds of Cl and Cm, and largest errors of flows called accurate."""
     lifting = [row for row in rows if row.get("lift_bound") is not None and row["lift"]]
     for kind in values(lifting, "kind"):
         mine = [row for row in lifting if row["kind"] == kind]
@@ -261,7 +261,7 @@ def _share(held: Sequence[bool]) -> float | None:
 
 
 def text(result: Result) -> str:
-    """Return the summary over kinds of bodies, and the section, as tables."""
+    """Return the summary of Cd and that of Cl and Cm over kinds of bodies, and the section."""
     rows, sections = rows_of(result), rows_of({"rows": result["sections"]})
     drags = columns(SUMMARY)(list(summary(rows, values(rows, "kind"))))
     return f"{drags}\n\n{LIFTS(list(lift_and_moment(rows)))}\n\n{SECTIONS(sections)}"

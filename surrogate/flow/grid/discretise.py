@@ -38,7 +38,7 @@ def fitted_domain(stream: Stream, fidelity: Fidelity, shape: Shape, reynolds: fl
     """Return a domain for one body, as long as the wake at this Re needs.
 
     There are few domains of a fidelity, whatever the bodies, so that few programs are compiled: in
-    2-D one for all bodies of up to 4 by 2 D.
+    2-D all bodies of up to 4 by 2 D have the same box.
 
     Args:
       stream: unbounded or a tunnel.

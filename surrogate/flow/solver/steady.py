@@ -237,7 +237,7 @@ class Elimination(eqx.Module):
         return FlowState(y.velocity + self.response(amplitude), amplitude)
 
     def oseen_flow(self) -> FlowState:
-        """Return body flow without convection of the perturbation: exact as Re tends to 0."""
+        """Return the Oseen flow, without convection u' grad u'; it is exact as Re tends to 0."""
         amplitude = self.inverse @ -self.body.slip_of_stream()
         return FlowState(self.response(amplitude), amplitude)
 
