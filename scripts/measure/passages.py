@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from run import RESULTS
-from studies import accelerator, far_field, lift, lift_designs, particle, training
+from studies import accelerator, far_field, fit_memory, lift, lift_designs, particle, training
 from study import Result, words
 from tools import mean_and_most
 
@@ -63,9 +63,11 @@ def payoff(result: Callable[[str], Result]) -> str:
 
 
 def when_to_train(result: Callable[[str], Result]) -> str:
-    """Return one line for each kind of scene: whether training pays against its rivals."""
-    lines = _plane(result), _space(result), lift_designs.when_to_train(result("lift_designs"))
-    return "\n".join(f"- {line}" for line in (*lines, _robust(result)))
+    """Return one line for each kind of scene: when training pays against its rivals."""
+    sections = lift_designs.when_to_train(result("lift_designs"))
+    large = fit_memory.in_short(result("fit_memory"), result("three_loads_lift"))
+    lines = _plane(result), _space(result), f"{sections} {large}", _robust(result)
+    return "\n".join(f"- {line}" for line in lines)
 
 
 def _plane(result):

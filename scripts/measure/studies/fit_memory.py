@@ -105,9 +105,9 @@ def in_short(result: Result, errors: Result) -> str:
         found.append((off, row["answers"], row["mib"]))
     (off, answers, mib), (own, many, own_mib) = found
     return (
-        f"Fitted to {most:,} kriging with gradients errs by {off} % (Cd/Cl/Cm) of Cd, with "
-        f"{answers:,.0f} answers/s and {mib:,.0f} MiB for the fit; `{network}` by {own} %, "
-        f"{many:,.0f}, {own_mib:,.0f}."
+        f"Fitted to {most:,} sections, kriging with gradients errs by {off} % (Cd/Cl/Cm) of Cd, "
+        f"with {answers:,.0f} answers/s and {mib:,.0f} MiB for the fit; `{network}` by {own} %, "
+        f"with {many:,.0f}, {own_mib:,.0f}."
     )
 
 
