@@ -24,10 +24,7 @@ from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.scene.samples import training_samples
 
 SCENE = "lift"  # of the sentence in the README
-PACKAGES = (
-    "sklearn.preprocessing",
-    "smt.surrogate_models",
-)  # imported before every fit
+PACKAGES = ("sklearn.preprocessing", "smt.surrogate_models")  # imported before every fit
 STEPS = 2  # of a training, every one of which takes as much memory
 
 

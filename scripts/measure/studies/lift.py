@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from lifting_elements import SECTION, ElementLoads, unbounded_loads
-from studies.trust import FLOOR
+from studies.trust import coverage
 from study import Result, Row, Run, Study, Table, columns
 from tools import bounds_of, name_of
 
@@ -110,6 +110,7 @@ def measure_drawn(run: Run, draw: int, fidelity: str) -> Row:
     return row | measure(run, body, reynolds, fidelity)
 
 
+@functools.cache
 def _drawn(draw):
     """Return a random section and its Re."""
     scene = Scene.read(SCENE)
@@ -227,13 +228,9 @@ def _summary(level, rows):
     summary = {"fidelity": level, "flows": len(rows)}
     for name in LOADS if rows else ():
         errors = np.abs([row[f"{name}_error"] for row in rows])
-        bounds = [row[f"{name}_bound"] for row in rows]
-        known = [(b, e) for b, e in zip(bounds, errors, strict=True) if b is not None]
-        covered = [b >= e for b, e in known]
-        ratios = [b / max(e, FLOOR) for b, e in known]
         summary |= {f"{name}_mean": errors.mean(), f"{name}_most": errors.max()}
-        summary |= {f"{name}_covered": sum(covered) / len(covered) if covered else None}
-        summary |= {f"{name}_ratio": float(np.median(ratios)) if ratios else None}
+        covered = coverage([row[f"{name}_bound"] for row in rows], errors)
+        summary |= {f"{name}_{key}": value for key, value in covered.items()}
     return summary
 
 

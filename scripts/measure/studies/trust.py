@@ -215,8 +215,7 @@ def summary(rows: Sequence[Row], kinds: Iterable[str]) -> Iterator[Row]:
             "kind": kind,
             "cases": len(mine),
             "judged": len(judged),
-            "covered": _share([row["bound"] >= abs(row["error"]) for row in judged]),
-            "ratio": _median([row["bound"] / max(abs(row["error"]), FLOOR) for row in judged]),
+            **coverage([row["bound"] for row in judged], [row["error"] for row in judged]),
             "within": len(within),
             "degraded": sum(row["status"] == "degraded" for row in within),
             "accurate": len(accurate),
@@ -234,7 +233,6 @@ def lift_and_moment(rows: Sequence[Row]) -> Iterator[Row]:
         for load, symbol in (("lift", "Cl"), ("moment", "Cm")):
             errors = [abs(row[f"{load}_error"]) / row["drag"] for row in mine]
             bounds = [row[f"{load}_bound"] / row["drag"] for row in mine]
-            pairs = list(zip(bounds, errors, strict=True))
             accurate = [
                 (error, getattr(load_tolerances(row["tolerance"]), load))
                 for row, error in zip(mine, errors, strict=True)
@@ -244,20 +242,25 @@ def lift_and_moment(rows: Sequence[Row]) -> Iterator[Row]:
                 "kind": kind,
                 "load": symbol,
                 "cases": len(mine),
-                "covered": _share([bound >= error for bound, error in pairs]),
-                "ratio": _median([bound / max(error, FLOOR) for bound, error in pairs]),
+                **coverage(bounds, errors),
                 "accurate": len(accurate),
                 "over": sum(error > most for error, most in accurate),
                 "most": max((error for error, _ in accurate), default=None),
             }
 
 
-def _median(ratios: Sequence[float]) -> float | None:
-    return float(np.median(ratios)) if ratios else None
+def coverage(bounds: Iterable[float | None], errors: Iterable[float]) -> Row:
+    """Return the share of errors that their bounds cover, and the median bound over error.
 
-
-def _share(held: Sequence[bool]) -> float | None:
-    return sum(held) / len(held) if held else None
+    Both are None where no bound is known; errors below ``FLOOR`` count as that in the ratio.
+    """
+    pairs = zip(bounds, map(abs, errors), strict=True)
+    known = [(bound, error) for bound, error in pairs if bound is not None]
+    if not known:
+        return {"covered": None, "ratio": None}
+    covered = sum(bound >= error for bound, error in known) / len(known)
+    ratio = float(np.median([bound / max(error, FLOOR) for bound, error in known]))
+    return {"covered": covered, "ratio": ratio}
 
 
 def text(result: Result) -> str:
