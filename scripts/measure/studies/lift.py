@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from error_bounds import bound_coverage
 from lifting_elements import SECTION, ElementLoads, unbounded_loads
-from studies.trust import coverage
 from study import Result, Row, Run, Study, Table, columns
 from tools import bounds_of, name_of
 
@@ -229,7 +229,7 @@ def _summary(level, rows):
     for name in LOADS if rows else ():
         errors = np.abs([row[f"{name}_error"] for row in rows])
         summary |= {f"{name}_mean": errors.mean(), f"{name}_most": errors.max()}
-        covered = coverage([row[f"{name}_bound"] for row in rows], errors)
+        covered = bound_coverage([row[f"{name}_bound"] for row in rows], errors)
         summary |= {f"{name}_{key}": value for key, value in covered.items()}
     return summary
 
