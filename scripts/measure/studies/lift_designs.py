@@ -233,7 +233,8 @@ def _numbers(rows: list[Row]) -> list[int]:
 STRATEGIES = columns(
     "strategy {strategy} | queries {asked} | found {found} | flows a design {flows:.2f}"
     " | most {most} | G a design, mean {work:.0f} | median {middle:.0f}"
-    " | s a design {seconds:.0f} | largest KKT residual {kkt:.0e} | objective above the best known, at most {gap:.3%}"
+    " | s a design {seconds:.0f} | largest KKT residual {kkt:.0e}"
+    " | objective above the best known, at most {gap:.3%}"
     f" | by more than {100 * FAR:g} % in {{far}} | started again in {{restarted}}"
 )
 LED_ROWS = columns(
