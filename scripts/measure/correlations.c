@@ -34,7 +34,7 @@ void froehlich(size_t count, const real *inputs, real *loads)
         real *to = loads + i * LOADS;
         to[0] = scale * (at_0 * along + (at_90 * across - at_0 * along) * s * s);
         to[1] = scale * sin(turn) * cos(turn) * (across - along)
-            * (1 + (real)0.34 * exp((real)0.83 * logs));
+            * (1 + (real)0.34 * exp(((real)0.88 - (real)0.05 * l) * logs));
         to[2] = s * c * torque;
     }
 }

@@ -1,13 +1,52 @@
-"""Correlations of engineering practice for ellipsoids at an incidence, each in its own range.
+"""Correlations of engineering practice for bodies at an incidence, each in its own range.
 
 Cd and Cl are over the cross-section of the sphere of equal volume, whose diameter D makes Re; Cm is
-over that and D. Outside of what a correlation was made for it answers None.
+over that and D. Outside of what a correlation was made for it answers None. No paper was at hand;
+what was seen in its place is named with each correlation.
 """
 
 import math
 from typing import NamedTuple
 
+import numpy as np
 from correlations import ellipsoid
+
+from surrogate import family_shape
+from surrogate.body.skin import HALVES, Skin, SkinNodes, skin_weights
+
+NODES = SkinNodes(60, 120, HALVES)  # of surface integrals
+
+
+class Inclined(NamedTuple):
+    """A 3-D body of the family at an incidence in degrees; an ellipsoid where ``beta2`` is 0."""
+
+    aspect: float
+    flatness: float = 1.0
+    beta2: float = 0.0
+    incidence: float = 0.0
+
+    @property
+    def sphericity(self) -> float:
+        """Area of the sphere of equal volume over that of the surface."""
+        if not self.beta2:
+            return 1 / ellipsoid(self.aspect, self.flatness).surface
+        return math.pi / (2 * float(np.linalg.norm(self._areas, axis=1).sum()))
+
+    @property
+    def front(self) -> float:
+        """Area that the stream sees, over the cross-section of the sphere; of convex bodies."""
+        if self.beta2:
+            return float(np.abs(self._areas[:, 0]).sum()) / (math.pi / 4)
+        body, phi = ellipsoid(self.aspect, self.flatness), math.radians(self.incidence)
+        height = math.hypot(body.height * math.cos(phi), body.length * math.sin(phi))
+        return 4 * body.width * height
+
+    @property
+    def _areas(self):
+        """Area vectors of half of the surface, as the body lies in the stream."""
+        skin = family_shape(self._asdict(), dimension=3).markers(NODES)
+        assert isinstance(skin, Skin)
+        return np.asarray(skin.areas) * skin_weights(NODES)[:, None]
 
 
 class Loads(NamedTuple):
@@ -18,15 +57,19 @@ class Loads(NamedTuple):
     cm: float | None = None
 
 
-def froehlich(aspect: float, flatness: float, incidence: float, re: float) -> Loads | None:
+def froehlich(body: Inclined, re: float) -> Loads | None:
     """Return the loads on prolate spheroids at Re 1 to 100, by Froehlich et al. (2020).
 
-    Froehlich, Meinke, Schroeder (J. Fluid Mech. 901, 2020). ``incidence`` is in degrees; None
-    outside of the correlation's range.
+    Froehlich, Meinke, Schroeder (J. Fluid Mech. 901, 2020); None outside of the correlation's
+    range. Seen: m-AIA (lptellipsoidal.cpp, of the authors' institute) for all constants, and a
+    second code for those of drag and moment. m-AIA raises Re to the sum of the last two constants
+    of the lift, 0.88 and -0.05; here the latter is the factor of log(aspect), as that of every
+    other such pair, by which the lift is closer to this flow.
     """
-    if flatness != 1 or not (1 < aspect <= 8 and 1 <= re <= 100):
+    aspect = body.aspect
+    if body.flatness != 1 or body.beta2 or not (1 < aspect <= 8 and 1 <= re <= 100):
         return None
-    log, phi = math.log(aspect), math.radians(incidence)
+    log, phi = math.log(aspect), math.radians(body.incidence)
     along, across = stokes_factors(aspect)
     sphere = 1 + 0.15 * re**0.687
     at_0 = sphere - 0.007 * log * re ** (1.17 - 0.07 * log)
@@ -37,7 +80,7 @@ def froehlich(aspect: float, flatness: float, incidence: float, re: float) -> Lo
     torque = 0.931 * log**0.675 * re**-0.162 + 0.657 * log**2.77 * re ** -(0.178 + 0.177 * log)
     return Loads(
         scale * (at_0 * along + (at_90 * across - at_0 * along) * math.sin(phi) ** 2),
-        scale * spread * (1 + 0.34 * re**0.83),
+        scale * spread * (1 + 0.34 * re ** (0.88 - 0.05 * log)),
         math.sin(phi) * math.cos(phi) * torque,
     )
 
@@ -57,32 +100,25 @@ ZASTAWNY = {  # aspect: a0, ..., a8
 }
 
 
-def zastawny(aspect: float, flatness: float, incidence: float, re: float) -> Loads | None:
+def zastawny(body: Inclined, re: float) -> Loads | None:
     """Return Cd of two prolate spheroids at Re 0.1 to 300, by Zastawny et al. (2012).
 
-    Int. J. Multiphase Flow 39, 2012. ``incidence`` is in degrees; None for other bodies and Re.
+    Int. J. Multiphase Flow 39, 2012; None for other bodies and Re. No code with its constants was
+    seen, and those of its lift and moment were not at hand.
     """
-    if flatness != 1 or aspect not in ZASTAWNY or not 0.1 <= re <= 300:
+    if body.flatness != 1 or body.beta2 or body.aspect not in ZASTAWNY or not 0.1 <= re <= 300:
         return None
-    a = ZASTAWNY[aspect]
+    a = ZASTAWNY[body.aspect]
     at_0, at_90 = (a[k] / re ** a[k + 1] + a[k + 2] / re ** a[k + 3] for k in (1, 5))
-    return Loads(at_0 + (at_90 - at_0) * math.sin(math.radians(incidence)) ** a[0])
+    return Loads(at_0 + (at_90 - at_0) * math.sin(math.radians(body.incidence)) ** a[0])
 
 
-def front(aspect: float, flatness: float, incidence: float) -> float:
-    """Return the area of an ellipsoid as the stream sees it, over the sphere's."""
-    body, phi = ellipsoid(aspect, flatness), math.radians(incidence)
-    height = math.hypot(body.height * math.cos(phi), body.length * math.sin(phi))
-    return 4 * body.width * height
-
-
-def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
+def hoelzer_sommerfeld(body: Inclined, re: float) -> Loads:
     """Return Cd by Hoelzer, Sommerfeld 2008 as particle codes use it.
 
-    The crosswise sphericity is in the first and the last term. ``incidence`` is in degrees.
+    The crosswise sphericity is in the first and the last term, as in MFiX (sq_drag).
     """
-    sphericity = 1 / ellipsoid(aspect, flatness).surface
-    crosswise = 1 / front(aspect, flatness, incidence)
+    sphericity, crosswise = body.sphericity, 1 / body.front
     return Loads(
         8 / (re * math.sqrt(crosswise))
         + 16 / (re * math.sqrt(sphericity))
@@ -91,7 +127,7 @@ def hoelzer_sommerfeld(aspect: float, flatness: float, incidence: float, re: flo
     )
 
 
-def ganser(aspect: float, flatness: float, incidence: float, re: float) -> Loads:
+def ganser(body: Inclined, re: float) -> Loads:
     """Return the drag by Ganser (Powder Technology 77, 1993), from sphericity and the area seen.
 
     Equation 18 and table 7 for bodies that are not isometric, without a vessel's wall: K1 has the
@@ -99,12 +135,11 @@ def ganser(aspect: float, flatness: float, incidence: float, re: float) -> Loads
     fall freely, of sphericity 0.09 to 1; codes for particles take it at the incidence they have.
     It is no fit of spheres alone: 2 % low at Re 1, 16 % at Re 10 and 26 % at Re 100.
 
-    The paper was not at hand. Seen, with the same constants and decimal logarithm: MFiX (sq_drag,
-    with the incidence), PyFLOW 2.0 (isometric or not), FALL3D, Kratos, and fallspd.py of NOAA,
-    which quotes K2 as 8.1 and 30 for the sphericities 0.5 and 0.2.
+    Seen, with the same constants and decimal logarithm: MFiX (sq_drag, with the incidence), PyFLOW
+    2.0 (isometric or not), FALL3D, Kratos, and fallspd.py of NOAA, which quotes K2 as 8.1 and 30
+    for the sphericities 0.5 and 0.2.
     """
-    sphericity = 1 / ellipsoid(aspect, flatness).surface
-    seen = math.sqrt(front(aspect, flatness, incidence))
+    sphericity, seen = body.sphericity, math.sqrt(body.front)
     stokes = 1 / (seen / 3 + 2 / 3 / math.sqrt(sphericity))
     newton = 10 ** (1.8148 * max(-math.log10(sphericity), 0) ** 0.5743)
     share = re * stokes * newton

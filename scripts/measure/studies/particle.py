@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from correlations import bagheri_bonadonna, ellipsoid
-from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Loads
+from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Inclined, Loads
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -61,7 +61,7 @@ def bodies(run: Run) -> Iterator[Row]:
 
 
 def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) -> Row:
-    """Return loads by the flow, and the errors over Cd of the surrogate and of the correlations.
+    """Return loads by the flow, and the errors of the surrogate over Cd.
 
     Args:
       run: How the study is run.
@@ -70,35 +70,53 @@ def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) 
       reynolds: U D / nu.
     """
     net = load(SURROGATE)
-    true = np.asarray(_flow(run.tiny).loads(net.scene.family.parameters(parameters), reynolds))
-    loads = net.loads(net.scene.family.parameters(parameters), reynolds)
-    answers = {"surrogate": Loads(*loads.tolist())} | dict.fromkeys(AT_INCIDENCE)
-    if not parameters["beta2"]:  # they are for ellipsoids
-        shape = [parameters[name] for name in ("aspect", "flatness", "incidence")]
-        answers |= {name: answer(*shape, reynolds) for name, answer in AT_INCIDENCE.items()}
-    row: Row = dict(zip(LOADS, true.tolist(), strict=True))
-    for name, answer in answers.items():
-        given = zip(answer or Loads(None), true.tolist(), strict=True)
-        errors = [None if a is None else (a - b) / true[0] for a, b in given]
-        row[name] = dict(zip(LOADS, errors, strict=True))
-    return row
+    body = net.scene.family.parameters(parameters)
+    row: Row = dict(zip(LOADS, _flow(run.tiny).loads(body, reynolds).tolist(), strict=True))
+    return row | {"surrogate": _errors(row, Loads(*net.loads(body, reynolds).tolist()))}
+
+
+def with_correlations(rows: list[Row]) -> list[Row]:
+    """Return rows of ``measure`` with the errors of every correlation over Cd, None outside it."""
+
+    def errors(row):
+        body = Inclined(**row["parameters"])
+        return {
+            n: _errors(row, answer(body, row["reynolds"])) for n, answer in AT_INCIDENCE.items()
+        }
+
+    return [row | errors(row) for row in rows]
+
+
+def _errors(row, answer):
+    """Return the errors of an answer over Cd by the flow; None for loads that it has not."""
+    given = zip(LOADS, answer or Loads(None), strict=True)
+    return {name: None if load is None else (load - row[name]) / row["cd"] for name, load in given}
 
 
 def polar(run: Run, aspect: float, incidence: float) -> Row:
-    """Return the loads of a spheroid at Re 20 by the flow, the surrogate and the correlations."""
+    """Return the loads of a spheroid at Re 20 by the flow and the surrogate."""
     net = load(SURROGATE)
     body = net.scene.family.parameters({"aspect": aspect, "incidence": incidence})
     answers = {
         name: Loads(*np.asarray(model.loads(body, POLAR_REYNOLDS)).tolist())
         for name, model in (("flow", _flow(run.tiny)), ("surrogate", net))
     }
-    for name, correlation in AT_INCIDENCE.items():
-        answers[name] = correlation(aspect, 1.0, incidence, POLAR_REYNOLDS) or Loads(None)
     return {"loads": {name: answer._asdict() for name, answer in answers.items()}}
 
 
+def polars_with_correlations(rows: list[Row]) -> list[Row]:
+    """Return rows of ``polar`` with the loads by every correlation as well."""
+
+    def loads(row):
+        body = Inclined(row["aspect"], incidence=row["incidence"])
+        found = {n: answer(body, POLAR_REYNOLDS) for n, answer in AT_INCIDENCE.items()}
+        return {name: (answer or Loads(None))._asdict() for name, answer in found.items()}
+
+    return [row | {"loads": row["loads"] | loads(row)} for row in rows]
+
+
 def oriented(run: Run, aspect: float, reynolds: float) -> Row:
-    """Return a spheroid's mean Cd over random orientations by flow, surrogate and correlation."""
+    """Return a spheroid's mean Cd over random orientations, and the surrogate's error of it."""
     net = load(SURROGATE)
     cases = Tumbling(reynolds).scenarios(net.scene)
     bodies = net.scene.family.parameters({"aspect": aspect, "incidence": 45.0}) + cases.shift
@@ -106,17 +124,26 @@ def oriented(run: Run, aspect: float, reynolds: float) -> Row:
     for name, model in (("flow", _flow(run.tiny)), ("surrogate", net)):
         drags = [np.asarray(model.loads(body, reynolds))[0] for body in bodies]
         found[name] = float(cases.weight @ drags)
-    answer = bagheri_bonadonna(ellipsoid(aspect), reynolds)
-    return {
-        "cd": found["flow"],
-        "surrogate": found["surrogate"] / found["flow"] - 1,
-        "bagheri_bonadonna": answer / found["flow"] - 1,
-    }
+    return {"cd": found["flow"], "surrogate": found["surrogate"] / found["flow"] - 1}
+
+
+def oriented_with_correlation(rows: list[Row]) -> list[Row]:
+    """Return rows of ``oriented`` with the error of Bagheri and Bonadonna's correlation."""
+
+    def error(row):
+        return bagheri_bonadonna(ellipsoid(row["aspect"]), row["reynolds"]) / row["cd"] - 1
+
+    return [row | {"bagheri_bonadonna": error(row)} for row in rows]
+
+
+def show_oriented(rows: list[Row]) -> str:
+    """Return the table of mean Cd over random orientations."""
+    return OVER_ANGLES(oriented_with_correlation(rows))
 
 
 def show_polars(rows: list[Row]) -> str:
     """Return one table for each load, with those who answer it in its columns."""
-    parts = []
+    parts, rows = [], polars_with_correlations(rows)
     for load_name, symbol in zip(LOADS, ("Cd", "Cl", "Cm"), strict=True):
         form = "aspect {aspect:g} | incidence {incidence:g}"
         for name in rows[0]["loads"]:
@@ -128,7 +155,7 @@ def show_polars(rows: list[Row]) -> str:
 
 def draw(result: Result, path: Path) -> None:
     """Draw Cd, Cl and Cm of each spheroid over the incidence: the flow as points, others lines."""
-    rows = result["polar"]
+    rows = polars_with_correlations(result["polar"])
     with rc_context(STYLE):
         aspects = values(rows, "aspect")
         size = {"figsize": (13, 3.4 * len(aspects)), "layout": "constrained"}
@@ -167,10 +194,13 @@ def text(result: Result) -> str:
 
     Correlations are compared within their ranges.
     """
-    rows = result["rows"]
+    rows, oriented = (
+        with_correlations(result["rows"]),
+        oriented_with_correlation(result["oriented"]),
+    )
     groups = {"all": rows} | {k: [row for row in rows if row["kind"] == k] for k in KINDS}
     by_kind = [
-        {"by": name, "bodies": kind} | _mean_and_largest(group, name)
+        {"by": name, "kind": kind} | _mean_and_largest(group, name)
         for name in ("surrogate", *AT_INCIDENCE)
         for kind, group in groups.items()
         if any(row[name]["cd"] is not None for row in group)
@@ -178,7 +208,7 @@ def text(result: Result) -> str:
     by_reynolds = [_over_themselves_between(rows, *ends) for ends in itertools.pairwise(ENDS)]
     means = [
         "{:.2%} on average and {:.2%} at most".format(
-            *mean_and_most([row[name] for row in result["oriented"]])
+            *mean_and_most([row[name] for row in oriented])
         )
         for name in ("surrogate", "bagheri_bonadonna")
     ]
@@ -197,8 +227,8 @@ def text(result: Result) -> str:
 
 
 def _mean_and_largest(rows, name):
-    """Mean and largest errors over Cd of a model or correlation, for each load that it answers."""
-    found = {}
+    """Mean and largest errors over Cd of a model or correlation, and of how many bodies."""
+    found = {"bodies": sum(row[name]["cd"] is not None for row in rows)}
     for key in LOADS:
         errors = [row[name][key] for row in rows if row[name][key] is not None]
         mean, most = mean_and_most(errors) if errors else (None, None)
@@ -237,7 +267,7 @@ def in_short(result: Result) -> str:
         errors = [[row[name][key] for row in rows] for key in LOADS]
         return "/".join(f"{100 * mean_and_most(each)[0]:.2f}" for each in errors)
 
-    rows = result["rows"]
+    rows = with_correlations(result["rows"])
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
@@ -250,7 +280,7 @@ def in_short(result: Result) -> str:
 
 
 BY_KIND = columns(
-    "by {by} | bodies {bodies} | Cd: mean {cd:.2%} | largest {cd_most:.2%}"
+    "by {by} | kind {kind} | bodies {bodies} | Cd: mean {cd:.2%} | largest {cd_most:.2%}"
     " | Cl: mean {cl:.2%} | largest {cl_most:.2%} | Cm: mean {cm:.2%} | largest {cm_most:.2%}"
 )
 BY_REYNOLDS = columns(
@@ -270,6 +300,6 @@ OVER_ANGLES = columns(
 TABLES = [
     Table(bodies, measure, COLUMNS),
     Table(POLARS, polar, show_polars, key="polar"),
-    Table(ORIENTED, oriented, OVER_ANGLES, key="oriented"),
+    Table(ORIENTED, oriented, show_oriented, key="oriented"),
 ]
 STUDIES = {"particle": Study(TABLES, text, draw=draw)}

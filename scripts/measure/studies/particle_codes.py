@@ -10,6 +10,7 @@ from pathlib import Path
 import correlations_at_incidence
 import numpy as np
 from correlations import bagheri_bonadonna, ellipsoid
+from correlations_at_incidence import Inclined
 from studies.exports import FEW, MANY, compile_c
 from study import Result, Row, Run, Study, Table, cases, columns
 from tools import medians
@@ -58,8 +59,8 @@ def _drag(correlation, aspect, flatness, beta2, incidence, reynolds):
     """Return Cd by a correlation in Python; Bagheri and Bonadonna's is of random orientations."""
     if correlation == "bagheri_bonadonna":
         return bagheri_bonadonna(ellipsoid(aspect, flatness), reynolds)
-    at_incidence = getattr(correlations_at_incidence, correlation)
-    return at_incidence(aspect, flatness, incidence, reynolds).cd
+    body = Inclined(aspect, flatness, beta2, incidence)
+    return getattr(correlations_at_incidence, correlation)(body, reynolds).cd
 
 
 def text(result: Result) -> str:
