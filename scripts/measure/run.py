@@ -45,7 +45,7 @@ MODULES = {  # the studies of every module
     "dimension": "dimension",
     "exports": "exports",
     "extremes": "extremes extremes_lift",
-    "falls": "falls",
+    "falls": "falls swings",
     "far_field": "far_field",
     "fit_memory": "fit_memory",
     "harmonics": "harmonics",
@@ -54,7 +54,8 @@ MODULES = {  # the studies of every module
     "lift": "lift random_sections",
     "lift_cost": "lift_cost",
     "lift_designs": "lift_designs",
-    "lift_methods": "lift_methods particle_methods lift_trainings",
+    "lift_methods": "lift_methods particle_methods lift_published"
+    " lift_trainings particle_trainings",
     "low_reynolds": "low_reynolds",
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",

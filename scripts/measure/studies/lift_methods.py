@@ -1,7 +1,8 @@
 """The training methods with three loads, at their best and as published, by the same clock.
 
-Study ``lift_trainings`` has SIP and DP at their best, trained to their end; ``three_loads_lift``
-has HIG and supervised regression on the same sections.
+Studies ``lift_trainings`` and ``particle_trainings`` have SIP and DP at their best, trained to
+their end; ``three_loads_lift`` and ``three_loads`` have HIG and supervised regression on the same
+bodies.
 """
 
 import dataclasses
@@ -18,16 +19,18 @@ from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.setup import TrainingSetup, make_setup
 from surrogate.training.train import train_plan
 
-SAMPLES, SECONDS = 64, 90.0
-WHOLE = cases(bodies=(64, 256, 1024, 4096), method=("sip", "dp"))
+SAMPLES, SECONDS, LONGER = 64, 90.0, 900.0
+SIZES = {"lift": (64, 256, 1024, 4096), "particle": (64,)}  # of trainings to their end
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
 
-def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
+def plan_of(
+    run: Run, name: str, method: str, published: bool = False, seconds: float = SECONDS
+) -> Plan:
     """Return the plan of a training, which ends when its time is over."""
     samples, held_out = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
     scene = scene_of(name, run.tiny)
-    plan = make_plan(scene, method, "full", samples, 0, SECONDS, published, held_out)
+    plan = make_plan(scene, method, "full", samples, 0, seconds, published, held_out)
     return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
 
 
@@ -37,7 +40,9 @@ def setup_of(run: Run, name: str) -> TrainingSetup:
     return make_setup(plan_of(run, name, METHODS[0]))
 
 
-def measure(run: Run, scene: str, method: str, published: bool) -> Row:
+def measure(
+    run: Run, scene: str, method: str, published: bool, seconds_at_most: float = SECONDS
+) -> Row:
     """Return the errors over Cd of a training on held-out bodies, its steps, work and time.
 
     Args:
@@ -45,28 +50,30 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
       scene: Its name.
       method: Of the training.
       published: Whether as published, instead of at its best.
+      seconds_at_most: After which it ends.
     """
     setup = setup_of(run, scene)
     row = {"kind": "as published" if published else "at its best"}
     try:
-        found = run_training(plan_of(run, scene, method, published), setup)
+        found = run_training(plan_of(run, scene, method, published, seconds_at_most), setup)
     except NotConverged as problem:
         return row | {"outcome": str(problem)}
     return row | _learned(found, setup)
 
 
-def trained_to_its_end(run: Run, bodies: int, method: str) -> Row:
+def trained_to_its_end(run: Run, bodies: int, method: str, scene: str = "lift") -> Row:
     """Return the errors over Cd of a method at its best, with all its steps, and their work.
 
     Trainings are kept in ``--surrogates``: one that was interrupted goes on, in later runs too.
 
     Args:
       run: How the study is run.
-      bodies: Number of training bodies, sections of ``pretrained:lift``.
+      bodies: Number of training bodies.
       method: Of the training.
+      scene: Its name.
     """
-    samples, held_out = run.pick((8, 4), (bodies, HELD_OUT["lift"]))
-    plan = make_plan(scene_of("lift", run.tiny), method, "full", samples, held_out=held_out)
+    samples, held_out = run.pick((8, 4), (bodies, HELD_OUT[scene]))
+    plan = make_plan(scene_of(scene, run.tiny), method, "full", samples, held_out=held_out)
     plan = dataclasses.replace(plan, iterations=2) if run.tiny else plan
     folder = None if run.tiny else run.options["surrogates"] / f"{method}-{bodies}"
     record = train_plan(plan, folder).record
@@ -106,15 +113,27 @@ LEARNED = (
 )
 COLUMNS = columns("method {method} | settings {kind}" + LEARNED)
 TO_THE_END = columns("method {method} | bodies {bodies}" + LEARNED)
+
+
+def by_the_clock(scene: str) -> Table:
+    """Return the table of trainings that end when their time is over."""
+    return Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)
+
+
+def to_their_end(scene: str) -> Study:
+    """Return the study of trainings with all their steps."""
+    each = [{"scene": scene} | case for case in cases(bodies=SIZES[scene], method=("sip", "dp"))]
+    folder = {"type": Path, "default": Path(f"out/{scene}_trainings"), "help": "of trainings"}
+    return Study([Table(each, trained_to_its_end, TO_THE_END)], options={"--surrogates": folder})
+
+
+AS_PUBLISHED = [
+    {"scene": "lift", "method": method, "published": True, "seconds_at_most": LONGER}
+    for method in METHODS
+]
 STUDIES = {
-    f"{scene}_methods": Study(
-        [Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)],
-        text,
-        untrained,
-    )
-    for scene in CELLS
+    "lift_published": Study([Table(AS_PUBLISHED, measure, COLUMNS)], text, untrained),
+    "lift_trainings": to_their_end("lift"),
+    "particle_trainings": to_their_end("particle"),
 }
-SURROGATES = {"type": Path, "default": Path("out/lift_trainings"), "help": "folder of trainings"}
-STUDIES["lift_trainings"] = Study(
-    [Table(WHOLE, trained_to_its_end, TO_THE_END)], options={"--surrogates": SURROGATES}
-)
+STUDIES |= {f"{scene}_methods": Study([by_the_clock(scene)], text, untrained) for scene in CELLS}

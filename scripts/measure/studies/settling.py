@@ -18,18 +18,22 @@ PARTICLES = {  # parameters of the family, density ratio, size
     "fragment of polyester": ({"aspect": 0.7, "flatness": 1.5}, POLYESTER, 300e-6),
     "fibre of polyester": ({"aspect": 4.0}, POLYESTER, 100e-6),
     "pellet of polyethylene, rising": ({"aspect": 0.8}, POLYETHYLENE, 500e-6),
+    "spindle of quartz, held at 45 degrees": ({"aspect": 3.0, "incidence": 45.0}, QUARTZ, 250e-6),
+    "flake of quartz, held at 30 degrees": ({"aspect": 0.5, "incidence": 30.0}, QUARTZ, 250e-6),
 }
 
 
 def particles(run: Run) -> Iterator[Row]:
-    """Yield spheres of many sizes, then other bodies, which fall or rise along their axis."""
+    """Yield spheres of many sizes, then other bodies, most of which move along their axis."""
     spheres = [("sphere of quartz", ({"aspect": 1.0}, QUARTZ, size)) for size in SPHERES]
     for name, (body, density, size) in [*spheres, *PARTICLES.items()]:
         yield {"name": name, "size": 1e6 * size, "parameters": body, "density": density}
 
 
 def measure(run, size, parameters, density, **_) -> Row:
-    """Return Re and velocity (mm/s), and the errors of the two laws for the sphere of its volume.
+    """Return Re, speed (mm/s) and drift (degrees), and errors of the two laws for the sphere.
+
+    The sphere is that of the body's volume.
 
     Args:
       run: How the study is run.
@@ -44,6 +48,7 @@ def measure(run, size, parameters, density, **_) -> Row:
     return {
         "reynolds": settled.reynolds,
         "velocity": 1e3 * settled.velocity,
+        "drift": settled.drift,
         "stokes": particle.archimedes / 18 / settled.reynolds - 1,
         "curve": _by_curve(particle) / settled.reynolds - 1,
         "estimate": settled.solution.estimated_error,
@@ -72,7 +77,8 @@ def _by_curve(particle: Particle) -> float:
 
 
 COLUMNS = columns(
-    "particle {name} | size, um {size:g} | Re {reynolds:.3g} | velocity, mm/s {velocity:.4g}"
+    "particle {name} | size, um {size:g} | Re {reynolds:.3g} | speed, mm/s {velocity:.4g}"
+    " | drift from the vertical, degrees {drift:z.1f}"
     " | error of Stokes's law {stokes:+.1%} | of the sphere's drag curve {curve:+.1%}"
     " | estimated error of Cd {estimate:.2%} | flows {flows}"
 )
