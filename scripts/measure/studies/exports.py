@@ -75,7 +75,7 @@ def _language(net: Surrogate, language: str, folder: Path) -> tuple[Evaluate, Pa
         precision = language.removeprefix("C, ")
         path = export(net, folder / "net.c", "c", precision=precision)
         dtype = np.float64 if precision == "double" else np.float32
-        return _in_c(compile_c(path, folder), dtype, len(plain_network(net).loads)), path, dtype
+        return in_c(compile_c(path, folder), dtype, len(plain_network(net).loads)), path, dtype
     if language == "NumPy":
         path = export(net, folder / "net.py", "numpy")
         spec = importlib.util.spec_from_file_location("net", path)
@@ -111,7 +111,9 @@ def compile_c(path: Path, folder: Path, *more: str) -> ctypes.CDLL:
     return ctypes.CDLL(str(library))
 
 
-def _in_c(library: ctypes.CDLL, dtype: type, outputs: int) -> Evaluate:
+def in_c(library: ctypes.CDLL, dtype: type, outputs: int) -> Evaluate:
+    """Return a function from inputs (n, inputs) to loads, by the compiled file of a surrogate."""
+
     def evaluate(x):
         x, loads = np.ascontiguousarray(x), np.empty((len(x), outputs), dtype)
         pointers = (a.ctypes.data_as(ctypes.c_void_p) for a in (x, loads))

@@ -131,9 +131,13 @@ def when_to_train(result: Result) -> str:
         f"Sections at incidence, {led['asked']} queries: "
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
         f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct`. By G "
-        f"training pays against `direct` {_pays(result)}, against kriging with memory "
-        f"{_in_words(_late(result)[0])}."
+        f"training pays against `direct` {_pays(result)}."
     )
+
+
+def over_kriging(result: Result) -> float:
+    """Return after how many designs the training pays against kriging with memory, by G."""
+    return _late(result)[0]
 
 
 def text(result: Result) -> str:

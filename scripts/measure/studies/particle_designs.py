@@ -13,6 +13,7 @@ from tools import name_of
 from shapeopt import Designer, Problem, Settling, Tumbling
 from shapeopt.render.bodies_3d import render_bodies, render_turntable, solved_panel
 from shapeopt.render.pictures import Panel
+from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate import Flow, Scene, family_shape, load
 from surrogate.flow.output.folder import flow_as_stored
 from surrogate.flow.output.picture import draw_flows
@@ -84,9 +85,12 @@ def show(rows: list[Row]) -> str:
 STUDIES = {
     "particle_designs": Study(
         [Table(cases(objective=OBJECTIVES), design, show)],
-        f"Led by `{NAME}`. Where an incidence is given the body is held there, as by a torque from "
-        "outside; at 90 degrees the axis is across the stream. The value is Cd, its mean over all "
-        "orientations, or, at the Re where the force balances the weight (Archimedes number "
+        f"Led by `{NAME}`. A KKT residual above {KKT_TOLERANCE:g} is accepted up to "
+        f"{KKT_ACCEPTED:g} where flows lead to no better body. The body of least mean drag over "
+        "all orientations is the sphere, as far as the discretised flow tells. Where an incidence "
+        "is given the body is held there, as by a torque from outside; at 90 degrees the axis is "
+        "across the stream. The value is Cd, its mean over all orientations, or, at the Re where "
+        "the force balances the weight (Archimedes number "
         f"{ARCHIMEDES:g}), sqrt(Cd² + Cl²): there the velocities of design and sphere are as their "
         f"Re. The body of least mean drag is drawn at {SHOWN:g} degrees.",
         draw=draw,
