@@ -41,8 +41,13 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 #include <string.h>
 
 typedef ${prefix}_real real;
+#ifdef __AVX512F__ /* twice the registers, each twice as wide */
+enum { BLOCK = $wide_block }; /* cases that are evaluated at once */
+#else
+enum { BLOCK = $block };
+#endif
 enum { INPUTS = $count, FEATURES = $features, LOADS = $outputs, HEADS = $heads, LAYERS = $layers,
-       WIDEST = $widest, NODES = $nodes, BLOCK = $block, WAVES = 5, INCIDENCE = $incidence,
+       WIDEST = $widest, NODES = $nodes, WAVES = 5, INCIDENCE = $incidence,
        DESCRIPTIONS = $descriptions };
 #define R(name) name$suffix
 
@@ -52,7 +57,15 @@ $data
  * vectorise loops of it. */
 static inline real ${prefix}_tanh(real x)
 {
-    const real size = R(fabs)(x) < $saturated ? R(fabs)(x) : $saturated;
+    /* min(|x|, saturated), compared as integers: floating-point comparisons may trap, for which
+     * compilers do not vectorise them everywhere. */
+    real size = $saturated;
+    $bits least, bits;
+    memcpy(&least, &size, sizeof least);
+    memcpy(&bits, &x, sizeof bits);
+    bits &= ($bits)-1 >> 1;
+    bits = bits < least ? bits : least;
+    memcpy(&size, &bits, sizeof size);
     const real power = R(rint)(-2 * size * $log2e), shifted = power + $magic; /* its last bits are power's */
     const real rest = (-2 * size - power * $ln2_high) - power * $ln2_low;
     real e = $last;
@@ -107,7 +120,7 @@ int ${prefix}_loads_batch(size_t count, const real *inputs, real *loads, real *j
         }
         if (most > worst) worst = most;
         if (most < 2 && size == BLOCK)
-            ${prefix}_cases_$block(x, y, by);
+            ${prefix}_cases_block(x, y, by);
         else
             for (int v = 0; v < size; v++)
                 if (each[v] < 2)
