@@ -54,7 +54,6 @@ LONG = {
     "lift_cost",
     "lift_designs",
     "lift_methods",
-    "lift_published",
     "lift_trainings",
     "literature",
     "march",

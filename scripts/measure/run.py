@@ -54,8 +54,7 @@ MODULES = {  # the studies of every module
     "lift": "lift random_sections",
     "lift_cost": "lift_cost",
     "lift_designs": "lift_designs",
-    "lift_methods": "lift_methods particle_methods lift_published"
-    " lift_trainings particle_trainings",
+    "lift_methods": "lift_methods particle_methods lift_trainings particle_trainings",
     "low_reynolds": "low_reynolds",
     "machines": "shards streams",
     "methods": "seeds safeguards stability hig",

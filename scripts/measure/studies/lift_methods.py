@@ -19,18 +19,16 @@ from surrogate.training.plan import METHODS, Plan, make_plan
 from surrogate.training.setup import TrainingSetup, make_setup
 from surrogate.training.train import train_plan
 
-SAMPLES, SECONDS, LONGER = 64, 90.0, 900.0
+SAMPLES, SECONDS = 64, 90.0
 SIZES = {"lift": (64, 256, 1024, 4096), "particle": (64,)}  # of trainings to their end
 METHODS_TWICE = cases(published=(False, True), method=METHODS)
 
 
-def plan_of(
-    run: Run, name: str, method: str, published: bool = False, seconds: float = SECONDS
-) -> Plan:
+def plan_of(run: Run, name: str, method: str, published: bool = False) -> Plan:
     """Return the plan of a training, which ends when its time is over."""
     samples, held_out = run.pick((8, 4), (SAMPLES, HELD_OUT[name]))
     scene = scene_of(name, run.tiny)
-    plan = make_plan(scene, method, "full", samples, 0, seconds, published, held_out)
+    plan = make_plan(scene, method, "full", samples, 0, SECONDS, published, held_out)
     return dataclasses.replace(plan, iterations=2, report_every=1) if run.tiny else plan
 
 
@@ -40,9 +38,7 @@ def setup_of(run: Run, name: str) -> TrainingSetup:
     return make_setup(plan_of(run, name, METHODS[0]))
 
 
-def measure(
-    run: Run, scene: str, method: str, published: bool, seconds_at_most: float = SECONDS
-) -> Row:
+def measure(run: Run, scene: str, method: str, published: bool) -> Row:
     """Return the errors over Cd of a training on held-out bodies, its steps, work and time.
 
     Args:
@@ -50,12 +46,11 @@ def measure(
       scene: Its name.
       method: Of the training.
       published: Whether as published, instead of at its best.
-      seconds_at_most: After which it ends.
     """
     setup = setup_of(run, scene)
     row = {"kind": "as published" if published else "at its best"}
     try:
-        found = run_training(plan_of(run, scene, method, published, seconds_at_most), setup)
+        found = run_training(plan_of(run, scene, method, published), setup)
     except NotConverged as problem:
         return row | {"outcome": str(problem)}
     return row | _learned(found, setup)
@@ -115,9 +110,10 @@ COLUMNS = columns("method {method} | settings {kind}" + LEARNED)
 TO_THE_END = columns("method {method} | bodies {bodies}" + LEARNED)
 
 
-def by_the_clock(scene: str) -> Table:
-    """Return the table of trainings that end when their time is over."""
-    return Table([{"scene": scene} | case for case in METHODS_TWICE], measure, COLUMNS)
+def by_the_clock(scene: str) -> Study:
+    """Return the study of trainings that end when their time is over."""
+    each = [{"scene": scene} | case for case in METHODS_TWICE]
+    return Study([Table(each, measure, COLUMNS)], text, untrained)
 
 
 def to_their_end(scene: str) -> Study:
@@ -127,13 +123,5 @@ def to_their_end(scene: str) -> Study:
     return Study([Table(each, trained_to_its_end, TO_THE_END)], options={"--surrogates": folder})
 
 
-AS_PUBLISHED = [
-    {"scene": "lift", "method": method, "published": True, "seconds_at_most": LONGER}
-    for method in METHODS
-]
-STUDIES = {
-    "lift_published": Study([Table(AS_PUBLISHED, measure, COLUMNS)], text, untrained),
-    "lift_trainings": to_their_end("lift"),
-    "particle_trainings": to_their_end("particle"),
-}
-STUDIES |= {f"{scene}_methods": Study([by_the_clock(scene)], text, untrained) for scene in CELLS}
+STUDIES = {f"{scene}_methods": by_the_clock(scene) for scene in CELLS}
+STUDIES |= {f"{scene}_trainings": to_their_end(scene) for scene in CELLS}
