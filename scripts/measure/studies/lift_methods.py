@@ -56,16 +56,16 @@ def measure(run: Run, scene: str, method: str, published: bool) -> Row:
     return row | _learned(found, setup)
 
 
-def trained_to_its_end(run: Run, bodies: int, method: str, scene: str = "lift") -> Row:
+def trained_to_its_end(run: Run, scene: str, bodies: int, method: str) -> Row:
     """Return the errors over Cd of a method at its best, with all its steps, and their work.
 
     Trainings are kept in ``--surrogates``: one that was interrupted goes on, in later runs too.
 
     Args:
       run: How the study is run.
+      scene: Its name.
       bodies: Number of training bodies.
       method: Of the training.
-      scene: Its name.
     """
     samples, held_out = run.pick((8, 4), (bodies, HELD_OUT[scene]))
     plan = make_plan(scene_of(scene, run.tiny), method, "full", samples, held_out=held_out)
@@ -119,7 +119,11 @@ def by_the_clock(scene: str) -> Study:
 def to_their_end(scene: str) -> Study:
     """Return the study of trainings with all their steps."""
     each = [{"scene": scene} | case for case in cases(bodies=SIZES[scene], method=("sip", "dp"))]
-    folder = {"type": Path, "default": Path(f"out/{scene}_trainings"), "help": "of trainings"}
+    folder = {
+        "type": Path,
+        "default": Path(f"out/{scene}_trainings"),
+        "help": "folder of trainings",
+    }
     return Study([Table(each, trained_to_its_end, TO_THE_END)], options={"--surrogates": folder})
 
 
