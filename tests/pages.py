@@ -18,6 +18,7 @@ from surrogate.model.network import make_network
 from surrogate.scene.samples import held_out_samples
 
 NAMES = ("pretrained", "eight modes", "no cylinder", "in 3-D", "with lift", "at any angle")
+SECTIONS = "pretrained:lift"  # in the tests of every page alone
 RECORD = {"method": "none", "drag_error_mean": 0.0123, "drag_error_max": 0.045, "held_out": 7}
 LIFT_SCENES = {
     "turned": [("set", "incidence", -3.0)],
@@ -33,6 +34,8 @@ def surrogate_of(name):
         return load("pretrained")
     if name == "at any angle":
         return load("pretrained:particle")
+    if name == SECTIONS:
+        return load(SECTIONS)
     betas = {f"beta{k}": (-0.15, 0.15) for k in (2, 3, 4, 5, 6, 7, 9, 12)}
     if name == "eight modes":
         return untrained(Scene(family=Family(aspect=(1, 4), **betas)))
@@ -153,7 +156,8 @@ def computed(name):
     return browser.compute(read(name).scripts, expression(name))
 
 
-RARE = ("eight modes", "no cylinder", "at any angle")  # the others cover most
+RARE = ("eight modes", "no cylinder", "at any angle", SECTIONS)  # the others cover most
 every = pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n in RARE else n for n in NAMES]
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n in RARE else n for n in (*NAMES, SECTIONS)],
 )
