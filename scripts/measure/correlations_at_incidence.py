@@ -2,7 +2,7 @@
 
 Cd and Cl are over the cross-section of the sphere of equal volume, whose diameter D makes Re; Cm is
 over that and D. Outside of what a correlation was made for it answers None. No paper was at hand;
-what was seen in its place is named with each correlation.
+the codes with which the constants were compared are named with each correlation.
 """
 
 import math
@@ -27,14 +27,14 @@ class Inclined(NamedTuple):
 
     @property
     def sphericity(self) -> float:
-        """Area of the sphere of equal volume over that of the surface."""
+        """The area of the sphere of equal volume over that of the surface."""
         if not self.beta2:
             return 1 / ellipsoid(self.aspect, self.flatness).surface
         return math.pi / (2 * float(np.linalg.norm(self._areas, axis=1).sum()))
 
     @property
     def front(self) -> float:
-        """Area that the stream sees, over the cross-section of the sphere; of convex bodies."""
+        """The projected area along the stream over that of the sphere; exact of convex bodies."""
         if self.beta2:
             return float(np.abs(self._areas[:, 0]).sum()) / (math.pi / 4)
         body, phi = ellipsoid(self.aspect, self.flatness), math.radians(self.incidence)
@@ -57,14 +57,15 @@ class Loads(NamedTuple):
     cm: float | None = None
 
 
-def froehlich(body: Inclined, re: float) -> Loads | None:
+def froehlich(body: Inclined, re: float, as_in_code: bool = False) -> Loads | None:
     """Return the loads on prolate spheroids at Re 1 to 100, by Froehlich et al. (2020).
 
     Froehlich, Meinke, Schroeder (J. Fluid Mech. 901, 2020); None outside of the correlation's
     range. Seen: m-AIA (lptellipsoidal.cpp, of the authors' institute) for all constants, and a
     second code for those of drag and moment. m-AIA raises Re to the sum of the last two constants
-    of the lift, 0.88 and -0.05; here the latter is the factor of log(aspect), as that of every
-    other such pair, by which the lift is closer to this flow.
+    of the lift, 0.88 and -0.05, and so does this where ``as_in_code`` is set; else the latter is
+    the factor of log(aspect), as that of every other such pair, by which the lift is closer to this
+    flow.
     """
     aspect = body.aspect
     if body.flatness != 1 or body.beta2 or not (1 < aspect <= 8 and 1 <= re <= 100):
@@ -80,7 +81,7 @@ def froehlich(body: Inclined, re: float) -> Loads | None:
     torque = 0.931 * log**0.675 * re**-0.162 + 0.657 * log**2.77 * re ** -(0.178 + 0.177 * log)
     return Loads(
         scale * (at_0 * along + (at_90 * across - at_0 * along) * math.sin(phi) ** 2),
-        scale * spread * (1 + 0.34 * re ** (0.88 - 0.05 * log)),
+        scale * spread * (1 + 0.34 * re ** (0.88 - 0.05 * (1.0 if as_in_code else log))),
         math.sin(phi) * math.cos(phi) * torque,
     )
 

@@ -193,12 +193,18 @@ class Jacobian:
           flow: At which the form is linearised.
           residual: Of the form.
           change: Is overwritten.
+
+        Raises:
+          NotConverged: The Jacobian is singular.
         """
         if self.factors is not None:
             change.data = self.factors * residual
         if self.factors is None or ng.Norm(change) > FALL * self.last:
             self.form.AssembleLinearization(flow.vec)
-            self.factors = self.form.mat.Inverse(flow.space.FreeDofs())
+            try:
+                self.factors = self.form.mat.Inverse(flow.space.FreeDofs())
+            except Exception as reason:  # of a type that NGSolve does not export
+                raise NotConverged("finite elements: a singular Jacobian") from reason
             change.data = self.factors * residual
         self.last = ng.Norm(change)
 

@@ -45,14 +45,13 @@ def duration(result: Callable[[str], Result]) -> str:
 def payoff(result: Callable[[str], Result]) -> str:
     """Return the table of strategies, with the errors of rivals that are fitted to flows."""
     form = (
-        "Means over {count} designs, each a local optimum of the flow; trainings on "
+        "Means of {count} designs, local optima of the flow; trainings on "
         "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
         "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `hig, 64 bodies` "
         "after {after[hig, 64 bodies]:.0f}. Fitted to as many flows, kriging errs by "
-        "{off[gradient-enhanced kriging]} with gradients, without them by {off[kriging]}, a "
-        "polynomial by {off[polynomial]}. As published SIP errs by "
-        "{off[sip, as published]:.3%}, HIG by {off[hig, as published]:.3%}, DP by "
-        "{off[dp, as published]:.3%}."
+        "{off[gradient-enhanced kriging]} with gradients, {off[kriging]} without, a polynomial by "
+        "{off[polynomial]}. As published: SIP {off[sip, as published]:.3%}, HIG "
+        "{off[hig, as published]:.3%}, DP {off[dp, as published]:.3%}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}
@@ -81,9 +80,9 @@ def _purpose(result):
             after[scene] = min((row["beats_kriging_g"] for row in rows), default=math.inf)
     paid = [f"{name} (design {n:.0f})" for name, n in after.items() if n <= MOST_DESIGNS]
     form = (
-        "Train for answers by the thousand: scans, pages, other codes. For designs alone kriging "
-        "with memory (`Designer(Flow(scene))`) takes fewer G than any training here up to {most:,} "
-        "designs{but}."
+        "Train for answers by the million or outside JAX. For designs alone kriging with memory "
+        "(`Designer(Flow(scene))`) took fewer G than every training compared, extrapolated to "
+        "{most:,} designs{but}."
     )
     return words(form, most=MOST_DESIGNS, but=f", but for {', '.join(paid)}" if paid else "")
 
@@ -92,13 +91,19 @@ def _plane(result):
     rows = result("payoff")["payoff"]
     kriging = next(row for row in rows if row["method"] == "kriging with memory")
     *_, (early, fifty), (late, thousand) = zip(SHOWN_DESIGNS, kriging["cumulative_g"], strict=True)
-    form = "Drag in 2-D: kriging with memory takes {late:.0f} G a design in the end{by_clock}."
-    soonest = min(_over_kriging(rows, "s"), key=lambda row: row["beats_kriging_s"], default=None)
-    by_clock = ""
-    if soonest is not None:
-        first = soonest["beats_kriging_s"]
-        by_clock = f"; by wall clock `{soonest['method']}` pays against it from design {first}"
-    return words(form, late=(thousand - fifty) / (late - early), by_clock=by_clock)
+    form = "Drag in 2-D: kriging ends at {late:.0f} G a design{by_clock}."
+    return words(form, late=(thousand - fifty) / (late - early), by_clock=_by_clock(rows))
+
+
+def _by_clock(rows):
+    """Return the training that pays first against kriging with memory by wall clock, in words."""
+    paying = _over_kriging(rows, "s")
+    if not paying:
+        return ""
+    first = min(paying, key=lambda row: row["beats_kriging_s"])
+    return (
+        f"; by wall clock `{first['method']}` beats kriging from design {first['beats_kriging_s']}"
+    )
 
 
 def _over_kriging(rows, unit="g"):
@@ -114,9 +119,9 @@ def _space(result):
     seeds = "one seed" if settings["seeds"] == 1 else f"{settings['seeds']} seeds"
     form = (
         "In 3-D, {queries} queries, {seeds}: by G `{method}` pays against `direct` after "
-        "{break_even_g:.1f}."
+        "{break_even_g:.1f} designs{by_clock}."
     )
-    return words(form, queries=queries, seeds=seeds, **first)
+    return words(form, queries=queries, seeds=seeds, by_clock=_by_clock(rows), **first)
 
 
 def _robust(result):

@@ -103,8 +103,8 @@ def in_short(result: Result, errors: Result) -> str:
     (off, answers, mib), (own, many, own_mib) = found
     return (
         f"Fitted to {most:,} sections, kriging with gradients errs by {off} % (Cd/Cl/Cm) of Cd, "
-        f"with {answers:,.0f} answers/s and {mib:,.0f} MiB for the fit; `{network}` by {own} %, "
-        f"with {many:,.0f}, {own_mib:,.0f}."
+        f"at {answers:,.0f} answers/s and {mib:,.0f} MiB a fit; `{network}` by {own} %, "
+        f"at {many:,.0f}, {own_mib:,.0f}."
     )
 
 

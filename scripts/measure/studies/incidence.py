@@ -159,7 +159,7 @@ def against_fine(run: Run, parameters: Mapping[str, float], reynolds: float, **_
 
 
 def _beside(found: Solution, truth: ElementLoads) -> Row:
-    """The loads of a flow, their errors and bounds over the true Cd, its status and work."""
+    """The loads of a flow, their errors and bounds over the reference Cd, its status and work."""
     row: Row = {"status": found.status, "green_applications": found.green_applications}
     loads = found.drag, found.lift, found.moment
     for name, load, true, bound in zip(LOADS, loads, truth, bounds_of(found), strict=True):

@@ -130,7 +130,7 @@ def when_to_train(result: Result) -> str:
     return (
         f"Sections at incidence, {led['asked']} queries: "
         f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
-        f"{growing['flows']:.1f} by kriging with memory, {direct['flows']:.1f} by `direct`. By G "
+        f"{growing['flows']:.1f} by kriging, {direct['flows']:.1f} by `direct`. By G "
         f"training pays against `direct` {_pays(result)}."
     )
 
@@ -154,26 +154,22 @@ def text(result: Result) -> str:
     unsteady = sum(row["reynolds"] > row["onset"] for row in rows)
     (after, own, late), lines = _late(result), strategies(result)
     mean = {line["strategy"]: line["work"] for line in lines}
-    pace = sum(_costs(result, "direct", "seconds")) / sum(_costs(result, "direct"))
-    by_clock = _pays(result, "seconds", pace * result["training_g"])
     return (
         f"{STRATEGIES(lines)}\n\n{work} By mean costs it pays against `direct` {_pays(result)}, in "
         f"brackets the 95 % interval; by the costs of the last {LATE} designs against kriging with "
         f"memory {_in_words(after)}: that takes {mean[GROWING]:.0f} G a design, {late:.0f} in the "
-        f"last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}. By wall clock, at the "
-        f"{1000 * pace:.0f} ms of `direct` for a convolution, the training takes "
-        f"{pace * result['training_g'] / 3600:.1f} hours on this machine, and pays {by_clock}. "
+        f"last {LATE}, and the network {mean[LED]:.0f} and {own:.0f}. `direct` starts at most "
+        f"{STARTS} times, and not again after {ENOUGH:,} G. "
         f"{unsteady} of the network's {len(rows)} optima are steady flows beyond the estimated "
         "onset of instability.\n\n"
         f"{LED_ROWS(rows)}"
     )
 
 
-def _pays(result, unit="green_applications", training=None):
+def _pays(result):
     """Return, in words, after how many designs the training pays against ``direct``."""
-    saved = _costs(result, "direct", unit) - _costs(result, "rows", unit)
-    training = result["training_g"] if training is None else training
-    found = resampled_break_even(np.array([training], float), saved[None])
+    saved = _work(result, "direct") - _work(result, "rows")
+    found = resampled_break_even(np.array([result["training_g"]], float), saved[None])
     if not np.isfinite(found.designs):
         return "never"
     high = f"{found.high:.0f}" if np.isfinite(found.high) else "never"
@@ -187,16 +183,18 @@ def _in_words(after):
 
 def _late(result):
     """Return when training pays by the last designs' costs, and theirs: led, and by kriging."""
-    own, late = (_costs(result, key)[-LATE:].mean() for key in ("rows", "growing"))
+    own, late = (_work(result, key)[-LATE:].mean() for key in ("rows", "growing"))
     return break_even(result["training_g"], own, late), own, late
 
 
-def _costs(result, key, unit="green_applications"):
-    """Return the costs of a strategy's designs, query by query, of those that all found."""
+def _work(result, key):
+    """Return the convolutions of a strategy's designs, query by query, of those that all found."""
     rows = [result[name] for name in ("rows", "growing", "direct")]
     lost = {row["query"] for each in rows for row in each if row["problem"] is not None}
-    kept = sorted((row["query"], row[unit]) for row in result[key] if row["query"] not in lost)
-    return np.array([cost for _, cost in kept], float)
+    kept = sorted(
+        (row["query"], row["green_applications"]) for row in result[key] if row["query"] not in lost
+    )
+    return np.array([work for _, work in kept], float)
 
 
 def strategies(result: Result) -> list[Row]:
@@ -220,7 +218,6 @@ def strategies(result: Result) -> list[Row]:
                 "most": max(row["flows"] for row in mine),
                 "work": np.mean([row["green_applications"] for row in mine]),
                 "middle": np.median([row["green_applications"] for row in mine]),
-                "seconds": np.mean([row["seconds"] for row in mine]),
                 "kkt": max(row["kkt"] for row in mine),
                 "gap": max(gaps),
                 "far": sum(gap > FAR for gap in gaps),
@@ -237,7 +234,7 @@ def _numbers(rows: list[Row]) -> list[int]:
 STRATEGIES = columns(
     "strategy {strategy} | queries {asked} | found {found} | flows a design {flows:.2f}"
     " | most {most} | G a design, mean {work:.0f} | median {middle:.0f}"
-    " | s a design {seconds:.0f} | largest KKT residual {kkt:.0e}"
+    " | largest KKT residual {kkt:.0e}"
     " | objective above the best known, at most {gap:.3%}"
     f" | by more than {100 * FAR:g} % in {{far}} | started again in {{restarted}}"
 )

@@ -67,6 +67,7 @@ HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 6.0, "gamma2": 0.4, "incidence": 15.0},
     {"aspect": 5.0, "beta2": 0.2, "gamma2": 0.3, "gamma3": 0.1, "incidence": 10.0},
     {"aspect": 6.0, "gamma2": 0.4, "incidence": 4.0},
+    {"aspect": 8.0, "gamma2": 0.3, "incidence": 8.0},
 )
 BEYOND: tuple[dict[str, Any], ...] = (  # wider than all that the rule is fitted to, or steeper
     {"aspect": 0.2},

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from correlations import bagheri_bonadonna, ellipsoid
-from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Inclined, Loads
+from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Inclined, Loads, froehlich
 from studies.particle_polars import (
     LOADS,
     POLAR_REYNOLDS,
@@ -67,7 +67,10 @@ def measure(run: Run, kind: str, parameters: dict[str, float], reynolds: float) 
 
 
 def with_correlations(rows: list[Row]) -> list[Row]:
-    """Return rows of ``measure`` with the errors of every correlation over Cd, None outside it."""
+    """Return rows of ``measure`` with the errors of every correlation over Cd.
+
+    They are None outside of its range.
+    """
 
     def errors(row):
         body = Inclined(**row["parameters"])
@@ -115,10 +118,8 @@ def text(result: Result) -> str:
 
     Correlations are compared within their ranges.
     """
-    rows, oriented = (
-        with_correlations(result["rows"]),
-        oriented_with_correlation(result["oriented"]),
-    )
+    rows = with_correlations(result["rows"])
+    turned = oriented_with_correlation(result["oriented"])
     groups = {"all": rows} | {k: [row for row in rows if row["kind"] == k] for k in KINDS}
     by_kind = [
         {"by": name, "kind": kind} | _mean_and_largest(group, name)
@@ -128,9 +129,7 @@ def text(result: Result) -> str:
     ]
     by_reynolds = [_over_themselves_between(rows, *ends) for ends in itertools.pairwise(ENDS)]
     means = [
-        "{:.2%} on average and {:.2%} at most".format(
-            *mean_and_most([row[name] for row in oriented])
-        )
+        "{:.2%} on average and {:.2%} at most".format(*mean_and_most([row[name] for row in turned]))
         for name in ("surrogate", "bagheri_bonadonna")
     ]
     parts = [
@@ -189,12 +188,18 @@ def in_short(result: Result) -> str:
         return "/".join(f"{100 * mean_and_most(each)[0]:.2f}" for each in errors)
 
     rows = with_correlations(result["rows"])
+    as_in_code = [
+        _errors(row, froehlich(Inclined(**row["parameters"]), row["reynolds"], as_in_code=True))
+        for row in rows
+    ]
+    lift = mean_and_most([each["cl"] for each in as_in_code if each["cl"] is not None])[0]
     theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
         f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` is off this flow by "
         f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's "
-        f"(of another solver), by {means('Froehlich', theirs)} %. Below Re 1 the surrogate's Cm is "
+        f"(of another solver), by {means('Froehlich', theirs)} % (Cl {100 * lift:.2f} as the "
+        "authors' code has it). Below Re 1 the surrogate's Cm is "
         f"off by {100 * np.median(slow):.0f} % of itself in the median, {100 * max(slow):.0f} % at "
         "most."
     )

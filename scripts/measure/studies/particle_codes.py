@@ -30,7 +30,8 @@ Evaluate = Callable[[slice], np.ndarray]
 def particles(name: str) -> np.ndarray:
     """Return ``FEW`` ellipsoids at incidence from the trained ranges, and their Re.
 
-    Froehlich's correlation is given prolate spheroids from Re 1, Zastawny's its two spheroids.
+    Froehlich's correlation is given prolate spheroids and Re 1 for lower Re, Zastawny's its two
+    spheroids.
     """
     net = load(NAME)
     samples = held_out_samples(net.scene, 3, FEW)
@@ -38,7 +39,9 @@ def particles(name: str) -> np.ndarray:
     few[:, 2] = 0.0  # beta2: correlations are for ellipsoids
     if name in ("froehlich", "zastawny"):
         few[:, 0] = np.maximum(few[:, 0], 1 / few[:, 0])
-        few[:, 1], few[:, -1] = 1.0, np.maximum(few[:, -1], 1.0)
+        few[:, 1] = 1.0
+    if name == "froehlich":
+        few[:, -1] = np.maximum(few[:, -1], 1.0)
     if name == "zastawny":
         few[:, 0] = np.resize(list(correlations_at_incidence.ZASTAWNY), FEW)
     return few
@@ -62,7 +65,7 @@ def measure(run: Run, name: str, precision: str) -> Row:
         with ThreadPoolExecutor(cores) as pool:
             both = medians([lambda: list(pool.map(evaluate, parts))], run.pick(1, 5))[0]
         found = evaluate(slice(FEW))[:, 0]
-    right = np.array([_drag(name, *body.tolist()) for body in few])
+    right = _drags(name, few)
     difference = float(np.abs(found / right - 1).max())
     return {"one_core": one, "all_cores": both, "difference": difference}
 
@@ -90,29 +93,30 @@ def _function(name, precision, few, repeats, folder) -> Evaluate:
     return evaluate
 
 
-def _drag(name, aspect, flatness, beta2, incidence, reynolds):
-    """Cd in Python; Bagheri and Bonadonna's is of random orientations."""
+def _drags(name, particles):
+    """Cd of all particles in Python; Bagheri and Bonadonna's is of random orientations."""
     if name == NAME:
-        return float(load(NAME).drag([aspect, flatness, beta2, incidence], reynolds))
+        return np.asarray(load(NAME).drag(particles[:, :-1], particles[:, -1]))
     if name == "bagheri_bonadonna":
-        return bagheri_bonadonna(ellipsoid(aspect, flatness), reynolds)
-    body = Inclined(aspect, flatness, beta2, incidence)
-    return getattr(correlations_at_incidence, name)(body, reynolds).cd
+        return np.array([bagheri_bonadonna(ellipsoid(*p[:2]), p[-1]) for p in particles])
+    correlation = getattr(correlations_at_incidence, name)
+    return np.array([correlation(Inclined(*p[:-1]), p[-1]).cd for p in particles])
 
 
 def text(result: Result) -> str:
     """Return a paragraph on what was called."""
     return (
         f"Seconds for {MANY:,} ellipsoids in one call, a thousand different ones of the trained "
-        f"ranges of `{NAME}`; Froehlich's correlation is given prolate spheroids from Re 1, "
-        "Zastawny's the two spheroids that it has. The surrogate and Froehlich's have all three "
-        "loads, the others the drag alone; Hoelzer and Sommerfeld's and Ganser's are given each "
-        "body's sphericity, and Bagheri and Bonadonna's is the mean over random orientations."
+        f"ranges of `{NAME}`; Froehlich's correlation is given prolate spheroids, at Re "
+        "1 for lower Re, Zastawny's the two spheroids that it has. The surrogate and Froehlich's "
+        "have all three loads, the others the drag alone; Hoelzer and Sommerfeld's and Ganser's "
+        "are given each body's sphericity, and Bagheri and Bonadonna's is the mean over random "
+        "orientations."
     )
 
 
 COLUMNS = columns(
-    "by {name} | numbers {precision} | seconds, one core {one_core:.4f} | all cores {all_cores:.4f}"
+    "by {name} | numbers {precision} | seconds, one core {one_core:.2g} | all cores {all_cores:.2g}"
     " | Cd differs from that in Python by {difference:.0e}"
 )
 CASES = cases(name=(NAME, *FORMULAS), precision=tuple(KINDS))

@@ -87,7 +87,7 @@ STUDIES = {
         [Table(cases(objective=OBJECTIVES), design, show)],
         f"Led by `{NAME}`. A KKT residual above {KKT_TOLERANCE:g} is accepted up to "
         f"{KKT_ACCEPTED:g} where flows lead to no better body. The body of least mean drag over "
-        "all orientations is the sphere, as far as the discretised flow tells. Where an incidence "
+        "all orientations that was found is nearly the sphere. Where an incidence "
         "is given the body is held there, as by a torque from outside; at 90 degrees the axis is "
         "across the stream. The value is Cd, its mean over all orientations, or, at the Re where "
         "the force balances the weight (Archimedes number "

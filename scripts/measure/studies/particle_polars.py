@@ -20,13 +20,8 @@ SURROGATE = "pretrained:particle"
 LOADS = ("cd", "cl", "cm")
 POLARS = cases(aspect=(2.5, 0.5), incidence=range(0, 91, 15))  # a prolate and an oblate spheroid
 POLAR_REYNOLDS = 20.0
-LINES = (
-    "-",
-    "--",
-    "-.",
-    ":",
-    (0, (6, 2, 1, 2, 1, 2)),
-)  # of the surrogate and the correlations in the picture
+# of the surrogate and the correlations in the picture
+LINES = ("-", "--", "-.", ":", (0, (6, 2, 1, 2, 1, 2)))
 
 
 @functools.cache

@@ -3,7 +3,7 @@ $card
  *
  * C99, no library but libm, no allocation, no state: thread-safe. Compile with
  *     cc -std=c99 -O3 -march=native -ffp-contract=fast -c FILE.c
- * With -ffast-math NaN among the inputs may not be found. A batch takes $stack KiB of stack. For the
+ * With -ffast-math NaN among the inputs may not be found. A batch takes at most $stack KiB of stack. For the
  * declarations alone, #define ${PREFIX}_DECLARATIONS before #include "FILE.c".
  *
  * Inputs: $inputs.
@@ -41,7 +41,7 @@ int ${prefix}_loads_batch(size_t count, const ${prefix}_real *inputs, ${prefix}_
 #include <string.h>
 
 typedef ${prefix}_real real;
-#ifdef __AVX512F__ /* twice the registers, each twice as wide */
+#ifdef __AVX512F__ /* twice as many registers, each twice as wide */
 enum { BLOCK = $wide_block }; /* cases that are evaluated at once */
 #else
 enum { BLOCK = $block };
@@ -57,8 +57,8 @@ $data
  * vectorise loops of it. */
 static inline real ${prefix}_tanh(real x)
 {
-    /* min(|x|, saturated), compared as integers: floating-point comparisons may trap, for which
-     * compilers do not vectorise them everywhere. */
+    /* min(|x|, saturated), compared as integers: GCC does not vectorise floating-point comparisons
+     * without AVX-512 unless -fno-trapping-math is given. */
     real size = $saturated;
     $bits least, bits;
     memcpy(&least, &size, sizeof least);
