@@ -12,7 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-enum { BLOCK = 64, STATE = 13, MOMENTUM = 3, QUATERNION = 6, SPIN = 10 };
+enum { BLOCK = 128 /* particles at once, a multiple of the export's */, STATE = 13, MOMENTUM = 3, QUATERNION = 6, SPIN = 10 };
 static const double PI = 3.14159265358979323846, SLOWEST = 0.1; /* least Re of the training */
 typedef struct { double aspect, beta2, along, across, inertia, resistance, weight; } Body;
 static double dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
