@@ -97,7 +97,8 @@ def study_block(name: str, folder: Path = RESULTS) -> str:
     form += ("{accelerator}, " if record["machine"]["accelerator"] else "") + "{cores} cores of "
     details = record["machine"] | {"day": record["date"][:10], "jax": record["versions"]["jax"]}
     details |= {"command": command, "minutes": minutes}
-    return "\n\n".join([text, *shown, words(form + "{processor}, jax {jax}", **details)])
+    form += "{processor}" + (" with AVX-512" if record["machine"].get("avx512") else "")
+    return "\n\n".join([text, *shown, words(form + ", jax {jax}", **details)])
 
 
 if __name__ == "__main__":

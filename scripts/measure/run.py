@@ -207,9 +207,11 @@ def recorded(name: str) -> Result:
 def _machine() -> Row:
     """Processor, cores, memory, system; and the accelerator, where JAX uses one."""
     listing, device = Path("/proc/cpuinfo"), jax.devices()[0]
-    named = re.search(r"model name\s*: (.*)", listing.read_text() if listing.is_file() else "")
+    known = listing.read_text() if listing.is_file() else ""
+    named = re.search(r"model name\s*: (.*)", known)
     return {
         "processor": named[1] if named else platform.machine(),
+        "avx512": " avx512f " in known,
         "cores": os.cpu_count(),
         "memory_gib": round(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30, 1),
         "system": f"{platform.system()} {platform.machine()}",

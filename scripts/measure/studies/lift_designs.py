@@ -21,7 +21,7 @@ LED, GROWING, DIRECT = "the network", "kriging with memory", "direct"
 QUERIES, SEED = 20, 3
 FAR = 0.01  # relative excess over the best known objective that counts as another optimum
 STARTS = 16  # of ``direct`` at most
-ENOUGH = 80_000  # convolutions with G, after which ``direct`` does not start again
+ENOUGH = 30_000  # convolutions with G, after which ``direct`` does not start again
 
 
 def _queries(run: Run) -> list[Problem]:
