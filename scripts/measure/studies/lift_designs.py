@@ -129,7 +129,7 @@ def when_to_train(result: Result) -> str:
     led, growing, direct = lines[LED], lines[GROWING], lines[DIRECT]
     return (
         f"Sections at incidence, {led['asked']} queries: "
-        f"{led['flows']:.1f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
+        f"{led['flows']:.2f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
         f"{growing['flows']:.1f} by kriging, {direct['flows']:.1f} by `direct`. By G "
         f"training pays against `direct` {_pays(result)}."
     )
