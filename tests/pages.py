@@ -30,12 +30,10 @@ REYNOLDS = 20.0  # where the least drag is asked for
 
 @functools.cache
 def surrogate_of(name):
-    if name == "pretrained":
-        return load("pretrained")
+    if name in ("pretrained", SECTIONS):
+        return load(name)
     if name == "at any angle":
         return load("pretrained:particle")
-    if name == SECTIONS:
-        return load(SECTIONS)
     betas = {f"beta{k}": (-0.15, 0.15) for k in (2, 3, 4, 5, 6, 7, 9, 12)}
     if name == "eight modes":
         return untrained(Scene(family=Family(aspect=(1, 4), **betas)))

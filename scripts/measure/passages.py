@@ -8,7 +8,7 @@ from pathlib import Path
 from run import RESULTS
 from studies import accelerator, far_field, fit_memory, lift, lift_designs, particle, training
 from study import Result, words
-from tools import mean_and_most
+from tools import LOADS, mean_and_most
 
 from shapeopt.payoff.break_even import LATE, MOST_DESIGNS
 from shapeopt.payoff.tables import SHOWN_DESIGNS, short_table
@@ -158,9 +158,7 @@ def _flow(result):
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
-    off |= {
-        load: mean_and_most(row[f"{load}_error"] for row in sections) for load in particle.LOADS
-    }
+    off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in LOADS}
     off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
     bodies, *off["random"] = far_field.symmetric_errors(result("far_field"))
     revolved = len(standard("flow_3d", "aspect"))

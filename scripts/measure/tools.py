@@ -22,6 +22,7 @@ from surrogate.partition import partition_bodies
 from surrogate.scene.samples import training_samples
 
 POLL_S = 0.02  # between two looks at the memory
+LOADS = ("cd", "cl", "cm")
 SILENT = 2.0  # times the error tolerance: an error that a drag called accurate must not have
 
 
@@ -55,6 +56,21 @@ def bounds_of(found: Solution) -> tuple[float | None, float | None, float | None
     """Return the bounds of the errors of Cd, Cl and Cm of a flow, None where there is none."""
     drag = found.estimated_error and found.estimated_error * found.drag
     return drag, found.estimated_lift_error, found.estimated_moment_error
+
+
+def beside(found: Solution, reference: Sequence[float]) -> Row:
+    """Return the loads of a flow, their errors and bounds over the reference Cd, status and work.
+
+    Args:
+      found: The flow.
+      reference: Its Cd, Cl and Cm by something more accurate.
+    """
+    row: Row = {"status": found.status, "green_applications": found.green_applications}
+    loads = found.drag, found.lift, found.moment
+    for name, load, true, bound in zip(LOADS, loads, reference, bounds_of(found), strict=True):
+        row |= {name: load, f"{name}_error": (load - true) / reference[0]}
+        row |= {f"{name}_bound": None if bound is None else bound / reference[0]}
+    return row
 
 
 def relative_error(cd: float | None, exact: float | None) -> float | None:

@@ -9,9 +9,9 @@ from elements import BOX
 from lifting_elements import ElementLoads, loads_in_space
 from studies.accuracy_3d import SPHERE
 from study import Result, Row, Run, Study, Table, cases, columns
-from tools import alone, bounds_of, mean_and_most, medians, name_of, relative_error
+from tools import LOADS, alone, beside, mean_and_most, medians, name_of, relative_error
 
-from surrogate import Flow, Scene, Solution, family_shape
+from surrogate import Flow, Scene, family_shape
 from surrogate.flow.check.error_estimate import NO_LIFT
 
 # held out: no constant of the flow is fitted to them
@@ -31,7 +31,6 @@ FLOWS: tuple[tuple[dict[str, float], float], ...] = (
 QUADRATIC = BOX._replace(wall=0.2, near=0.5, wake=1.2)
 CUBIC = BOX._replace(order=3, wall=0.3, near=0.7, wake=1.6)
 COARSE = BOX._replace(box=10.0, wall=0.3, near=0.7, wake=1.5)
-LOADS = ("cd", "cl", "cm")
 ELLIPSOIDS = cases(aspect=(0.5, 2.0, 3.0), flatness=[1.0], incidence=(30.0, 45.0, 90.0))
 ELLIPSOIDS += cases(aspect=(0.8, 2.0), flatness=[2.0], incidence=(30.0, 45.0, 90.0))
 CASES = [
@@ -64,7 +63,7 @@ def measure(run: Run, parameters: Mapping[str, float], reynolds: float, fidelity
     flow = Flow(Scene(dimension=3, fidelity=run.fidelity(fidelity, 3)))
     found = flow.solve(shape, reynolds, allow_unsteady=True)
     truth = _by_elements(tuple(parameters.items()), reynolds, run.tiny)
-    return _beside(found, truth)
+    return beside(found, truth)
 
 
 def elements(run: Run, parameters: Mapping[str, float], reynolds: float, degree: int, **_) -> Row:
@@ -153,17 +152,7 @@ def against_fine(run: Run, parameters: Mapping[str, float], reynolds: float, **_
         )
         for name in ("standard", "fine")
     )
-    return _beside(found, ElementLoads(fine.drag, fine.lift, fine.moment))
-
-
-def _beside(found: Solution, truth: ElementLoads) -> Row:
-    """The loads of a flow, their errors and bounds over the reference Cd, its status and work."""
-    row: Row = {"status": found.status, "green_applications": found.green_applications}
-    loads = found.drag, found.lift, found.moment
-    for name, load, true, bound in zip(LOADS, loads, truth, bounds_of(found), strict=True):
-        row |= {name: load, f"{name}_error": (load - true) / truth.cd}
-        row |= {f"{name}_bound": None if bound is None else bound / truth.cd}
-    return row
+    return beside(found, (fine.drag, fine.lift, fine.moment))
 
 
 def cost(run: Run, fidelity: str, aspect: float, reynolds: float) -> Row:

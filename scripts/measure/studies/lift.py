@@ -9,7 +9,7 @@ import numpy as np
 from error_bounds import bound_coverage
 from lifting_elements import SECTION, ElementLoads, unbounded_loads
 from study import Result, Row, Run, Study, Table, columns
-from tools import bounds_of, name_of
+from tools import LOADS, beside, name_of
 
 from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
 from surrogate.flow.check.error_estimate import LOAD_TOLERANCE, load_tolerances
@@ -63,7 +63,6 @@ SECTIONS = [
     for reynolds in (100.0, 200.0, 500.0, 1000.0)
 ]
 COARSE = SECTION._replace(box=20.0, wall=0.2, near=0.5)
-LOADS = ("cd", "cl", "cm")
 
 
 def measure(
@@ -82,19 +81,8 @@ def measure(
     found = Flow(Scene(fidelity=run.fidelity(fidelity))).solve(shape, reynolds, allow_unsteady=True)
     case = name_of(parameters), reynolds
     truth = _truth(run, case, lambda: _by_elements(tuple(parameters.items()), reynolds, run.tiny))
-    loads = found.drag, found.lift, found.moment
-    row: Row = {
-        "drag": found.drag,
-        "status": found.status,
-        "cells": round(1 / found.domain.lattice.step[0]),
-        "green_applications": found.green_applications,
-        "seconds": found.seconds,
-    }
-    for name, load, true, bound in zip(LOADS, loads, truth, bounds_of(found), strict=True):
-        error = (load - true) / truth.cd
-        bound = None if bound is None else bound / truth.cd
-        row |= {name: load, f"{name}_error": error, f"{name}_bound": bound}
-    return row
+    row: Row = {"cells": round(1 / found.domain.lattice.step[0]), "seconds": found.seconds}
+    return row | beside(found, truth)
 
 
 def measure_drawn(run: Run, draw: int, fidelity: str) -> Row:

@@ -7,7 +7,6 @@ import numpy as np
 from correlations import bagheri_bonadonna, ellipsoid
 from correlations_at_incidence import AT_INCIDENCE, ZASTAWNY, Inclined, Loads, froehlich
 from studies.particle_polars import (
-    LOADS,
     POLAR_REYNOLDS,
     POLARS,
     SURROGATE,
@@ -17,7 +16,7 @@ from studies.particle_polars import (
     show_polars,
 )
 from study import Result, Row, Run, Study, Table, cases, columns
-from tools import mean_and_most
+from tools import LOADS, mean_and_most
 
 from shapeopt import Tumbling
 from surrogate import load
@@ -188,12 +187,12 @@ def in_short(result: Result) -> str:
         return "/".join(f"{100 * mean_and_most(each)[0]:.2f}" for each in errors)
 
     rows = with_correlations(result["rows"])
+    theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
     as_in_code = [
         _errors(row, froehlich(Inclined(**row["parameters"]), row["reynolds"], as_in_code=True))
-        for row in rows
+        for row in theirs
     ]
-    lift = mean_and_most([each["cl"] for each in as_in_code if each["cl"] is not None])[0]
-    theirs = [row for row in rows if row["Froehlich"]["cd"] is not None]
+    lift = mean_and_most([each["cl"] for each in as_in_code])[0]
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
         f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` is off this flow by "

@@ -75,7 +75,7 @@ def _function(name, precision, few, repeats, folder) -> Evaluate:
     dtype, real = KINDS[precision]
     known = [few]
     if name in BY_SPHERICITY:
-        known.append(np.array([1 / ellipsoid(*body[:2]).surface for body in few]))
+        known.append(np.array([Inclined(*particle[:-1]).sphericity for particle in few]))
     arrays = [np.concatenate([values.astype(dtype)] * repeats) for values in known]
     if name == NAME:
         path = export(load(NAME), folder / "net.c", "c", precision=precision)

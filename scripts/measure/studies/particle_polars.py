@@ -10,6 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from study import Result, Row, Run, cases, columns, values
+from tools import LOADS
 
 from shapeopt.render.figures import STYLE, save_figure
 from shapeopt.render.polar import LABELS
@@ -17,7 +18,6 @@ from surrogate import Flow, load
 from surrogate.flow.output.palette import INK
 
 SURROGATE = "pretrained:particle"
-LOADS = ("cd", "cl", "cm")
 POLARS = cases(aspect=(2.5, 0.5), incidence=range(0, 91, 15))  # a prolate and an oblate spheroid
 POLAR_REYNOLDS = 20.0
 # of the surrogate and the correlations in the picture
