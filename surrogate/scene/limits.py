@@ -83,7 +83,7 @@ class OnsetRule3D(NamedTuple):
 # Fitted to the studies ``onset`` and ``onset_incidence``, and to ``onset_2d``: ``bend`` to all
 # fitted bodies of it, the other constants of RULE_2D to the first 20 before there was ``bend``.
 RULE_3D = OnsetRule3D(126.5, 170.0, 0.4, 0.84, 1.9)
-RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.113, 0.43)
+RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 1.187, 0.127, 0.43)
 
 
 @jax.jit

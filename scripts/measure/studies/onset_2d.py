@@ -48,6 +48,9 @@ FITTED: tuple[dict[str, Any], ...] = (
     {"aspect": 2.0, "gamma2": 0.5},
     {"aspect": 3.0, "gamma2": 0.5, "incidence": 4.0},
     {"aspect": 3.5, "beta3": -0.1, "gamma2": 0.4, "gamma3": 0.1, "incidence": 10.0},
+    {"aspect": 6.0, "gamma2": 0.4, "incidence": 15.0},
+    {"aspect": 5.0, "beta2": 0.2, "gamma2": 0.3, "gamma3": 0.1, "incidence": 10.0},
+    {"aspect": 6.0, "gamma2": 0.4, "incidence": 4.0},
 )
 HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 4.0, "incidence": 30.0},
@@ -64,9 +67,9 @@ HELD_OUT: tuple[dict[str, Any], ...] = (
     {"aspect": 1.5, "gamma2": 0.5},
     {"aspect": 3.9, "gamma2": 0.5},
     {"aspect": 2.5, "gamma2": 0.4, "gamma3": -0.15, "incidence": 12.0},
-    {"aspect": 6.0, "gamma2": 0.4, "incidence": 15.0},
-    {"aspect": 5.0, "beta2": 0.2, "gamma2": 0.3, "gamma3": 0.1, "incidence": 10.0},
-    {"aspect": 6.0, "gamma2": 0.4, "incidence": 4.0},
+    {"aspect": 5.0, "gamma2": 0.4, "incidence": 8.0},
+    {"aspect": 4.5, "beta2": 0.15, "gamma2": 0.35, "gamma3": -0.1, "incidence": 14.0},
+    {"aspect": 6.0, "beta2": 0.3, "beta3": 0.1, "gamma2": 0.25, "incidence": 12.0},
     {"aspect": 8.0, "gamma2": 0.3, "incidence": 8.0},
 )
 BEYOND: tuple[dict[str, Any], ...] = (  # wider than all that the rule is fitted to, or steeper
