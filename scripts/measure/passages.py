@@ -6,7 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 from run import RESULTS
-from studies import accelerator, far_field, fit_memory, lift, lift_designs, particle, training
+from studies import (
+    accelerator,
+    far_field,
+    fit_memory,
+    lift_designs,
+    particle,
+    random_sections,
+    training,
+)
 from study import Result, words
 from tools import LOADS, mean_and_most
 
@@ -147,7 +155,8 @@ def _flow(result):
         chosen = [row for row in rows if "standard" in (row["row"].split(",")[0], row["column"])]
         return [row["error"] for row in chosen]
 
-    drawn = lift.steady(result("random_sections")["rows"])
+    random = result("random_sections")
+    drawn = random_sections.steady([*random["rows"], *random["wide"]])
     sections = [row for row in drawn if row["fidelity"] == "standard"]
     form = (
         "The flow, standard grid, against body-fitted finite elements, mean and largest error in "

@@ -30,10 +30,10 @@ class StreamwiseProfile(NamedTuple):
       length: side of its box along the stream.
       height: side of its box across the stream.
       thickness: greatest distance, across the stream, of its upper from its lower side.
-      rise: height difference between the ends of the straight line that fits its mean line,
-        midway between the two sides, by least squares weighted by the thickness of an ellipse.
-      arch: four times the root mean square, weighted in the same way, of the mean line's distance
-        from that line; for a parabolic mean line this is its height over its chord.
+      rise: height of the front end over the rear end of the straight line that fits its mean line,
+        midway between the two sides, by least squares; positive at incidence.
+      arch: height over its chord of the parabola that fits the rest of the mean line by least
+        squares; positive where the mean line is cambered upwards.
       front: area of the front half over that of the ellipse of this length and thickness.
       rear: the same of the rear half.
     """
@@ -92,12 +92,10 @@ def streamwise_profile(contour: Float[AnyArray, "nodes 2"]) -> StreamwiseProfile
     sides = y + (above - y) * (at - x) / jnp.where(after == x, 1.0, after - x)
     upper = jnp.max(jnp.where(crossed, sides, -jnp.inf), axis=1)
     lower = jnp.min(jnp.where(crossed, sides, jnp.inf), axis=1)
-    weights, along = np.sqrt(stations * (1 - stations)), stations - 0.5
-    weights = weights / weights.sum()
-    line = (upper + lower) / 2
-    slope = weights @ (along * line) / (weights @ along**2)
-    bent = line - weights @ line - slope * along
-    rise, arch = jnp.abs(slope), 4 * jnp.sqrt(weights @ bent**2)
+    along, line = stations - 0.5, (upper + lower) / 2
+    rise = -(along @ line) / (along @ along)
+    parabola = np.mean(along**2) - along**2
+    arch = parabola @ line / (parabola @ parabola) / 4
     thickness = jnp.max(upper - lower)
     halves = jnp.mean((upper - lower).reshape(2, STATIONS // 2), axis=1)
     front, rear = 4 / np.pi * halves / thickness

@@ -12,9 +12,6 @@ from study import Result, Row, Run, Study, Table, columns
 from tools import LOADS, beside, name_of
 
 from surrogate import FIDELITIES, Flow, Scene, contour_shape, family_shape, naca4
-from surrogate.flow.check.error_estimate import LOAD_TOLERANCE, load_tolerances
-from surrogate.scene.limits import onset_of
-from surrogate.scene.samples import held_out_samples
 
 BODIES: tuple[tuple[dict[str, float], tuple[float, ...]], ...] = (
     ({"aspect": 1.5, "beta2": 0.15, "gamma2": 0.15, "incidence": 8.0}, (1.0, 40.0)),
@@ -50,10 +47,6 @@ CASES = [
     for body, numbers in BODIES
     for reynolds in numbers
 ]
-# random sections: constants were fitted to the bodies above and to those of seeds 2811 to 2813, not
-# to these
-SCENE, SEED, DRAWN = Path(__file__).parents[2] / "lift.toml", 2814, {"standard": 16, "fine": 4}
-DRAWS = [{"draw": k, "fidelity": level} for level, count in DRAWN.items() for k in range(count)]
 # Cd and Cl by the chord at chord Re 1000 in a box of 15 chords, by Lethe (its documentation)
 LETHE = {0.0: (0.1196, 0.0), 3.0: (0.1224, 0.159), 7.0: (0.135, 0.303)}
 SECTIONS = [
@@ -85,28 +78,6 @@ def measure(
     return row | beside(found, truth)
 
 
-def measure_drawn(run: Run, draw: int, fidelity: str) -> Row:
-    """Return what ``measure`` does for a random section at a random Re, and these.
-
-    Args:
-      run: How the study is run.
-      draw: Number of the section.
-      fidelity: Its name.
-    """
-    body, reynolds = _drawn(draw)
-    row = {"body": name_of(body), "reynolds": reynolds}
-    return row | measure(run, body, reynolds, fidelity)
-
-
-@functools.cache
-def _drawn(draw):
-    """Return a random section and its Re."""
-    scene = Scene.read(SCENE)
-    samples = held_out_samples(scene, SEED, max(DRAWN.values()))
-    body = {n: round(x, 3) for n, x in scene.family.named(samples.parameters[draw]).items()}
-    return body, round(float(samples.reynolds[draw]), 1)
-
-
 def _truth(run, case, solve):
     """The loads by elements: those of the earlier record that the run is given, else solved."""
     earlier = run.options.get("elements")
@@ -116,9 +87,9 @@ def _truth(run, case, solve):
 
 @functools.cache
 def _recorded(path: Path) -> dict[tuple, ElementLoads]:
-    """The loads by elements of the flows of a record, by body and Re, and of sections by chord."""
+    """The loads by elements of a record's flows, by body and Re, and of sections by chord."""
     result, found = json.loads(path.read_text())["result"], {}
-    for row in result["rows"]:
+    for row in [*result["rows"], *result.get("wide", ())]:
         cd = row["cd"] / (1 + row["cd_error"])
         cl, cm = (row[name] - row[f"{name}_error"] * cd for name in ("cl", "cm"))
         found[row["body"], row["reynolds"]] = ElementLoads(cd, cl, cm)
@@ -167,48 +138,15 @@ def section(run: Run, section: str, incidence: float, chord_reynolds: float) -> 
 def text(result: Result) -> str:
     """Return tables of every flow, of the fidelities, and of the sections."""
     rows = result["rows"]
-    return f"{FLOWS(rows)}\n\n{_levels(rows)}\n\n{NACA(result['sections'])}"
+    return f"{FLOWS(rows)}\n\n{levels(rows)}\n\n{NACA(result['sections'])}"
 
 
-def text_of_random(result: Result) -> str:
-    """Return tables of every random section and of the fidelities, and sentences on both.
-
-    The table of fidelities is of the flows up to their onset of instability.
-    """
-    rows = with_onset(result["rows"])
-    called = [row for row in rows if row["status"] == "accurate"]
-    over, up_to_onset = sum(map(_exceeds, called)), steady(result["rows"])
-    return (
-        f"{RANDOM(rows)}\n\n{_levels(up_to_onset)}\n\n"
-        f"{len(rows) - len(up_to_onset)} of the {len(rows)} flows are beyond the onset of "
-        "instability, where `Flow` refuses them unless asked; the second table leaves them out. Of "
-        f"{len(called)} flows that are called accurate {over} exceed the tolerance of Cd or, "
-        f"{LOAD_TOLERANCE:g} times that, of Cl or Cm."
-    )
-
-
-def with_onset(rows: Sequence[Row]) -> list[Row]:
-    """Return rows of random sections with the onset of instability of each, by the rule."""
-    return [row | {"onset": onset_of(family_shape(_drawn(row["draw"])[0]))} for row in rows]
-
-
-def steady(rows: Sequence[Row]) -> list[Row]:
-    """Return those rows of random sections whose Re is not beyond the onset of instability."""
-    return [row for row in with_onset(rows) if row["reynolds"] <= row["onset"]]
-
-
-def _exceeds(row):
-    """Return whether a load errs by more than its tolerance."""
-    tolerances = load_tolerances(FIDELITIES[row["fidelity"]].tolerance)
-    pairs = zip(LOADS, tolerances, strict=True)
-    return any(abs(row[f"{load}_error"]) > most for load, most in pairs)
-
-
-def _levels(rows):
-    levels = [
+def levels(rows: Sequence[Row]) -> str:
+    """Return the errors of every fidelity and how many the bounds cover, as a table."""
+    found = [
         _summary(level, [row for row in rows if row["fidelity"] == level]) for level in FIDELITIES
     ]
-    return LEVELS([level for level in levels if level["flows"]])
+    return LEVELS([level for level in found if level["flows"]])
 
 
 def _summary(level, rows):
@@ -228,7 +166,6 @@ LOADS_TEXT = (
     " | status {status} | work {green_applications} G | seconds {seconds:.1f}"
 )
 FLOWS = columns(f"body {{body}} | Re {{reynolds:g}} | {LOADS_TEXT}")
-RANDOM = columns(f"body {{body}} | onset Re {{onset:.0f}} | Re {{reynolds:g}} | {LOADS_TEXT}")
 LEVELS = columns(
     "fidelity {fidelity} | flows {flows} | Cd: mean error {cd_mean:.2%} | most {cd_most:.2%}"
     " | within its bound {cd_covered:.0%} | median bound over error {cd_ratio:.1f}"
@@ -245,7 +182,4 @@ OPTIONS = {
     "--elements": {"type": Path, "help": "earlier record, whose loads by elements are taken"},
 }
 TABLES = [Table(CASES, measure), Table(SECTIONS, section, key="sections")]
-STUDIES = {
-    "lift": Study(TABLES, text, options=OPTIONS),
-    "random_sections": Study([Table(DRAWS, measure_drawn)], text_of_random, options=OPTIONS),
-}
+STUDIES = {"lift": Study(TABLES, text, options=OPTIONS)}
