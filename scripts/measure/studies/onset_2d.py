@@ -12,7 +12,7 @@ import numpy as np
 from elements import continuation, ngsolve
 from lifting_elements import raise_reynolds, section_at_rest
 from meshes import Elements
-from onset_bodies import cases, shape_of
+from onset_bodies import blind_bodies, cases, shape_of
 from scipy.signal import find_peaks
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, eigs, splu
@@ -183,7 +183,8 @@ def against_rule(rows: Sequence[Row]) -> list[Row]:
     for row in rows:
         rule, onset = onset_of(shape_of(row["parameters"])), row["onset"]
         error = None if onset is None else rule / onset - 1
-        found.append(row | {"rule": rule, "error": error, "use": USES[row["fitted"]]})
+        use = "blind" if row["body"] in blind_bodies() else USES[row["fitted"]]
+        found.append(row | {"rule": rule, "error": error, "use": use})
     return found
 
 
@@ -191,7 +192,7 @@ def text(result: Result) -> str:
     """Return the bodies, the rule's errors, and the marches as tables and text."""
     rows = against_rule(result["rows"])
     parts = []
-    for use in USES.values():
+    for use in (*USES.values(), "blind"):
         errors = [abs(row["error"]) for row in rows if row["use"] == use and row["error"]]
         if errors:
             worst, mean = max(errors), math.sqrt(np.mean(np.square(errors)))
