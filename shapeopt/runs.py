@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from shapeopt.problem.objective import scenarios_of
 from shapeopt.problem.scenarios import model_loads, model_objective
 from shapeopt.records import DRAGS, RECORD
 from shapeopt.search.design import Design
@@ -64,12 +65,13 @@ def save_run(
       names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is
       U D / nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets. cd_* are
       values of the problem's objective: Cd where that is the drag at one Reynolds number; of the
-      glide ratio and of a settling speed Cd itself, and the ratio is under "glide". cd_start is
-      that of the cylinder (sphere) in the same scenarios, None where it is not known; it is not
-      where the search began. cl_verified and cm_verified are those of the body itself at the
-      nominal Reynolds number, None where that flow does not converge. "violated" names the bounds
-      on loads that the flow does not meet, with its loads; "multipliers" are the derivatives of the
-      optimal objective, of the glide ratio -Cl / Cd, in each active bound.
+      glide ratio and of a settling speed Cd itself at the nominal Reynolds number, and the ratio
+      over all scenarios is under "glide". cd_start is that of the cylinder (sphere) in the same
+      scenarios, None where it is not known; it is not where the search began. cl_verified and
+      cm_verified are those of the body itself at the nominal Reynolds number, None where that flow
+      does not converge. "violated" names the bounds on loads that the flow does not meet, with its
+      loads; "multipliers" are the derivatives of the optimal objective, of the glide ratio
+      -Cl / Cd, in each active bound.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -221,11 +223,14 @@ def _verification_record(
             "cases": cases,
         }
     one_drag = bool(scenarios.glide | scenarios.force)  # the objective is not, or no mean of, Cd
-    record["cd_surrogate"] = drags[0]
-    if network is not None and not one_drag:
-        record["cd_surrogate"] = float(model_objective(network, design.parameters, scenarios))
+    if network is not None:
+        wanted = scenarios
+        if one_drag:  # that of the body itself
+            wanted = scenarios_of(problem.scene, [problem.objective.nominal], [1.0])
+        record["cd_surrogate"] = float(model_objective(network, design.parameters, wanted))
     if one_drag and verified is not None:
-        record |= {name: cases[0][name] for name in ("cd_start", "cd_verified")}
+        start = cases[0]["cd_start"] if len(cases) == 1 else None
+        record |= {"cd_start": start, "cd_verified": nominal[0]}
     if bool(scenarios.glide) and verified is not None:
         record["glide"] = -verified.objective
     return record

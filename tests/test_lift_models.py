@@ -183,8 +183,10 @@ def test_optima_of_a_known_polar():
     flat = Problem(SCENE, Glide(10.0), **without_moment, max_camber=0.1, within=ellipse)
     problems = [Problem(SCENE, Glide(10.0)), Problem(SCENE, 10.0, lift=1.25)]
     problems += [Problem(SCENE, Glide(10.0), **without_moment), flat]
-    glide, bound, trimmed, flattened = propose_all(problems, Polar())
+    problems.append(Problem(SCENE, Robust(10.0, Uniform(0.2), cases=3, glide=True)))
+    glide, bound, trimmed, flattened, robust = propose_all(problems, Polar())
     assert glide.value == pytest.approx(-0.5, rel=1e-9)
+    assert robust.value == pytest.approx(-0.5, rel=1e-9)  # this polar is the same at every Re
     assert glide.parameters[3] == pytest.approx(8.0, rel=1e-4)
     assert bound.parameters[3] == pytest.approx(5.0, rel=1e-7)
     assert bound.value == pytest.approx(2 + 1.25**2 / 2, rel=1e-7)
@@ -318,6 +320,8 @@ def test_loads_of_symmetric_bodies_are_refused():
         Problem(Scene(), 10.0, lift=0.2)
     with pytest.raises(InvalidInput, match="glide: the bodies of this scene have no lift"):
         optimise(Problem(Scene(), Glide(10.0)), load("pretrained"))
+    with pytest.raises(InvalidInput, match="glide: the bodies of this scene have no lift"):
+        Problem(Scene(), Robust(10.0, 0.2, glide=True))
     with pytest.raises(InvalidInput, match="lift nan"):
         Problem(SCENE, 10.0, lift=float("nan"))
     symmetric = load("pretrained").loads([2.0, 0.0, 0.0, 0.0], [10.0, 20.0])
@@ -332,8 +336,9 @@ def test_loads_of_symmetric_bodies_are_refused():
         Problem(SCENE, 10.0, lift=0.3),
         Problem(SCENE, Glide(10.0), max_moment=0.3),
         Problem(SCENE, Robust(9.0, Uniform(0.4), cases=2), lift=0.2),
+        Problem(SCENE, Robust(9.0, Uniform(0.4), cases=2, glide=True)),
     ],
-    ids=["lift", "glide", "several Re"],
+    ids=["lift", "glide", "several Re", "robust glide"],
 )
 def test_designs_from_nothing_meet_their_bounds_on_the_flow(problem):
     """As good as SLSQP on the flow, stationary there, and the bounds hold by the flow."""

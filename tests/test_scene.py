@@ -9,8 +9,8 @@ import pytest
 from conftest import TINY
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from onset_bodies import shape_of
 from run import RESULTS
+from studies import onset_2d
 from studies.onset import with_rule
 
 from surrogate import (
@@ -332,15 +332,6 @@ def test_no_domain_is_longer_than_the_longest(fidelity):
     assert longest == LONGEST_DOWNSTREAM
 
 
-def measured_onsets():
-    """Errors of the rule for bodies of study ``onset_2d`` whose critical Re can be asked for."""
-    record = json.loads((RESULTS / "onset_2d.json").read_text())
-    for row in record["result"]["rows"]:
-        if row["onset"] is not None and row["onset"] < REYNOLDS[2][1]:
-            error = onset_of(shape_of(row["parameters"])) / row["onset"] - 1
-            yield {True: "fitted", False: "held out", None: "beyond"}[row["fitted"]], error
-
-
 @pytest.mark.parametrize(("rise", "arch"), [(0.3, 0.0), (-0.2, 0.0), (0.0, 0.1), (0.25, -0.15)])
 def test_exact_rise_and_arch_of_a_mean_line(rise, arch):
     """A body about a parabola over a line whose front end is higher by the rise."""
@@ -353,25 +344,38 @@ def test_exact_rise_and_arch_of_a_mean_line(rise, arch):
 
 
 @pytest.mark.parametrize(
-    ("kind", "most", "root_mean_square"),
-    [("fitted", 0.105, 0.041), ("held out", 0.12, 0.045), ("beyond", 0.07, 0.05)],
+    ("use", "bodies", "most", "root_mean_square"),
+    [
+        ("fitted", 39, 0.105, 0.041),
+        ("not fitted", 36, 0.12, 0.046),
+        ("blind", 10, 0.17, 0.08),
+        ("extrapolated", 4, 0.07, 0.05),
+    ],
 )
-def test_the_onset_of_shedding_is_that_of_linear_stability(kind, most, root_mean_square):
-    """Bodies beyond those it is fitted to are wider, or lie steeper."""
-    errors = [error for use, error in measured_onsets() if use == kind]
-    assert len(errors) > {"fitted": 38, "held out": 38, "beyond": 3}[kind]
+def test_the_onset_of_shedding_is_about_that_of_linear_stability(
+    use, bodies, most, root_mean_square
+):
+    """The rule errs by 4 % of the critical Re (root mean square), 12 % at most.
+
+    On blind bodies, long or in a corner of the ranges of a scene, by 7 and 16 %.
+    """
+    record = json.loads((RESULTS / "onset_2d.json").read_text())
+    rows = [row for row in onset_2d.against_rule(record["result"]["rows"]) if row["onset"]]
+    errors = [r["error"] for r in rows if r["use"] == use and r["onset"] < REYNOLDS[2][1]]
+    assert len(errors) >= bodies
     assert np.abs(errors).max() < most
     assert np.sqrt(np.mean(np.square(errors))) < root_mean_square
 
 
 def test_camber_in_the_sense_of_the_incidence_brings_the_onset_forward():
-    """Camber against the incidence does so by less."""
+    """Camber against it does so by less."""
     plain, same, against = (
         onset_of(family_shape({"aspect": 4.0, "gamma2": gamma2}, 10.0))
         for gamma2 in (0.0, 0.3, -0.3)
     )
     assert same < 0.8 * plain
     assert same < 0.9 * against
+    assert against < 0.95 * plain
 
 
 def test_the_onset_in_3d_is_that_of_linear_stability():

@@ -25,7 +25,9 @@ from shapeopt import (
     verify,
 )
 from shapeopt.commands import payoff_command
+from shapeopt.commands.cli import Parser
 from shapeopt.commands.optimize_shape import main as optimize_shape
+from shapeopt.commands.problem_arguments import add_problem_arguments, problem_of
 from shapeopt.payoff.break_even import Cost, Strategy, best_known, break_even, overtakes, pays_after
 from shapeopt.payoff.plot import plot_payoff
 from shapeopt.payoff.queries import query_stream, robust_objective
@@ -366,11 +368,13 @@ def test_a_run_has_the_constraints_that_are_set(tmp_path):
     assert load_run(tmp_path / "run") == record
 
 
-def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path, no_estimates):
+@pytest.mark.parametrize("glide", [False, True])
+def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path, no_estimates, glide):
     """Not those of one of the cases; each case says to which Re its flow is steady."""
     scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))
-    problem = Problem(scene, Robust(10.0, LogNormal(0.3), tolerance=0.02, cases=2))
+    objective = Robust(10.0, LogNormal(0.3), tolerance=0.02, cases=2, glide=glide)
     body = np.array([2.0, 0.1, 5.0])
+    problem = Problem(scene, objective)
     design = Design(problem, body, 1.0, (2.0, 0.0, 0.0), 1e-4, 2.0, body[None], 0, 1, 100, 1.0)
     record = save_run(tmp_path / "run", design)
     found = Flow(scene).solve(body, 10.0, estimate=False)
@@ -378,6 +382,32 @@ def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path, no_estimates):
     assert record["cm_verified"] == pytest.approx(found.moment, rel=1e-6)
     assert record["cl_verified"] not in [case["cl_verified"] for case in record["cases"]]
     assert all(case["onset"] > 20 for case in record["cases"])
+    loads = [(case["cd_verified"], case["cl_verified"]) for case in record["cases"]]
+    if glide:
+        assert record["cd_verified"] == pytest.approx(found.drag, rel=1e-6)
+        assert record["glide"] == pytest.approx(np.mean([cl / cd for cd, cl in loads]))
+    else:
+        assert record["cd_verified"] == pytest.approx(np.mean([cd for cd, _ in loads]))
+        assert "glide" not in record
+
+
+def test_the_glide_ratio_may_be_asked_for_under_uncertainty():
+    net, parser = load("pretrained:lift"), Parser("Parse a problem.")
+    add_problem_arguments(parser)
+
+    def objective(words):
+        return problem_of(parser.parse_args(words.split()), net).objective
+
+    glide = "--objective glide --reynolds 40"
+    asked = objective(f"{glide} --spread 0.2 --tolerance 0.01 --cvar 0.8 --cases 8 --seed 3")
+    assert asked == Robust(40.0, LogNormal(0.2), 0.01, 0.8, 8, 3, glide=True)
+    assert objective(glide) == Glide(40.0)
+    with pytest.raises(InvalidInput, match="--spread: belongs to one Reynolds number"):
+        objective(f"{glide},50 --spread 0.2")
+    with pytest.raises(InvalidInput, match=r"--objective glide: goes with one Reynolds number$"):
+        objective(f"{glide},50")
+    with pytest.raises(InvalidInput, match="tumbling: goes with one Reynolds number, without spr"):
+        objective("--objective tumbling --reynolds 40 --spread 0.2")
 
 
 def test_weights_without_several_reynolds_numbers_are_refused(tmp_path):

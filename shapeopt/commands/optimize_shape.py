@@ -150,7 +150,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         about = f"over {unit} and {unit}^2, " * planar + "Cm about the centroid"
         lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, {about}"
     if "glide" in r:
-        lifts += f", glide ratio {r['glide']:.4f}"
+        cases = f" over {len(r['cases'])} cases" * (len(r["cases"]) > 1)
+        lifts += f", glide ratio {r['glide']:.4f}{cases}"
     if archimedes := r["objective"].get("archimedes"):
         lifts += f"; none settles faster at Archimedes number {archimedes:g}"
     grid = f" on {r['cells']} cells per D" if r.get("cells") else ""

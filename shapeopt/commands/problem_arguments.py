@@ -18,7 +18,8 @@ from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 
-SINGLE = {"glide": Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
+GLIDE = "glide"  # the objective at one Reynolds number, which may be uncertain
+SINGLE = {GLIDE: Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
 SETTLING = "settling"  # the objective that finds its Reynolds number
 UNTIL_HELP = (
     "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with the "
@@ -155,11 +156,12 @@ def _objective(arguments: argparse.Namespace) -> Objective:
     else:
         others = "or --chord-reynolds; only --objective settling finds its own"
         raise InvalidInput(f"--reynolds: give it, {others}")
-    if arguments.objective in SINGLE:
+    glides = arguments.objective == GLIDE
+    if arguments.objective in SINGLE and not (glides and uncertain):
         if arguments.weights is not None:
             raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
         if len(reynolds) > 1 or uncertain:
-            words = "goes with one Reynolds number, without spread"
+            words = "goes with one Reynolds number" + ", without spread" * (not glides)
             raise InvalidInput(f"--objective {arguments.objective}: {words}")
         return SINGLE[arguments.objective](reynolds[0])
     if len(reynolds) > 1:
@@ -185,6 +187,7 @@ def _objective(arguments: argparse.Namespace) -> Objective:
         level=given["cvar"] or 0.0,
         cases=32 if given["cases"] is None else given["cases"],
         seed=given["seed"] or 0,
+        glide=glides,
     )
 
 

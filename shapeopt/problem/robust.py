@@ -1,4 +1,4 @@
-"""An objective under uncertainty: the mean of Cd, or of its worst cases, over Re and shape."""
+"""An objective under uncertainty: the mean of Cd or Cl / Cd, or of the worst cases of it."""
 
 import dataclasses
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import scipy  # its submodules load at first use; scipy.stats takes half a second
 
 from shapeopt.problem.objective import Objective, scenarios_of
-from shapeopt.problem.scenarios import Scenarios
+from shapeopt.problem.scenarios import NO_LIFT, Scenarios
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.checks import expect, finite_number, real_numbers, whole_number
 from surrogate.errors import InvalidInput
@@ -24,8 +24,9 @@ LEAST_KEPT = 0.5 - 1e-6  # probability of the spread that must lie within the tr
 class Robust(Objective):
     """The mean of Cd, or of its worst cases, under an uncertain Re and an inexact shape.
 
-    Bodies keep the largest change of shape in the sample, at most 2 tolerances, away from the ends
-    of the trained ranges, so that no case leaves them.
+    With ``glide`` it is the mean glide ratio Cl / Cd, or that of its worst cases, which is
+    maximised. Bodies keep the largest change of shape in the sample, at most 2 tolerances, away
+    from the ends of the trained ranges, so that no case leaves them.
 
     Args:
       reynolds: nominal Reynolds number.
@@ -38,6 +39,7 @@ class Robust(Objective):
         (conditional value at risk).
       cases: number of cases, 2 to 4096.
       seed: of the Latin hypercube sample; all bodies see the same cases.
+      glide: whether the loss of a case is -Cl / Cd, in place of Cd.
     """
 
     reynolds: float
@@ -46,11 +48,13 @@ class Robust(Objective):
     level: float = 0.0
     cases: int = 32
     seed: int = 0
+    glide: bool = False
 
     def __post_init__(self):
         if real_numbers(self.spread) is not None:  # LogNormal refuses what is no spread
             object.__setattr__(self, "spread", LogNormal(self.spread))
         expect("spread", self.spread, LogNormal | Uniform, "distribution, as LogNormal(0.2)")
+        expect("glide", self.glide, bool, "bool")
         texts = {"reynolds": "Reynolds number", "level": "CVaR level", "tolerance": "tolerance"}
         for name, text in texts.items():
             object.__setattr__(self, name, finite_number(text, getattr(self, name)))
@@ -74,8 +78,11 @@ class Robust(Objective):
         """Return the points of a Latin hypercube sample of Re and shape, equally weighted.
 
         Raises:
-          InvalidInput: Re is outside the scene's range, or more than half of the spread is.
+          InvalidInput: Re is outside the scene's range, more than half of the spread is, or the
+            glide ratio is asked for where bodies have no lift.
         """
+        if self.glide and not scene.family.has_lift:
+            raise InvalidInput(f"glide: {NO_LIFT}")
         nominal, kept = scene.check_reynolds(self.reynolds), self.kept(scene)
         if kept < LEAST_KEPT:
             raise InvalidInput(
@@ -92,7 +99,7 @@ class Robust(Objective):
         normal = scipy.stats.truncnorm(-TRUNCATION, TRUNCATION).ppf(quantiles[:, 1:])
         weight = np.full(self.cases, 1 / self.cases)
         shift = self.tolerance * width * normal
-        return scenarios_of(scene, reynolds, weight, shift, level=self.level)
+        return scenarios_of(scene, reynolds, weight, shift, level=self.level, glide=self.glide)
 
     def record(self, scene: Scene) -> dict[str, Any]:
         """Return the settings of the distribution, and the share of it within the scene's range."""
@@ -101,6 +108,7 @@ class Robust(Objective):
             "distribution": type(self.spread).__name__,
             "tolerance": self.tolerance,
             "cvar": self.level,
+            "glide": self.glide,
             "seed": self.seed,
             "kept": self.kept(scene),
         }

@@ -90,7 +90,8 @@ def is_about_lift(record: JsonObject) -> bool:
     if not run_scene(record).family.has_lift:
         return False
     constraints = record.get("constraints")
-    if constraints is None or record.get("objective", {}).get("kind") == "Glide":
+    objective = record.get("objective", {})
+    if constraints is None or objective.get("kind") == "Glide" or objective.get("glide"):
         return True
     return any(name in constraints for name in LOAD_BOUNDS)
 

@@ -30,9 +30,10 @@ class StreamwiseProfile(NamedTuple):
       length: side of its box along the stream.
       height: side of its box across the stream.
       thickness: greatest distance, across the stream, of its upper from its lower side.
-      rise: height of the front end over the rear end of the straight line that fits its mean line,
-        midway between the two sides, by least squares; positive at incidence.
-      arch: height over its chord of the parabola that fits the rest of the mean line by least
+      rise: height of the front end above the rear end of the straight line that fits its mean
+        line, midway between the two sides, by least squares; of a body that is longer than tall
+        positive at positive incidence.
+      arch: height above its chord of the parabola that fits the rest of the mean line by least
         squares; positive where the mean line is cambered upwards.
       front: area of the front half over that of the ellipse of this length and thickness.
       rear: the same of the rear half.

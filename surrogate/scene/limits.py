@@ -83,7 +83,8 @@ class OnsetRule3D(NamedTuple):
 
 
 # Fitted to the studies ``onset`` and ``onset_incidence``, and to ``onset_2d``: plate, slope and
-# power to its first 20 bodies, the others to all that it calls fitted.
+# power to its first 20 bodies, with an earlier form of the rule; the others to all that it calls
+# fitted, by least squares of the logarithm.
 RULE_3D = OnsetRule3D(126.5, 170.0, 0.4, 0.84, 1.9)
 RULE_2D = OnsetRule2D(34.9, 31.3, 2.21, 0.119, 0.283, 0.469, 0.281)
 

@@ -130,7 +130,8 @@ def when_to_train(result: Result) -> str:
     return (
         f"Sections at incidence, {led['asked']} queries: "
         f"{led['flows']:.2f} flows led by `{NAME}` ({result['bodies']:,} bodies), "
-        f"{growing['flows']:.1f} by kriging, {direct['flows']:.1f} by `direct`. By G "
+        f"{growing['flows']:.1f} by kriging, {direct['flows']:.1f} by `direct` (in "
+        f"{direct['far']} worse by {100 * direct['gap']:.1f} %). By G "
         f"training pays against `direct` {_pays(result)}."
     )
 

@@ -188,16 +188,25 @@ def against_rule(rows: Sequence[Row]) -> list[Row]:
     return found
 
 
+def in_short(result: Result) -> str:
+    """Return the README's sentence on the error of the rule, over all bodies."""
+    errors = [abs(row["error"]) for row in against_rule(result["rows"]) if row["error"] is not None]
+    mean = math.sqrt(np.mean(np.square(errors)))
+    form = "Estimated onset of shedding: {mean:.0%} rms, {most:.0%} at most."
+    return words(form, mean=mean, most=max(errors))
+
+
 def text(result: Result) -> str:
     """Return the bodies, the rule's errors, and the marches as tables and text."""
     rows = against_rule(result["rows"])
     parts = []
     for use in (*USES.values(), "blind"):
-        errors = [abs(row["error"]) for row in rows if row["use"] == use and row["error"]]
+        errors = [row["error"] for row in rows if row["use"] == use and row["error"] is not None]
         if errors:
-            worst, mean = max(errors), math.sqrt(np.mean(np.square(errors)))
-            form = "{use}: {n} bodies, error of the rule at most {worst:.1%}, {mean:.1%} rms"
-            parts.append(words(form, use=use, n=len(errors), worst=worst, mean=mean))
+            mean = math.sqrt(np.mean(np.square(errors)))
+            form = "{use}: {n} bodies, error {early:+.1%} to {late:+.1%}, {mean:.1%} rms"
+            ends = {"early": min(errors), "late": max(errors)}
+            parts.append(words(form, use=use, n=len(errors), mean=mean, **ends))
     off = max(abs(row["marched"] - row["by_elements"]) for row in result["marches"])
     return (
         f"{COLUMNS(rows)}\n\n{'; '.join(parts)}\n\n{MARCHES(result['marches'])}\n\n"
@@ -205,7 +214,7 @@ def text(result: Result) -> str:
     )
 
 
-USES = {True: "fitted", False: "held out", None: "extrapolated"}
+USES = {True: "fitted", False: "not fitted", None: "extrapolated"}
 COLUMNS = columns(
     "body {body} | length {length:.2f} | height {height:.2f} | critical Re {onset:.1f}"
     " | omega h / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%} | {use}"

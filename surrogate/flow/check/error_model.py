@@ -26,8 +26,8 @@ class ErrorModel(abc.ABC):
 
     The constants are fitted to errors against finite elements and finer grids: of the bodies of
     studies ``lift`` and ``trust_space``, and of random bodies and sections of other seeds than
-    those of ``trust`` and ``random_sections``; ``onset_factors`` to ``extremes_lift`` and
-    ``random_sections``.
+    those of ``trust`` and ``random_sections``; ``onset_factors`` to ``extremes_lift`` and the first
+    sections of ``random_sections``.
     """
 
     COARSER: ClassVar[float]  # cells of the coarser grid, as a share of the whole
