@@ -10,6 +10,7 @@ from surrogate import InvalidInput
 
 # so few cells per D that there is no coarser grid for an error estimate: quicker
 BODY = ["--dimension", "3", "--aspect", "1.5", "--flatness", "1.4", "--cells", "5"]
+INCLINED = "--dimension 3 --aspect 2 --incidence"
 
 
 @pytest.mark.slow
@@ -31,6 +32,12 @@ def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
         ("--dimension 3 --aspect 1", "or --settling instead"),
         ("--dimension 3 --aspect 1 --settling 2,3", "density ratio,viscosity,size"),
         ("--aspect 1 --settling 2.65,1e-6,1e-4", "settling"),
+        (f"{INCLINED} nan --reynolds 10", "incidence nan: must be a finite number"),
+        (f"{INCLINED} 200 --reynolds 10", "incidence 200: from -180 to 180 degrees"),
+        (f"{INCLINED} 30 --reynolds 10 --stream tunnel:8", "are modelled without walls"),
+        (f"{INCLINED} 30 --reynolds 250", "is unstable beyond 210"),
+        (f"{INCLINED} 45 --aspect 12 --reynolds 10", "too large for the standard domain"),
+        (f"{INCLINED} 30 --gamma2 0.1 --reynolds 10", "3-D bodies have no camber"),
     ],
 )
 def test_solve_drag_refuses_what_makes_no_sense_in_3d(words, message):

@@ -1,7 +1,8 @@
 """Sections of least drag over a bound on the lift, at optima of the flow, and a polar; by chord.
 
-The polar is that of the section with the best glide ratio, by the flow. With pictures: Cd over Cl
-with every body, the polar, and streamlines at incidence.
+Also the best glide ratio under uncertainty. The polar is that of the section with the best glide
+ratio, by the flow. With pictures: Cd over Cl with every body, the polar, and streamlines at
+incidence.
 """
 
 import contextlib
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, columns
 
-from shapeopt import Designer, Glide, Problem, optimise, optimise_all
+from shapeopt import Designer, Glide, Problem, Robust, optimise, optimise_all
 from shapeopt.payoff.direct import design_directly
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.render.polar import plot_polar
@@ -26,6 +27,7 @@ BEFORE = {"aspect": 2.0, "incidence": 10.0}  # the ellipse that is drawn first
 ELLIPSE = {"aspect": (2.0, 2.2)} | dict.fromkeys(
     ("beta2", "beta3", "beta4", "gamma2", "gamma3"), (0.0, 0.0)
 )  # the bodies of tiny runs
+SPREAD, TOLERANCE, CASES = 0.2, 0.01, 8  # of the robust designs
 INCIDENCES = tuple(range(-4, 13, 2))
 
 
@@ -89,6 +91,33 @@ def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, flo
     return row
 
 
+def robust(run: Run, level: float) -> Row:
+    """Return the body of the best glide ratio under an uncertain Re and an inexact shape.
+
+    It is an optimum of the flow, led by the network; ``nominal`` is its glide ratio at the nominal
+    Re, without changes of shape.
+
+    Args:
+      run: How the study is run.
+      level: CVaR level of the objective.
+    """
+    net = load(NAME)
+    scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    cases, reynolds = run.pick((2, 8.0), (CASES, REYNOLDS))
+    objective = Robust(reynolds, SPREAD, TOLERANCE, level, cases, glide=True)
+    found = Designer(run.pick(Flow(scene), net)).design(Problem(scene, objective))
+    return {
+        "spread": SPREAD,
+        "tolerance": TOLERANCE,
+        "cases": cases,
+        "parameters": scene.family.named(found.parameters),
+        "nominal": found.lift / found.drag,
+        "glide": -found.objective,
+        "flows": found.flows,
+        "kkt_residual": found.kkt_residual,
+    }
+
+
 def polar(_: Run, result: Result) -> Result:
     """Return the loads of the section with the best glide ratio over the incidence, by the flow."""
     best, rows = result["rows"][-1], []
@@ -147,11 +176,21 @@ BY_CHORD = columns(
     " | flows {network_flows} | KKT residual {kkt_residual:.0e} | predicted {network_error:+.2%}"
     " | SLSQP: flows {direct_flows} | worse by {beside:+.2%}"
 )
+ROBUST = columns(
+    "CVaR level {level:g} | spread of log Re {spread:g} | tolerance of the shape {tolerance:g}"
+    " | cases {cases} | Cl/Cd of them {glide:.4f} | at the nominal Re {nominal:.4f}"
+    " | incidence {parameters[incidence]:.2f} | flows {flows} | KKT residual {kkt_residual:.0e}"
+)
 THICK = {"min_thickness": 0.3}  # over the chord
 CHORDS = [
     {"chord_reynolds": re, "glide": glide, "bounds": THICK | bounds}
     for re in (30.0, 100.0, 200.0)
     for glide, bounds in ((False, {"lift": 0.3}), (True, {"max_moment": 0.1}))
 ]
-TABLES = [Table([{}], over_lift, FORM), Table(CHORDS, by_chord, BY_CHORD, "by_chord")]
+LEVELS = [{"level": 0.0}, {"level": 0.8}]
+TABLES = [
+    Table([{}], over_lift, FORM),
+    Table(CHORDS, by_chord, BY_CHORD, "by_chord"),
+    Table(LEVELS, robust, ROBUST, "robust"),
+]
 STUDIES = {"section_designs": Study(TABLES, text, polar, draw)}
