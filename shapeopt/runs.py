@@ -62,16 +62,16 @@ def save_run(
 
     Returns:
       The record, as in run.json. Coefficients and constraints are by the length that "reference"
-      names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is
-      U D / nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets. cd_* are
-      values of the problem's objective: Cd where that is the drag at one Reynolds number; of the
-      glide ratio and of a settling speed Cd itself at the nominal Reynolds number, and the ratio
-      over all scenarios is under "glide". cd_start is that of the cylinder (sphere) in the same
-      scenarios, None where it is not known; it is not where the search began. cl_verified and
-      cm_verified are those of the body itself at the nominal Reynolds number, None where that flow
-      does not converge. "violated" names the bounds on loads that the flow does not meet, with its
-      loads; "multipliers" are the derivatives of the optimal objective, of the glide ratio
-      -Cl / Cd, in each active bound.
+      names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is U D /
+      nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets. cd_* are values of
+      the problem's objective: Cd where that is the drag at one Reynolds number; of the glide ratio
+      and of a settling speed Cd itself at the nominal Reynolds number, and "glide" is the optimal
+      ratio, of several scenarios their mean or that of the worst. cd_start is that of the cylinder
+      (sphere) in the same scenarios, None where it is not known; it is not where the search began.
+      cl_verified and cm_verified, and such a cd_verified, are those of the body itself at the
+      nominal Reynolds number, None where that flow does not converge. "violated" names the bounds
+      on loads that the flow does not meet, with its loads; "multipliers" are the derivatives of the
+      optimal objective, of the glide ratio -Cl / Cd, in each active bound.
 
     Raises:
       InvalidInput: the folder cannot be written to, or ``design`` is no design.
@@ -229,8 +229,7 @@ def _verification_record(
             wanted = scenarios_of(problem.scene, [problem.objective.nominal], [1.0])
         record["cd_surrogate"] = float(model_objective(network, design.parameters, wanted))
     if one_drag and verified is not None:
-        start = cases[0]["cd_start"] if len(cases) == 1 else None
-        record |= {"cd_start": start, "cd_verified": nominal[0]}
+        record["cd_verified"] = nominal[0]
     if bool(scenarios.glide) and verified is not None:
         record["glide"] = -verified.objective
     return record

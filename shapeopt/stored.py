@@ -62,10 +62,14 @@ def stored_run(folder: str | Path, settings: JsonObject, overwrite: bool) -> Jso
 
 
 def _plain(value: object) -> object:
-    """Return an objective or a constraint as values that JSON has."""
+    """Return an objective or a constraint as values that JSON has.
+
+    Switches that are off are left out, as runs of earlier versions lack them.
+    """
     if dataclasses.is_dataclass(value):
         fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        return {"kind": type(value).__name__, **fields}
+        on = {name: part for name, part in fields.items() if part is not False}
+        return {"kind": type(value).__name__, **on}
     if isinstance(value, Mapping):
         return {str(name): _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple | np.ndarray):

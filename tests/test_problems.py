@@ -14,6 +14,7 @@ from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import constraint_values, satisfied
 from shapeopt.problem.feasible import drawn_bodies
 from shapeopt.problem.scenarios import (
+    combine,
     conditional_value_at_risk,
     load_constraints,
     model_objective,
@@ -148,6 +149,14 @@ def test_cases_outside_the_trained_range_are_cut_off(pretrained, spread):
         assert all(pretrained.scene.family.contains(body) for body in corner)
     with pytest.raises(InvalidInput, match="half"):
         candidates(Problem(Scene(reynolds=(1.0, 40.0)), Robust(1.0, LogNormal(2.0))))
+
+
+def test_the_worst_glide_ratios_are_the_least():
+    robust = Robust(20.0, LogNormal(0.2), level=0.5, cases=4, glide=True)
+    scene = Scene(family=Family(aspect=(2.0, 3.0), incidence=(0.0, 10.0)))
+    loads = np.array([[1.0, 0.9, 0.0], [2.0, 0.2, 0.0], [1.0, 0.4, 0.0], [1.0, 0.6, 0.0]])
+    found = combine(loads, np.ones(4), robust.scenarios(scene))
+    assert float(found) == pytest.approx(-(0.1 + 0.4) / 2)
 
 
 @pytest.mark.slow

@@ -16,14 +16,15 @@ python scripts/optimize_shape.py --surrogate pretrained:lift --chord-reynolds 10
 python scripts/optimize_shape.py --surrogate pretrained:particle --objective settling \\
     --archimedes 1000 --range incidence=45:45 --until flow --out out/fast
 
-The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at
-that Re; with --spread or --tolerance it is the mean of Cd over the uncertain cases, with --cvar
-over the worst of them, and the spread of Re is truncated to the scene's range. All cd_* are then
-values of that objective, and "cases" lists the drags. Sections with camber and incidence may have
-bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective; with --chord-reynolds bodies of
-one chord are compared, and coefficients and the lengths of bounds are by it. Of particles the
-terminal velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the Re where it balances
-weight.
+The objective for several Reynolds numbers is the weighted mean of Cd over the cylinder's Cd at that
+Re; with --spread or --tolerance it is the mean of Cd (of Cl / Cd for --objective glide) over the
+uncertain cases, with --cvar over the worst of them, and the spread of Re is truncated to the
+scene's range. All cd_* are then values of that objective (for glide those of the body itself at the
+nominal Re, the ratio being under "glide"), and "cases" lists the drags. Sections with camber and
+incidence may have bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective; with
+--chord-reynolds bodies of one chord are compared, and coefficients and the lengths of bounds are by
+it. Of particles the terminal velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the
+Re where it balances weight.
 """
 
 import argparse
@@ -130,8 +131,15 @@ def _named(design: Design) -> dict[str, float]:
 def _objective(problem: Problem, value: float) -> str:
     """The value of the objective in words: of glide, the ratio whose opposite is minimised."""
     if bool(problem.scenarios.glide):
-        return f"glide ratio {-value:.4f}"
+        return f"{_ratio(problem)} {-value:.4f}"
     return f"objective {value:.4f}"
+
+
+def _ratio(problem: Problem) -> str:
+    """The name of the ratio that is maximised for a glide."""
+    count, level = len(problem.scenarios.weight), float(problem.scenarios.level)
+    worst = f"the worst {100 * (1 - level):g} % of " * (level > 0)
+    return "glide ratio" if count == 1 else f"mean glide ratio of {worst}{count} cases"
 
 
 def _within(file: str, folder: str) -> bool:
@@ -150,10 +158,12 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         about = f"over {unit} and {unit}^2, " * planar + "Cm about the centroid"
         lifts = f"; Cl {r['cl_verified']:.4f}, Cm {r['cm_verified']:.4f} verified, {about}"
     if "glide" in r:
-        cases = f" over {len(r['cases'])} cases" * (len(r["cases"]) > 1)
-        lifts += f", glide ratio {r['glide']:.4f}{cases}"
+        lifts += f", {_ratio(problem)} {r['glide']:.4f}"
     if archimedes := r["objective"].get("archimedes"):
         lifts += f"; none settles faster at Archimedes number {archimedes:g}"
+    several = len(r["cases"]) > 1
+    cd = "unknown" if r["cd_verified"] is None else f"{r['cd_verified']:.4f}"
+    cd += " at the nominal Re, its cases" * ("glide" in r and several)
     grid = f" on {r['cells']} cells per D" if r.get("cells") else ""
     beside = "" if lifting else _beside(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
@@ -165,7 +175,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         shape += f", {', '.join(ratios)}"
     lines = [
         f"{at}: {shape}, chord {r['chord']:.4f} D{lifts}",
-        f"{name} {r['cd_verified']:.4f} verified{grid}, {r['accuracy']}; "
+        f"{name} {cd} verified{grid}, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]

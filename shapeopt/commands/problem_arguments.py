@@ -19,7 +19,7 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 
 GLIDE = "glide"  # the objective at one Reynolds number, which may be uncertain
-SINGLE = {GLIDE: Glide, "tumbling": Tumbling}  # objectives at one certain Reynolds number
+SINGLE = {GLIDE: Glide, "tumbling": Tumbling}  # objectives at one Reynolds number
 SETTLING = "settling"  # the objective that finds its Reynolds number
 UNTIL_HELP = (
     "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with the "
@@ -44,9 +44,9 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
     add("--chord-reynolds", help=CHORD_HELP)
-    objective = "drag: least Cd (default); glide: greatest Cl / Cd; tumbling: least mean Cd over "
-    objective += "all orientations of a body of revolution; settling: greatest terminal velocity "
-    objective += "of a particle of --archimedes, held at its incidence"
+    objective = "drag: least Cd (default); glide: greatest Cl / Cd, also under --spread; tumbling: "
+    objective += "least mean Cd over all orientations of a body of revolution; settling: greatest "
+    objective += "terminal velocity of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
     add("--lift", type=float, help="lower bound on Cl (none)")
@@ -157,9 +157,9 @@ def _objective(arguments: argparse.Namespace) -> Objective:
         others = "or --chord-reynolds; only --objective settling finds its own"
         raise InvalidInput(f"--reynolds: give it, {others}")
     glides = arguments.objective == GLIDE
+    if arguments.objective in SINGLE and arguments.weights is not None:
+        raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
     if arguments.objective in SINGLE and not (glides and uncertain):
-        if arguments.weights is not None:
-            raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
         if len(reynolds) > 1 or uncertain:
             words = "goes with one Reynolds number" + ", without spread" * (not glides)
             raise InvalidInput(f"--objective {arguments.objective}: {words}")

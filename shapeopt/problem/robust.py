@@ -1,4 +1,4 @@
-"""An objective under uncertainty: the mean of Cd or Cl / Cd, or of the worst cases of it."""
+"""An objective under uncertainty: the mean of Cd or of Cl / Cd, or of its worst cases."""
 
 import dataclasses
 from typing import Any
@@ -9,7 +9,7 @@ import scipy  # its submodules load at first use; scipy.stats takes half a secon
 from shapeopt.problem.objective import Objective, scenarios_of
 from shapeopt.problem.scenarios import NO_LIFT, Scenarios
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
-from surrogate.checks import expect, finite_number, real_numbers, whole_number
+from surrogate.checks import expect, finite_number, flag, real_numbers, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.scene.samples import LARGEST_SEED
 from surrogate.scene.scene import Scene
@@ -24,8 +24,8 @@ LEAST_KEPT = 0.5 - 1e-6  # probability of the spread that must lie within the tr
 class Robust(Objective):
     """The mean of Cd, or of its worst cases, under an uncertain Re and an inexact shape.
 
-    With ``glide`` it is the mean glide ratio Cl / Cd, or that of its worst cases, which is
-    maximised. Bodies keep the largest change of shape in the sample, at most 2 tolerances, away
+    With ``glide`` it is the mean glide ratio Cl / Cd, or that of the cases where it is least, which
+    is maximised. Bodies keep the largest change of shape in the sample, at most 2 tolerances, away
     from the ends of the trained ranges, so that no case leaves them.
 
     Args:
@@ -54,7 +54,7 @@ class Robust(Objective):
         if real_numbers(self.spread) is not None:  # LogNormal refuses what is no spread
             object.__setattr__(self, "spread", LogNormal(self.spread))
         expect("spread", self.spread, LogNormal | Uniform, "distribution, as LogNormal(0.2)")
-        expect("glide", self.glide, bool, "bool")
+        object.__setattr__(self, "glide", flag("glide", self.glide))
         texts = {"reynolds": "Reynolds number", "level": "CVaR level", "tolerance": "tolerance"}
         for name, text in texts.items():
             object.__setattr__(self, name, finite_number(text, getattr(self, name)))

@@ -70,7 +70,8 @@ class Design:
         if self._has_lift:
             lift["Cl" + over[0]] = f"{self.lift:.5g}"
             lift["Cm" + over[1]] = f"{self.moment:.5g}, about the centroid"
-        objective = "-Cl / Cd" if bool(self.problem.scenarios.glide) else "objective"
+        single = len(self.problem.scenarios.weight) == 1
+        objective = "-Cl / Cd" if single and bool(self.problem.scenarios.glide) else "objective"
         return aligned(
             {
                 "body": listed(self._named),
