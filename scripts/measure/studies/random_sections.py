@@ -104,7 +104,7 @@ def text(result: Result) -> str:
     The tables of fidelities are of the flows up to their onset of instability.
     """
     rows, wide = (with_onset(result[key]) for key in ("rows", "wide"))
-    up_to_onset = steady(result["rows"])
+    up_to_onset = [row for row in rows if row["reynolds"] <= row["onset"]]
     return (
         f"{RANDOM(rows)}\n\n{levels(up_to_onset)}\n\n"
         f"{len(rows) - len(up_to_onset)} of the {len(rows)} flows are beyond the onset of "
