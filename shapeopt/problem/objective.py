@@ -98,8 +98,6 @@ class Glide(AtReynolds):
         Raises:
           InvalidInput: the scene's bodies have no lift.
         """
-        if not scene.family.has_lift:
-            raise InvalidInput(f"glide: {NO_LIFT}")
         return scenarios_of(scene, [self.reynolds], [1.0], glide=True)
 
 
@@ -177,7 +175,12 @@ def scenarios_of(
       level: CVaR level.
       glide: whether the loss is -Cl / Cd.
       force: whether the loss is the magnitude of the force.
+
+    Raises:
+      InvalidInput: the loss is -Cl / Cd and the scene's bodies have no lift.
     """
+    if glide and not scene.family.has_lift:
+        raise InvalidInput(f"glide: {NO_LIFT}")
     if shift is None:
         shift = np.zeros((len(reynolds), len(scene.family.names)))
     return Scenarios(

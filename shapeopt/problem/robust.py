@@ -7,7 +7,7 @@ import numpy as np
 import scipy  # its submodules load at first use; scipy.stats takes half a second
 
 from shapeopt.problem.objective import Objective, scenarios_of
-from shapeopt.problem.scenarios import NO_LIFT, Scenarios
+from shapeopt.problem.scenarios import Scenarios
 from shapeopt.problem.uncertainty import LogNormal, Uniform, latin_hypercube
 from surrogate.checks import expect, finite_number, flag, real_numbers, whole_number
 from surrogate.errors import InvalidInput
@@ -81,8 +81,6 @@ class Robust(Objective):
           InvalidInput: Re is outside the scene's range, more than half of the spread is, or the
             glide ratio is asked for where bodies have no lift.
         """
-        if self.glide and not scene.family.has_lift:
-            raise InvalidInput(f"glide: {NO_LIFT}")
         nominal, kept = scene.check_reynolds(self.reynolds), self.kept(scene)
         if kept < LEAST_KEPT:
             raise InvalidInput(
