@@ -10,7 +10,7 @@ import dataclasses
 import functools
 import importlib
 import multiprocessing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 import jax
@@ -29,7 +29,7 @@ from surrogate.training.plan import make_plan
 from surrogate.training.setup import make_setup
 
 SCENE = "lift"  # of the sentence in the README
-PACKAGES = ("sklearn.preprocessing", "smt.surrogate_models")  # imported before fits to known loads
+PACKAGES = ("sklearn.preprocessing", "smt.surrogate_models")  # imported before every fit
 STEPS = 2  # of a training, every one of which takes as much memory
 WITH_FLOWS = "dp", "sip"  # methods that solve flows while they train
 SOLVED = {"lift": (64, 256)}  # bodies of these; with more the flows take too long
@@ -56,32 +56,29 @@ def measure(run: Run, scene: str, bodies: int, method: str) -> Row:
     Raises:
       BrokenProcessPool: The system ended the process, for its memory perhaps.
     """
-    task: tuple = growth_with_flows, scene, method, bodies
+    task: tuple = train_with_flows, scene, method, bodies
     if method not in WITH_FLOWS:
-        task = growth, ground_by_network(scene, bodies), method, bodies
+        task = fitted, ground_by_network(scene, bodies), method, bodies, STEPS
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return {"mib": pool.submit(*task).result()}
+        return {"mib": pool.submit(growth, *task).result()}
 
 
-def growth(ground: Ground, method: str, count: int) -> float:
-    """Return the greatest growth of this process, in MiB, while it fits a method to all bodies."""
+def growth(fit: Callable[..., object], *arguments: object) -> float:
+    """Return the greatest growth of this process, in MiB, during ``fit(*arguments)``."""
     for package in PACKAGES:
         with contextlib.suppress(ImportError):
             importlib.import_module(package)
     jax.device_put(1.0)  # starts JAX
     with cold_cache(), PeakMemory() as memory:
-        fitted(ground, method, count, STEPS)
+        fit(*arguments)
     return memory.mib
 
 
-def growth_with_flows(scene: str, method: str, count: int) -> float:
-    """Return the same, in MiB, of a training that solves the flows of its bodies."""
+def train_with_flows(scene: str, method: str, count: int) -> None:
+    """Make some steps of a training that solves the flows of its bodies."""
     plan = make_plan(scene_of(scene, False), method, "full", count, held_out=HELD_OUT)
     plan = dataclasses.replace(plan, iterations=STEPS)
-    jax.device_put(1.0)  # starts JAX
-    with cold_cache(), PeakMemory() as memory:
-        run_training(plan, make_setup(plan))
-    return memory.mib
+    run_training(plan, make_setup(plan))
 
 
 @functools.lru_cache(maxsize=1)
