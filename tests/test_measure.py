@@ -237,7 +237,9 @@ def test_figures_are_filled_in_and_missing_ones_left_out(tmp_path):
 
 def test_the_accuracy_is_the_mean_and_the_largest_error_of_the_record(tmp_path):
     kept = shutil.copytree(run.RESULTS, tmp_path / "kept")
-    line = {"row": "standard, x", "column": "y"}
+    line = {"panel": "accuracy", "row": "standard, x", "column": "y"}
+    rows = [line | {"error": error} for error in (0.001, -0.003)]
+    run.keep("flow", {"rows": rows}, "command", out=kept)
     rows = [
         line | {"panel": panel, "error": share * error}
         for panel, share in (("sphere", 1), ("aspect", 2), ("ellipsoids", 3))
@@ -245,6 +247,7 @@ def test_the_accuracy_is_the_mean_and_the_largest_error_of_the_record(tmp_path):
     ]
     run.keep("flow_3d", {"rows": rows}, "command", out=kept)
     found = passage("accuracy", kept)
+    assert "Cd of the cylinder (also in tunnels) 0.20, 0.30" in found
     assert "of the sphere 0.20, 0.30, of 2 bodies of revolution 0.40, 0.60" in found
     assert "(Oberbeck) 0.60, 0.90" in found
 

@@ -157,18 +157,19 @@ def _flow(result):
         return [row["error"] for row in chosen]
 
     random = result("random_sections")
-    drawn = random_sections.steady([*random["rows"], *random["wide"]])
-    sections = [row for row in drawn if row["fidelity"] == "standard"]
+    drawn = random_sections.with_onset([*random["rows"], *random["wide"]])
+    sections = [row for row in random_sections.steady(drawn) if row["fidelity"] == "standard"]
     form = (
         "The flow, standard grid, against body-fitted finite elements, mean and largest error in "
-        "%: Cd of {symmetric} random symmetric bodies {random}, of {count} random steady sections "
-        "at incidence {cd}, their Cl {cl}, Cm {cm} of Cd; in 3-D Cd of the sphere {sphere}, of "
-        "{revolved} bodies of revolution {aspect}, of ellipsoids in Stokes flow (Oberbeck) "
-        "{ellipsoids}."
+        "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric "
+        "bodies {random}, of {count} random steady sections at incidence {cd}, their Cl {cl}, "
+        "Cm {cm} of Cd; in 3-D Cd of the sphere {sphere}, of {revolved} bodies of revolution "
+        "{aspect}, of ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}
     off |= {load: mean_and_most(row[f"{load}_error"] for row in sections) for load in LOADS}
+    off["cylinder"] = mean_and_most(standard("flow", "accuracy"))
     bodies, *off["random"] = far_field.symmetric_errors(result("far_field"))
     revolved = len(standard("flow_3d", "aspect"))
     numbers = {"count": len(sections), "revolved": revolved, "symmetric": bodies}

@@ -189,11 +189,11 @@ def against_rule(rows: Sequence[Row]) -> list[Row]:
 
 
 def in_short(result: Result) -> str:
-    """Return the README's sentence on the error of the rule, over all bodies."""
+    """Return the README's sentence on the error of the rule in %, over all bodies."""
     errors = [abs(row["error"]) for row in against_rule(result["rows"]) if row["error"] is not None]
     mean = math.sqrt(np.mean(np.square(errors)))
-    form = "Estimated onset of shedding: {mean:.0%} rms, {most:.0%} at most."
-    return words(form, mean=mean, most=max(errors))
+    form = "Shedding onset: {mean:.0f} rms, {most:.0f} at most."
+    return words(form, mean=100 * mean, most=100 * max(errors))
 
 
 def text(result: Result) -> str:

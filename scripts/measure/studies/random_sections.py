@@ -94,8 +94,8 @@ def with_onset(rows: Sequence[Row]) -> list[Row]:
 
 
 def steady(rows: Sequence[Row]) -> list[Row]:
-    """Return those rows whose Re is not beyond the onset of instability."""
-    return [row for row in with_onset(rows) if row["reynolds"] <= row["onset"]]
+    """Return those rows of ``with_onset`` whose Re is not beyond the onset of instability."""
+    return [row for row in rows if row["reynolds"] <= row["onset"]]
 
 
 def text(result: Result) -> str:
@@ -104,7 +104,7 @@ def text(result: Result) -> str:
     The tables of fidelities are of the flows up to their onset of instability.
     """
     rows, wide = (with_onset(result[key]) for key in ("rows", "wide"))
-    up_to_onset = [row for row in rows if row["reynolds"] <= row["onset"]]
+    up_to_onset = steady(rows)
     return (
         f"{RANDOM(rows)}\n\n{levels(up_to_onset)}\n\n"
         f"{len(rows) - len(up_to_onset)} of the {len(rows)} flows are beyond the onset of "
