@@ -8,6 +8,7 @@ a surrogate's loads: ``fall`` and ``orientations``.
 from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import Orientation, Swing, moment_is_known, orientations, small_swings
 from shapeopt.problem.constraints import Station
+from shapeopt.problem.multipoint import MultiPoint
 from shapeopt.problem.objective import Glide, Weighted
 from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
@@ -28,6 +29,7 @@ __all__ = [
     "Fall",
     "Glide",
     "LogNormal",
+    "MultiPoint",
     "Orientation",
     "Problem",
     "Robust",

@@ -155,7 +155,7 @@ def _search_record(design: Design) -> dict[str, Any]:
         "calls": design.calls,
         "loop_s": design.seconds,
         "converged": design.converged,
-        "at_range_ends": problem.at_range_ends(design.parameters),
+        "at_range_ends": problem.at_range_ends(design.variables),
         "multipliers": design.multipliers,
     }
 
@@ -180,20 +180,20 @@ def _verification_record(
     slack = KKT_TOLERANCE if design.on_flow else NOTICED
     drags = [None] * len(scenarios.weight)
     if network is not None:
-        drags = model_loads(network, design.parameters, scenarios)[0][:, 0].tolist()
+        drags = model_loads(network, design.variables, scenarios)[0][:, 0].tolist()
     if verified is not None:
-        loads = loads_of(problem, design.parameters, verified.solutions)
+        loads = loads_of(problem, design.variables, verified.solutions)
         nominal = [None] * 3
         if solution is not None:
             nominal = loads_by_reference(problem, design.parameters, solution)
         rows = zip(
-            *(scenarios.shift, scenarios.weight, verified.round_drags, drags),
+            *(scenarios.bodies(design.variables), scenarios.weight, verified.round_drags, drags),
             *(loads.tolist(), verified.solutions),
             strict=True,
         )
         cases = [
             {
-                "parameters": (design.parameters + shift).tolist(),
+                "parameters": body.tolist(),
                 "reynolds": case.reynolds,
                 "weight": float(weight),
                 "cd_start": round_drag,
@@ -206,7 +206,7 @@ def _verification_record(
                 "expected_error": case.expected_error,
                 "estimated_error": case.estimated_error,
             }
-            for shift, weight, round_drag, drag, (cd, cl, cm), case in rows
+            for body, weight, round_drag, drag, (cd, cl, cm), case in rows
         ]
         record |= {
             "cd_start": verified.round_objective,
@@ -227,7 +227,7 @@ def _verification_record(
         wanted = scenarios
         if one_drag:  # that of the body itself
             wanted = scenarios_of(problem.scene, [problem.objective.nominal], [1.0])
-        record["cd_surrogate"] = float(model_objective(network, design.parameters, wanted))
+        record["cd_surrogate"] = float(model_objective(network, design.variables, wanted))
     if one_drag and verified is not None:
         record["cd_verified"] = nominal[0]
     if bool(scenarios.glide) and verified is not None:

@@ -355,5 +355,5 @@ def test_a_search_that_does_not_settle_gives_its_best_body_where_that_will_do(mo
     monkeypatch.undo()
     jax.clear_caches()
     best = propose(problem, net.network)
-    assert float(net.scene.family.body_class.length(rough.parameters)) <= 1.7 + 1e-5
+    assert float(net.scene.family.body_class.length(rough.variables)) <= 1.7 + 1e-5
     assert best.value < rough.value < 1.2 * best.value

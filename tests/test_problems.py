@@ -314,7 +314,7 @@ def test_kkt_residual_of_a_known_problem(pretrained):
         return 1 + float(np.sum((body - BODY) ** 2)), 2 * (body - BODY)
 
     found = minimise_slsqp(bowl, limits, np.asarray(FAMILY.ellipse(2.0)))
-    np.testing.assert_allclose(found.parameters, BODY, atol=1e-5)
+    np.testing.assert_allclose(found.variables, BODY, atol=1e-5)
     assert found.kkt_residual < 1e-4
     assert found.converged
 

@@ -48,7 +48,6 @@ ABSENT = {  # options that a command lacks for a reason
     "--contour": CONTOURS,
 }
 SEVERAL = {  # options that take one number in one command and several in another
-    "--lift": "design_sheet.py --lifts takes several",
     "--max-length": "design_sheet.py takes several",
 }
 GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")

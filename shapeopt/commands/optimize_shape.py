@@ -11,6 +11,8 @@ python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --obj
     --out out/glider
 python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.3 \\
     --max-moment 0.1 --out out/vane
+python scripts/optimize_shape.py --surrogate pretrained:lift --reynolds 40 --lift 0.2,0.5,0.8 \\
+    --until flow --out out/multipoint
 python scripts/optimize_shape.py --surrogate pretrained:lift --chord-reynolds 100 --lift 0.3 \\
     --min-thickness 0.3 --out out/section
 python scripts/optimize_shape.py --surrogate pretrained:particle --objective settling \\
@@ -20,16 +22,19 @@ The objective for several Reynolds numbers is the weighted mean of Cd over the c
 Re; with --spread or --tolerance it is the mean of Cd (of Cl / Cd for --objective glide) over the
 uncertain cases, with --cvar over the worst of them, and the spread of Re is truncated to the
 scene's range. All cd_* are then values of that objective (for glide those of the body itself at the
-nominal Re, the ratio being under "glide"), and "cases" lists the drags. Sections with camber and
-incidence may have bounds on Cl and Cm, and the glide ratio Cl / Cd as the objective; with
---chord-reynolds bodies of one chord are compared, and coefficients and the lengths of bounds are by
-it. Of particles the terminal velocity is the greatest where sqrt(Cd^2 + Cl^2) is the least at the
-Re where it balances weight.
+nominal Re, the ratio being under "glide"), and "cases" lists the drags. With several lifts it is
+the mean of Cd of one section over them, each at an incidence of its own, which "cases" lists too.
+Sections with camber and incidence may have bounds on Cl and Cm, and the glide ratio Cl / Cd as the
+objective; with --chord-reynolds bodies of one chord are compared, and coefficients and the lengths
+of bounds are by it. Of particles the terminal velocity is the greatest where sqrt(Cd^2 + Cl^2) is
+the least at the Re where it balances weight.
 """
 
 import argparse
 import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
@@ -152,6 +157,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
+    name = f"mean Cd over {len(r['cases'])} lifts" if problem.objective.lifts else name
     lifts, unit = "", problem.reference.symbol
     if lifting and r["cl_verified"] is not None:
         planar = problem.scene.dimension == 2
@@ -207,18 +213,32 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
 def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
     """Return lines on the range of Cl and Cm over the cases, and on bounds that are violated."""
     lines, cases = [], [case for case in r["cases"] if case.get("cl_verified") is not None]
+    if problem.objective.lifts:
+        rows = zip(problem.objective.lifts, cases, strict=True)
+        return [*(_lift_line(problem, *row) for row in rows), *_violated_lines(r, problem)]
     if len(cases) > 1 and problem.scene.family.has_lift:
         lifts, moments = ([case[f"{name}_verified"] for case in cases] for name in ("cl", "cm"))
         lines.append(
             f"  in the {len(cases)} cases: Cl {min(lifts):.4f} to {max(lifts):.4f}, "
             f"Cm {min(moments):.4f} to {max(moments):.4f}; those of the first line are nominal"
         )
-    for name, load in r.get("violated", {}).items():
-        words = f"{name.replace('_', ' ')} {getattr(problem, name):g}"
-        led = r["settings"]["until"] != "flow"
-        remedy = "; --until flow searches for a body that meets it" if led else ""
-        lines.append(f"  {words} is not met: {load:.4f} by the flow{remedy}")
-    return lines
+    return lines + _violated_lines(r, problem)
+
+
+def _lift_line(problem: Problem, lift: float, case: JsonObject) -> str:
+    """The flow at one of several lifts."""
+    incidence = problem.scene.family.named(np.array(case["parameters"]))[INCIDENCE.name]
+    loads = (f"{load.capitalize()} {case[f'{load}_verified']:.4f}" for load in ("cd", "cl", "cm"))
+    return f"  lift {lift:g}: incidence {incidence:.4g}, {', '.join(loads)}, {case['status']}"
+
+
+def _violated_lines(r: JsonObject, problem: Problem) -> list[str]:
+    led = r["settings"]["until"] != "flow"
+    remedy = "; --until flow searches for a body that meets it" if led else ""
+    return [
+        f"  {problem.bound_text(name)} is not met: {load:.4f} by the flow{remedy}"
+        for name, load in r.get("violated", {}).items()
+    ]
 
 
 def _beside(r: JsonObject, round_body: str, relative: bool) -> str:

@@ -1,11 +1,13 @@
 """Options of optimisation problems: model, objective, constraints."""
 
 import argparse
+from collections.abc import Sequence
 
 from shapeopt.commands.arguments import REYNOLDS_HELP, SURROGATES_HELP
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
+from shapeopt.problem.multipoint import MultiPoint
 from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
 from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
@@ -49,8 +51,10 @@ def add_problem_arguments(parser: Parser) -> None:
     objective += "terminal velocity of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
-    add("--lift", type=float, help="lower bound on Cl (none)")
-    add("--weights", help="of several Reynolds numbers, as 1,2,1 (equal)")
+    lifts = "lower bound on Cl; several, as 0.2,0.5,0.8: least mean Cd of one section over them, "
+    lifts += "each at an incidence of its own (none)"
+    add("--lift", help=lifts)
+    add("--weights", help="of several Reynolds numbers or lifts, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
     add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
     add("--tolerance", type=float, help="of the shape: deviation over range, truncated at 2 (0)")
@@ -94,11 +98,12 @@ def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
     """Return the optimisation problem that the options describe."""
+    lifts = [] if arguments.lift is None else numbers(arguments.lift, "--lift", "0.2,0.5,0.8")
     return Problem(
         surrogate.scene if surrogate else scene_of(arguments),
-        _objective(arguments),
+        _objective(arguments, lifts),
         max_length=arguments.max_length,
-        lift=arguments.lift,
+        lift=lifts[0] if len(lifts) == 1 else None,
         by_chord=arguments.chord_reynolds is not None,
         **constraints_of(arguments),
     )
@@ -132,7 +137,7 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
     return Scene.read(arguments.scene)
 
 
-def _objective(arguments: argparse.Namespace) -> Objective:
+def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objective:
     if arguments.reynolds is not None and arguments.chord_reynolds is not None:
         raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
@@ -156,6 +161,8 @@ def _objective(arguments: argparse.Namespace) -> Objective:
     else:
         others = "or --chord-reynolds; only --objective settling finds its own"
         raise InvalidInput(f"--reynolds: give it, {others}")
+    if len(lifts) > 1:
+        return _multipoint(arguments, lifts, reynolds, uncertain)
     glides = arguments.objective == GLIDE
     if arguments.objective in SINGLE and arguments.weights is not None:
         raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
@@ -189,6 +196,23 @@ def _objective(arguments: argparse.Namespace) -> Objective:
         seed=given["seed"] or 0,
         glide=glides,
     )
+
+
+def _multipoint(
+    arguments: argparse.Namespace,
+    lifts: Sequence[float],
+    reynolds: Sequence[float],
+    uncertain: Sequence[str],
+) -> MultiPoint:
+    """Return the objective over several lifts, at one Reynolds number without uncertainty."""
+    if arguments.objective != "drag" or len(reynolds) > 1 or uncertain:
+        raise InvalidInput(
+            "--lift: several go with --objective drag and one Reynolds number without spread"
+        )
+    weights = None
+    if arguments.weights is not None:
+        weights = tuple(numbers(arguments.weights, "--weights", "1,2,1"))
+    return MultiPoint(reynolds[0], tuple(lifts), weights)
 
 
 def _stations(text: str | None) -> tuple[Station, ...]:

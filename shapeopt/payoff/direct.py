@@ -27,7 +27,7 @@ ROUNDS = 4  # of SLSQP, each with a hundredth of the tolerance before
 
 
 def design_directly(
-    problem: Problem, flow: Flow, start: Float[AnyArray, " parameters"] | None = None
+    problem: Problem, flow: Flow, start: Float[AnyArray, " variables"] | None = None
 ) -> Design:
     """Return the optimum that SLSQP finds on the flow, from ``start`` or ``starting_body``.
 
@@ -38,12 +38,12 @@ def design_directly(
     begin, memory = time.perf_counter(), Memory(flow, None)
     evaluated: list[EvaluatedDesign] = []
 
-    def objective(parameters):
-        evaluated.append(evaluate_design(problem, memory, parameters))
+    def objective(variables):
+        evaluated.append(evaluate_design(problem, memory, variables))
         return evaluated[-1].value, evaluated[-1].gradient
 
-    def load_constraints(parameters):
-        found = evaluate_design(problem, memory, parameters)  # known, where the objective is
+    def load_constraints(variables):
+        found = evaluate_design(problem, memory, variables)  # known, where the objective is
         return found.of_loads, found.by_loads
 
     body, rounds = starting_body(problem) if start is None else start, list[SlsqpResult]()
@@ -51,7 +51,7 @@ def design_directly(
         tolerance = 1e-6 * 100.0**-k
         found = minimise_slsqp(objective, problem.limits, body, tolerance, load_constraints)
         rounds.append(found)
-        body = rounds[-1].parameters
+        body = rounds[-1].variables
         if rounds[-1].kkt_residual <= KKT_TOLERANCE:
             break
     best = rounds[-1]
@@ -66,24 +66,24 @@ def design_directly(
     return Design(
         on_flow=True,
         problem=problem,
-        parameters=best.parameters,
+        variables=best.variables,
         objective=best.value,
-        loads=padded_loads(nominal_loads(problem, memory, best.parameters)),
+        loads=padded_loads(nominal_loads(problem, memory, best.variables)),
         kkt_residual=best.kkt_residual,
         start=evaluated[0].value,
-        path=np.concatenate([found.path for found in rounds]),
+        path=problem.body(np.concatenate([found.path for found in rounds])),
         calls=0,
         flows=memory.flows,
         green_applications=memory.green_applications,
         seconds=time.perf_counter() - begin,
-        derivatives=evaluate_design(problem, memory, best.parameters).derivatives,  # known
+        derivatives=evaluate_design(problem, memory, best.variables).derivatives,  # known
     )
 
 
 def nearest_design(
     problem: Problem, designs: Sequence[Design]
-) -> Float[AnyArray, " parameters"] | None:
-    """Return the body of the design whose problem is most similar in its bounds and log Re.
+) -> Float[AnyArray, " variables"] | None:
+    """Return the variables of the design whose problem is most similar in its bounds and log Re.
 
     None if there are no designs.
     """
@@ -96,4 +96,4 @@ def nearest_design(
     def away(design):
         return float(np.linalg.norm(features(problem) - features(design.problem)))
 
-    return min(designs, key=away).parameters if designs else None
+    return min(designs, key=away).variables if designs else None

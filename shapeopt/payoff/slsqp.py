@@ -19,7 +19,7 @@ class SlsqpResult(NamedTuple):
     """The result of a search by SLSQP.
 
     Attributes:
-      parameters: of the body at the end.
+      variables: of the search, the body's parameters first, at the end.
       value: objective there.
       kkt_residual: by how much the optimality condition is missed, see ``kkt_residual``.
       feasible: whether the body satisfies the constraints, down to ``FEASIBLE``.
@@ -27,33 +27,33 @@ class SlsqpResult(NamedTuple):
       path: the start, and the body after every iteration.
     """
 
-    parameters: Float[AnyArray, " parameters"]
+    variables: Float[AnyArray, " variables"]
     value: float
     kkt_residual: float
     feasible: bool
     converged: bool
-    path: Float[AnyArray, "steps parameters"]
+    path: Float[AnyArray, "steps variables"]
 
 
 def minimise_slsqp(
     value_and_gradient: ValueAndGradient,
     limits: Limits,
-    start: Float[AnyArray, " parameters"],
+    start: Float[AnyArray, " variables"],
     tolerance: float = 1e-9,
     load_constraints: ValuesAndJacobian | None = None,
 ) -> SlsqpResult:
-    """Return the local optimum that SLSQP finds from ``start``, in parameters scaled to [0, 1].
+    """Return the local optimum that SLSQP finds from ``start``, in variables scaled to [0, 1].
 
     Args:
-      value_and_gradient: returns the objective and its gradient at a body's parameters.
-      limits: ranges of the parameters and constraints.
-      start: parameters of the first body.
+      value_and_gradient: returns the objective and its gradient at the variables.
+      limits: ranges of the variables and constraints.
+      start: variables of the first body.
       tolerance: SciPy's ``ftol``, of the objective.
-      load_constraints: returns, at a body's parameters, values that are >= 0 where bounds on loads
-        hold, and their Jacobian in the parameters.
+      load_constraints: returns, at the variables, values that are >= 0 where bounds on loads
+        hold, and their Jacobian in the variables.
 
     Returns:
-      The end of the search in unscaled parameters. No exception is raised where SLSQP fails; see
+      The end of the search in unscaled variables. No exception is raised where SLSQP fails; see
       ``feasible`` and ``converged``.
     """
     low, width = limits.low, np.asarray(limits.width)
@@ -93,7 +93,7 @@ def minimise_slsqp(
         value, gradient = scaled(z)
     feasible = bool(np.all(constraints(z)[0] >= FEASIBLE))
     return SlsqpResult(
-        parameters=low + width * z,
+        variables=low + width * z,
         value=float(value),
         kkt_residual=kkt_residual(limits, low + width * z, value, gradient / width, *of_loads(z)),
         feasible=feasible,

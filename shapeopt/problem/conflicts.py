@@ -15,7 +15,7 @@ from shapeopt.problem.problem import Problem
 from surrogate.errors import InvalidInput
 
 
-def candidates(problem: Problem) -> Float[np.ndarray, "bodies parameters"]:
+def candidates(problem: Problem) -> Float[np.ndarray, "bodies variables"]:
     """Return feasible bodies from all over the family's ranges.
 
     Raises:
@@ -125,5 +125,5 @@ def _nearest_value(constraint: _Constraint, free: Problem, alone: Problem) -> st
     nearest = jnp.concatenate([drawn, repaired_bodies(drawn, alone.limits)])
     nearest = nearest[np.asarray(satisfied(nearest, free.limits))]
     violation = jax.vmap(lambda body: -jnp.min(constraint_values(body, alone.limits)))(nearest)
-    value = float(constraint.measure(nearest[jnp.argmin(violation)]))
+    value = float(constraint.measure(free.body(nearest[jnp.argmin(violation)])))
     return f"{constraint.conflict} {value:.3g} {free.reference.symbol}"

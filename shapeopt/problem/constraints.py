@@ -76,13 +76,14 @@ FREE_STATION = Station(0.5, 0.0)  # that every body satisfies
 class Limits(eqx.Module):
     """All constraints of a problem as arrays.
 
-    ``low`` and ``high`` are the ranges of the parameters, ``shift`` the shape changes of the
-    scenarios, under which a body must not cross itself; ``bounds`` are values by their names in
-    ``BOUNDS``; ``stations`` has rows (x/c, thickness).
+    ``low`` and ``high`` are the ranges of the variables of the search: the parameters of the body,
+    and behind them those that an objective adds. ``shift`` are the shape changes of the scenarios,
+    under which a body must not cross itself; ``bounds`` are values by their names in ``BOUNDS``;
+    ``stations`` has rows (x/c, thickness).
     """
 
-    low: Float[AnyArray, " parameters"]
-    high: Float[AnyArray, " parameters"]
+    low: Float[AnyArray, " variables"]
+    high: Float[AnyArray, " variables"]
     shift: Float[AnyArray, "cases parameters"]
     bounds: dict[str, Float[AnyArray, ""]]
     stations: Float[AnyArray, "stations 2"]
@@ -94,19 +95,23 @@ class Limits(eqx.Module):
         return self.reference.body_class
 
     @property
-    def width(self) -> Float[AnyArray, " parameters"]:
-        """Widths of the ranges, at least 1e-12 so that parameters can be scaled by them."""
+    def width(self) -> Float[AnyArray, " variables"]:
+        """Widths of the ranges, at least 1e-12 so that variables can be scaled by them."""
         return jnp.maximum(self.high - self.low, 1e-12)
 
-    def padded(self, names: set[str], stations: int, cases: int) -> "Limits":
-        """Return equivalent constraints with these bounds and numbers of stations and cases.
+    def body(self, variables: Float[AnyArray, " variables"]) -> Float[AnyArray, " parameters"]:
+        """Return the parameters of the body, the first of the variables."""
+        return variables[: self.shift.shape[-1]]
 
-        What is added is satisfied by every body, so that limits can be stacked.
+    def padded(self, names: set[str], stations: int, cases: int, variables: int) -> "Limits":
+        """Return equivalent constraints with these bounds, and these numbers of all else.
+
+        What is added is satisfied by every body, so that limits can be stacked; variables are 0.
         """
         added = np.tile(np.array(FREE_STATION), (stations - len(self.stations), 1))
         return Limits(
-            self.low,
-            self.high,
+            np.pad(self.low, (0, variables - len(self.low))),
+            np.pad(self.high, (0, variables - len(self.high))),
             np.pad(self.shift, ((0, cases - len(self.shift)), (0, 0)), mode="edge"),
             {name: np.asarray(BOUNDS[name].unbounded) for name in names} | self.bounds,
             np.concatenate([self.stations, added]),
@@ -116,9 +121,10 @@ class Limits(eqx.Module):
 
 @jax.jit
 def constraint_values(
-    parameters: Float[AnyArray, " parameters"], limits: Limits
+    variables: Float[AnyArray, " variables"], limits: Limits
 ) -> Float[Array, " constraints"]:
     """Return c(p), which is >= 0 where a body satisfies the constraints other than its ranges."""
+    parameters = limits.body(variables)
     body, unit = limits.body_class, limits.reference.length(parameters)
     ratios = jax.vmap(lambda shift: body.min_thickness_ratio(parameters + shift))(limits.shift)
     values = [least(ratios) - CLEAR_THICKNESS_RATIO]
@@ -137,21 +143,21 @@ def constraint_names(limits: Limits) -> list[str]:
     for name, bound in BOUNDS.items():
         if name in limits.bounds:
             values = functools.partial(bound.values, limits.body_class)
-            names += [name] * jax.eval_shape(values, limits.low).size
+            names += [name] * jax.eval_shape(values, limits.body(limits.low)).size
     return names + [f"thickness at {x:g} c" for x in limits.stations[:, 0]]
 
 
 @compiled()
 def constraint_values_and_jacobian(
-    parameters: Float[AnyArray, " parameters"], limits: Limits
-) -> tuple[Float[Array, " constraints"], Float[Array, "constraints parameters"]]:
-    """Return c(p) and its derivative in the parameters."""
-    return constraint_values(parameters, limits), jax.jacfwd(constraint_values)(parameters, limits)
+    variables: Float[AnyArray, " variables"], limits: Limits
+) -> tuple[Float[Array, " constraints"], Float[Array, "constraints variables"]]:
+    """Return c(p) and its derivative in the variables."""
+    return constraint_values(variables, limits), jax.jacfwd(constraint_values)(variables, limits)
 
 
 @jax.jit
 def satisfied(
-    bodies: Float[AnyArray, "bodies parameters"], limits: Limits, tolerance: AnyArray | float = 0.0
+    bodies: Float[AnyArray, "bodies variables"], limits: Limits, tolerance: AnyArray | float = 0.0
 ) -> Bool[Array, " bodies"]:
     """Return which bodies are within their ranges and have all c(p) >= -tolerance."""
     inside = (bodies >= limits.low - 1e-9) & (bodies <= limits.high + 1e-9)

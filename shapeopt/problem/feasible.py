@@ -17,7 +17,7 @@ ENOUGH = 8  # feasible draws with which no repair is needed; a search starts fro
 INSIDE = 1e-6  # constraint value that a repaired body reaches, so that rounding cannot violate it
 
 
-def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
+def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies variables"]:
     """Return bodies from all over the feasible set; none where it is empty.
 
     Where few draws are feasible, the least violating ones are moved until they are.
@@ -31,26 +31,28 @@ def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
     return bodies
 
 
-def drawn_bodies(limits: Limits) -> Float[np.ndarray, "bodies parameters"]:
+def drawn_bodies(limits: Limits) -> Float[np.ndarray, "bodies variables"]:
     """Return bodies within the ranges: ellipses of all aspects, then uniform draws.
 
     The draws, as shares of the ranges, are the same for every problem.
     """
     aspects = np.linspace(*map(limits.body_class.aspect, (limits.low, limits.high)), ELLIPSES)
-    ellipses = [np.clip(limits.body_class.ellipse(a), limits.low, limits.high) for a in aspects]
+    ellipses = np.array([limits.body_class.ellipse(aspect) for aspect in aspects])
+    others = len(limits.low) - ellipses.shape[1]
+    ellipses = np.pad(ellipses, ((0, 0), (0, others))).clip(limits.low, limits.high)
     draws = _uniform_draws(len(limits.low))
     return np.concatenate([ellipses, limits.low + (limits.high - limits.low) * draws])
 
 
 @functools.cache
-def _uniform_draws(parameters):
-    return np.asarray(jax.random.uniform(jax.random.key(0), (DRAWN - ELLIPSES, parameters)))
+def _uniform_draws(variables):
+    return np.asarray(jax.random.uniform(jax.random.key(0), (DRAWN - ELLIPSES, variables)))
 
 
 @jax.jit
 def repaired_bodies(
-    bodies: Float[AnyArray, "bodies parameters"], limits: Limits
-) -> Float[Array, "repaired parameters"]:
+    bodies: Float[AnyArray, "bodies variables"], limits: Limits
+) -> Float[Array, "repaired variables"]:
     """Return the least violating bodies after Levenberg-Marquardt steps on their violations."""
     width = limits.width
 

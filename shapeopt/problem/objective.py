@@ -24,10 +24,12 @@ class Objective(abc.ABC):
     """An objective to be minimised: one number made of the loads over scenarios.
 
     ``fixed`` says whether the scenarios are known before the search; otherwise each optimum has a
-    ``following`` objective, until there is none (``shapeopt.search.following``).
+    ``following`` objective, until there is none (``shapeopt.search.following``). ``lifts`` are
+    lower bounds on Cl that differ from scenario to scenario; none by default.
     """
 
     fixed: ClassVar[bool] = True
+    lifts: tuple[float, ...] = ()
 
     @property
     @abc.abstractmethod
@@ -63,6 +65,13 @@ class Objective(abc.ABC):
     def fixed_parameters(self, scene: Scene) -> dict[str, float]:
         """Return the parameters by name that the objective holds at a value; none by default."""
         return {}
+
+    def variables(self, scene: Scene) -> tuple[str, ...]:
+        """Return the names of the variables of the search, by default the scene's parameters.
+
+        Others may follow these, which take their place in some scenarios (``Scenarios.variable``).
+        """
+        return scene.family.names
 
     def record(self, scene: Scene) -> dict[str, Any]:
         """Return the settings that are stored with a run."""
@@ -116,19 +125,9 @@ class Weighted(Objective):
     weights: tuple[float, ...]
 
     def __post_init__(self):
-        for name in ("reynolds", "weights"):
-            values = getattr(self, name)
-            expect(name, values, list | tuple | np.ndarray | jax.Array, "list of numbers")
-            if np.ndim(values) != 1:
-                raise InvalidInput(f"{name} {values!r}: a list of numbers is needed")
-            object.__setattr__(self, name, tuple(finite_number(name, one) for one in values))
-        if len(self.reynolds) != len(self.weights) or not self.reynolds:
-            raise InvalidInput(
-                f"weights: {len(self.weights)} for {len(self.reynolds)} Reynolds numbers; "
-                "give one for each"
-            )
-        if not all(weight > 0 for weight in self.weights):
-            raise InvalidInput("weights: every one must be a finite number above 0")
+        object.__setattr__(self, "reynolds", numbers_of("reynolds", self.reynolds))
+        weights = checked_weights(self.weights, len(self.reynolds), "Reynolds numbers")
+        object.__setattr__(self, "weights", weights)
 
     @property
     def nominal(self) -> float:
@@ -150,8 +149,44 @@ class Weighted(Objective):
                 f"this family lacks {', '.join(lacks)}; ask for each Reynolds number by itself, or "
                 "for an uncertain one (Robust, --spread), whose Cd is not divided"
             )
-        weight = np.array(self.weights) / max(self.weights)
-        return scenarios_of(scene, self.reynolds, weight / weight.sum(), relative=True)
+        return scenarios_of(scene, self.reynolds, shares(self.weights), relative=True)
+
+
+def numbers_of(name: str, values: object) -> tuple[float, ...]:
+    """Return a list of numbers as floats.
+
+    Raises:
+      InvalidInput: it is none.
+    """
+    expect(name, values, list | tuple | np.ndarray | jax.Array, "list of numbers")
+    if np.ndim(values) != 1:
+        raise InvalidInput(f"{name} {values!r}: a list of numbers is needed")
+    return tuple(finite_number(name, one) for one in values)
+
+
+def checked_weights(given: object, count: int, points: str) -> tuple[float, ...]:
+    """Return the weights of ``count`` points as floats.
+
+    Args:
+      given: the weights.
+      count: of the points, at least 1.
+      points: what they are, for the message.
+
+    Raises:
+      InvalidInput: they are not one number above 0 for each.
+    """
+    weights = numbers_of("weights", given)
+    if len(weights) != count or not count:
+        raise InvalidInput(f"weights: {len(weights)} for {count} {points}; give one for each")
+    if not all(weight > 0 for weight in weights):
+        raise InvalidInput("weights: every one must be a finite number above 0")
+    return weights
+
+
+def shares(weights: Sequence[float]) -> Float[np.ndarray, " points"]:
+    """Return weights divided by their sum; any of them may be as large as a float can be."""
+    weight = np.array(weights) / max(weights)
+    return weight / weight.sum()
 
 
 def scenarios_of(
@@ -184,11 +219,12 @@ def scenarios_of(
     if shift is None:
         shift = np.zeros((len(reynolds), len(scene.family.names)))
     return Scenarios(
+        np.tile(np.arange(len(scene.family.names)), (len(reynolds), 1)),
         *(np.asarray(value, float) for value in (shift, reynolds, weight)),
         np.asarray(relative),
         np.asarray(glide),
         np.asarray(force),
         np.asarray(level),
         scene.family.ellipse(1.0),
-        np.zeros(0),
+        np.zeros((0, len(reynolds))),
     )

@@ -32,8 +32,8 @@ class Problem:
     Args:
       scene: stream, family of bodies and fidelity.
       reynolds: a Reynolds number U D / nu (``by_chord``: U c / nu), to minimise Cd there; or an
-        objective, ``Glide``, ``Settling``, ``Tumbling``, ``Weighted`` or ``Robust``; several
-        numbers are ``Weighted`` equally.
+        objective, ``Glide``, ``MultiPoint``, ``Settling``, ``Tumbling``, ``Weighted`` or
+        ``Robust``; several numbers are ``Weighted`` equally.
       max_length: upper bound on the chord.
       min_thickness: lower bound on the greatest thickness; in 3-D on the height.
       stations: lower bounds on the thickness at places along the chord, ``Station(x, thickness)``.
@@ -99,6 +99,8 @@ class Problem:
         for name in LOAD_BOUNDS:
             if (bound := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _checked_load(self.scene, name, bound))
+        if self.lift is not None and self.objective.lifts:
+            raise InvalidInput("lift: the objective has a bound on the lift in each of its cases")
         low, high = self.min_moment, self.max_moment
         if low is not None and high is not None and low > high:
             raise InvalidInput(f"min moment {low:g} is above max moment {high:g}")
@@ -148,16 +150,42 @@ class Problem:
             name: -bound.sense * UNBOUNDED if getattr(self, name) is None else getattr(self, name)
             for name, bound in LOAD_BOUNDS.items()
         }
+        bounds["lift"] = self.objective.lifts or bounds["lift"]
         missing = max(LEAST_GAP - (bounds["max_moment"] - bounds["min_moment"]), 0.0)
         bounds["min_moment"] -= missing / 2
         bounds["max_moment"] += missing / 2
-        return scenarios._replace(load_bounds=np.array(list(bounds.values())))
+        rows = [np.broadcast_to(bound, len(scenarios.weight)) for bound in bounds.values()]
+        return scenarios._replace(load_bounds=np.array(rows, float))
 
     @property
     def is_about_lift(self) -> bool:
         """Whether the objective is the glide ratio, or lift or moment have a bound."""
         bounded = any(getattr(self, name) is not None for name in LOAD_BOUNDS)
-        return bounded or bool(self.scenarios.glide)
+        return bounded or bool(self.objective.lifts) or bool(self.scenarios.glide)
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """The names of the variables of the search: the parameters, then the objective's own."""
+        return self.objective.variables(self.scene)
+
+    def body(
+        self, variables: Float[AnyArray, "*bodies variables"]
+    ) -> Float[AnyArray, "*bodies parameters"]:
+        """Return the parameters of the body, as it is in the first scenario, from variables."""
+        return variables[..., : len(self.scene.family.names)]
+
+    @property
+    def load_bound_names(self) -> list[str]:
+        """The name of each value of ``load_constraints``: a field, or of several lifts one each."""
+        cases, lifts = len(self.scenarios.weight), self.objective.lifts
+        names = {name: [name] * cases for name in LOAD_BOUNDS if self.scene.family.has_lift}
+        if lifts:
+            names["lift"] = [f"lift {lift:g}" for lift in lifts]
+        return [name for row in names.values() for name in row]
+
+    def bound_text(self, name: str) -> str:
+        """Return one of the ``load_bound_names`` with its value, as "max moment 0.1"."""
+        return f"{name.replace('_', ' ')} {getattr(self, name):g}" if name in LOAD_BOUNDS else name
 
     @functools.cached_property
     def limits(self) -> Limits:
@@ -170,21 +198,21 @@ class Problem:
         stations = np.array(self.stations, float).reshape(-1, 2)
         return Limits(*self._ranges(), self.scenarios.shift, bounds, stations, self.reference)
 
-    def at_range_ends(self, parameters: Float[AnyArray, " parameters"]) -> list[str]:
-        """Return the names of the parameters that lie at an end of their range, if it has a width.
+    def at_range_ends(self, variables: Float[AnyArray, " variables"]) -> list[str]:
+        """Return the names of the variables that lie at an end of their range, if it has a width.
 
         A wider range may have a better body.
 
         Args:
-          parameters: of a body, in the order of the family's names.
+          variables: of a design, in the order of ``variables``.
         """
         low, high = self._ranges()
-        nearest = np.minimum(np.asarray(parameters) - low, high - np.asarray(parameters))
+        nearest = np.minimum(np.asarray(variables) - low, high - np.asarray(variables))
         ends = (high > low) & (nearest <= RANGE_END * (high - low))
-        return [name for name, end in zip(self.scene.family.names, ends, strict=True) if end]
+        return [name for name, end in zip(self.variables, ends, strict=True) if end]
 
-    def _ranges(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
-        """Return the parameters' ranges after the objective, ``within``, ``trust`` and changes."""
+    def _ranges(self) -> tuple[Float[np.ndarray, " variables"], Float[np.ndarray, " variables"]]:
+        """Return the variables' ranges after the objective, ``within``, ``trust`` and changes."""
         family = self.scene.family
         low, high = family.bounds.T
         inset = np.maximum(self.trust * (high - low), np.abs(self.scenarios.shift).max(axis=0))
@@ -198,7 +226,9 @@ class Problem:
         for name, (least, most) in narrower:
             k = family.names.index(name)
             low[k], high[k] = max(low[k], least), min(high[k], most)
-        return low, high
+        parameter = np.zeros(len(self.variables), int)  # which of them a variable is
+        parameter[self.scenarios.variable] = np.arange(len(low))
+        return low[parameter], high[parameter]
 
     def _check_by_chord(self):
         if self.scene.dimension != 2:
@@ -241,7 +271,7 @@ class Problem:
                 )
             if name in held and not least == most == held[name]:
                 raise InvalidInput(f"range of {name}: the objective holds it at {held[name]:g}")
-        for name, low, high in zip(trained, *self._ranges(), strict=True):
+        for name, low, high in zip(self.variables, *self._ranges(), strict=True):
             if low > high:
                 raise InvalidInput(
                     f"{name}: its range and trust {self.trust:g} (or the tolerance, or the "

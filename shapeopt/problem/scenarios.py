@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
 
@@ -54,14 +54,17 @@ UNBOUNDED = 1e5  # magnitude of a bound that every load satisfies: at Re 0.001 C
 class Scenarios(NamedTuple):
     """The cases i of an objective: shape changes s_i, Reynolds numbers Re_i and weights w_i.
 
-    Weights sum to 1. The loss of a case is Cd; with ``relative`` it is divided by the drag of the
-    ``round_body`` (cylinder, in 3-D sphere) at the same Re; with ``glide`` it is -Cl / Cd, with
-    ``force`` sqrt(Cd^2 + Cl^2).
-    ``level`` is the CVaR level: the objective is the mean of the worst share 1 - level of the
-    cases, and of all cases at level 0. ``load_bounds`` are the values of ``LOAD_BOUNDS``, which
-    hold in every case; there are none where there is no lift.
+    ``variable`` says which of the variables of the search are the parameters of the body in each
+    case: all cases share them, except those that an objective leaves free in every case, as
+    ``MultiPoint`` does the incidence. Weights sum to 1. The loss of a case is Cd; with ``relative``
+    it is divided by the drag of the ``round_body`` (cylinder, in 3-D sphere) at the same Re; with
+    ``glide`` it is -Cl / Cd, with ``force`` sqrt(Cd^2 + Cl^2). ``level`` is the CVaR level: the
+    objective is the mean of the worst share 1 - level of the cases, and of all cases at level 0.
+    ``load_bounds`` are the values of ``LOAD_BOUNDS`` in every case; there are none where there is
+    no lift.
     """
 
+    variable: Int[AnyArray, "cases parameters"]
     shift: Float[AnyArray, "cases parameters"]
     reynolds: Float[AnyArray, " cases"]
     weight: Float[AnyArray, " cases"]
@@ -70,15 +73,31 @@ class Scenarios(NamedTuple):
     force: Bool[AnyArray, ""]
     level: Float[AnyArray, ""]
     round_body: Float[AnyArray, " parameters"]
-    load_bounds: Float[AnyArray, " load_bounds"]
+    load_bounds: Float[AnyArray, "load_bounds cases"]
+
+    def bodies(
+        self, variables: Float[AnyArray, " variables"]
+    ) -> Float[AnyArray, "cases parameters"]:
+        """Return the parameters of the body in every case."""
+        return variables[self.variable] + self.shift
+
+    def by_variables(
+        self, slopes: Float[np.ndarray, "cases loads parameters"], count: int
+    ) -> Float[np.ndarray, "cases loads variables"]:
+        """Return derivatives by all ``count`` variables from those by each case's parameters."""
+        found = np.zeros((*slopes.shape[:2], count))
+        np.put_along_axis(found, np.asarray(self.variable)[:, None], slopes, axis=2)
+        return found
 
     def padded(self, count: int) -> "Scenarios":
         """Return the same objective with ``count`` cases, the last one repeated with weight 0."""
         missing = count - len(self.weight)
         return self._replace(
+            variable=np.pad(self.variable, ((0, missing), (0, 0)), mode="edge"),
             shift=np.pad(self.shift, ((0, missing), (0, 0)), mode="edge"),
             reynolds=np.pad(self.reynolds, (0, missing), mode="edge"),
             weight=np.pad(self.weight, (0, missing)),
+            load_bounds=np.pad(self.load_bounds, ((0, 0), (0, missing)), mode="edge"),
         )
 
 
@@ -104,7 +123,7 @@ def load_constraints(
     They are the distances of Cl and Cm from their bounds over Cd, for every bound in every case;
     empty where bodies have no lift.
     """
-    if not scenarios.load_bounds.shape[-1]:
+    if not len(scenarios.load_bounds):
         return jnp.zeros(0)
     rows = [
         bound.sense * (loads[:, bound.index] - scenarios.load_bounds[k]) / loads[:, 0]
@@ -129,26 +148,26 @@ def conditional_value_at_risk(
 
 
 def model_objective(
-    model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: LoadModel, variables: Float[AnyArray, " variables"], scenarios: Scenarios
 ) -> Float[Array, ""]:
-    """Return the objective of a body as a model predicts it, differentiable in the parameters."""
-    return objective_and_constraints(model, parameters, scenarios)[0]
+    """Return the objective of a body as a model predicts it, differentiable in the variables."""
+    return objective_and_constraints(model, variables, scenarios)[0]
 
 
 @jax.jit  # inside other programs it is traced once for all of them
 def objective_and_constraints(
-    model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: LoadModel, variables: Float[AnyArray, " variables"], scenarios: Scenarios
 ) -> tuple[Float[Array, ""], Float[Array, " constraints"]]:
     """Return the objective of a body and its ``load_constraints`` as a model predicts them."""
-    loads, round_drags = model_loads(model, parameters, scenarios)
+    loads, round_drags = model_loads(model, variables, scenarios)
     return combine(loads, round_drags, scenarios), load_constraints(loads, scenarios)
 
 
 @jax.jit
 def model_loads(
-    model: LoadModel, parameters: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: LoadModel, variables: Float[AnyArray, " variables"], scenarios: Scenarios
 ) -> tuple[Float[Array, "cases loads"], Float[Array, " cases"]]:
     """Return the loads of a body and the drags of the round body in every scenario, by a model."""
-    loads = jax.vmap(model.loads)(parameters + scenarios.shift, scenarios.reynolds)
+    loads = jax.vmap(model.loads)(scenarios.bodies(variables), scenarios.reynolds)
     of_round = jax.vmap(model.loads, in_axes=(None, 0))(scenarios.round_body, scenarios.reynolds)
     return loads, of_round[:, 0]

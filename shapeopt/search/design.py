@@ -23,7 +23,8 @@ class Design:
 
     Attributes:
       problem: what was minimised.
-      parameters: the body, in the order of ``problem.scene.family.names``.
+      variables: of the search, in the order of ``problem.variables``: the body's parameters, and
+        those that the objective adds.
       objective: value of the problem's objective, by the surrogate or, after a search on the flow,
         by the flow.
       loads: Cd, Cl and Cm at the objective's nominal Reynolds number, by the same model and by the
@@ -41,7 +42,7 @@ class Design:
     """
 
     problem: Problem
-    parameters: Float[AnyArray, " parameters"]
+    variables: Float[AnyArray, " variables"]
     objective: float
     loads: tuple[float, float, float]
     kkt_residual: float
@@ -82,6 +83,7 @@ class Design:
                 objective: f"{self.objective:.5g}, from {start:.5g} where the search began",
                 "Cd" + over[0]: f"{self.drag:.5g}",
                 **lift,
+                **self._incidences,
                 **self._ends,
                 **self._slopes,
                 "steady": steady_text(self.reynolds, self.onset),
@@ -89,6 +91,11 @@ class Design:
                 "work": f"{self.calls} calls of models, {self.flows} flows, {self.seconds:.2f} s",
             }
         )
+
+    @property
+    def parameters(self) -> Float[AnyArray, " parameters"]:
+        """The body, in the order of ``problem.scene.family.names``, as in the first scenario."""
+        return self.problem.body(self.variables)
 
     @property
     def drag(self) -> float:
@@ -125,8 +132,16 @@ class Design:
         return f"{length:.3g} D, {length / self.chord:.1%} of the chord"
 
     @property
+    def _incidences(self):
+        """The incidences of the cases, if the objective leaves them free."""
+        added = self.problem.variables[len(self.parameters) :]
+        if not added:
+            return {}
+        return dict(zip(added, map("{:.4g}".format, self.variables[-len(added) :]), strict=True))
+
+    @property
     def _ends(self):
-        names = self.problem.at_range_ends(self.parameters)
+        names = self.problem.at_range_ends(self.variables)
         return {"at the end of its range": ", ".join(names)} if names else {}
 
     @property
@@ -179,7 +194,7 @@ class Design:
         """
         if self.derivatives is None:
             return {}
-        return multipliers(self.problem, self.parameters, self.derivatives)
+        return multipliers(self.problem, self.variables, self.derivatives)
 
     @functools.cached_property
     def verified(self) -> Verified:
@@ -188,7 +203,7 @@ class Design:
         Raises:
           NotConverged: a flow did not converge.
         """
-        return verify(self.problem, self.parameters)
+        return verify(self.problem, self.variables)
 
     @property
     def status(self) -> str:
@@ -210,7 +225,8 @@ def multiplier_words(found: Mapping[str, float], glide: bool) -> tuple[str, str]
     """
     words = []
     for name, slope in found.items():
-        end = f"{'lower' if slope > 0 else 'upper'} end of " if name in PARAMETERS else ""
+        ends = name.partition(" at ")[0] in PARAMETERS
+        end = f"{'lower' if slope > 0 else 'upper'} end of " if ends else ""
         words.append(f"{end}{name.replace('_', ' ')} {-slope if glide else slope:+.3g}")
     return f"d({'Cl / Cd' if glide else 'objective'}) / d(bound)", ", ".join(words)
 

@@ -117,12 +117,12 @@ class Designer:
             )
         return Design(
             problem=problem,
-            parameters=best.parameters,
+            variables=best.variables,
             objective=best.value,
             loads=padded_loads(loads),
             kkt_residual=best.kkt_residual,
             start=evaluated[0].value,
-            path=np.array([body.parameters for body in evaluated]),
+            path=problem.body(np.array(_variables(evaluated))),
             calls=calls,
             flows=memory.flows - before[0],
             green_applications=memory.green_applications - before[1],
@@ -135,7 +135,7 @@ class Designer:
         """Return the loads at the nominal Re, known already if it is a case; NaN if not found."""
         if best.kkt_residual <= KKT_ACCEPTED:
             with contextlib.suppress(NotConverged):
-                return nominal_loads(problem, self.memory, best.parameters)
+                return nominal_loads(problem, self.memory, best.variables)
         return np.full(len(self.memory.flow.bodies.loads), np.nan)
 
     def _save(self) -> None:
@@ -165,7 +165,7 @@ class Designer:
             if problem.objective.fixed:
                 return problem, evaluated, failures, calls
             best = best_design(evaluated)
-            seen = memory.evaluate(best.parameters, problem.scenarios.reynolds[0])
+            seen = memory.evaluate(best.variables, problem.scenarios.reynolds[0])
             found = following(problem, seen.loads, seen.load_slopes[:, -1])
             if found is None:
                 return problem, evaluated, failures, calls
@@ -195,7 +195,7 @@ class Designer:
                 calls, without = calls + proposal.calls, 0
                 if _finished(proposal, evaluated):
                     break
-                if distance(problem, proposal.parameters, _parameters(evaluated)) < NEAR:
+                if distance(problem, proposal.variables, _variables(evaluated)) < NEAR:
                     tightness += 1  # the model takes the gradient there for noise
                     if tightness > MAX_TIGHTNESS:
                         break
@@ -247,7 +247,7 @@ def _propose(
     if model is None:
         return None
     best = sorted(evaluated, key=lambda body: body.rank)[:STARTS]
-    return propose(problem, model, _parameters(best), require_converged=False)
+    return propose(problem, model, _variables(best), require_converged=False)
 
 
 def _accepted(evaluated: Sequence[EvaluatedDesign]) -> bool:
@@ -268,24 +268,24 @@ def _next_body(
     proposal: Proposal | None,
     evaluated: Sequence[EvaluatedDesign],
     failed: Bodies,
-) -> Float[np.ndarray, " parameters"] | None:
+) -> Float[np.ndarray, " variables"] | None:
     """Return the body to evaluate next; None where every candidate is near one that was tried.
 
     It is the proposal. Where its flow has failed, the step to it from the best evaluated body is
     halved; without such a body, or without a proposal, the search starts anew elsewhere.
     """
-    if proposal is not None and distance(problem, proposal.parameters, failed) >= NEAR:
-        return proposal.parameters
+    if proposal is not None and distance(problem, proposal.variables, failed) >= NEAR:
+        return proposal.variables
     if proposal is not None and evaluated:
-        best = min(evaluated, key=lambda body: body.rank).parameters
+        best = min(evaluated, key=lambda body: body.rank).variables
         shares = 0.5 ** np.arange(1, HALVINGS + 1)[:, None]
-        line = best + shares * (proposal.parameters - best)
+        line = best + shares * (proposal.variables - best)
         for body in line[np.asarray(satisfied(line, problem.limits, -FEASIBLE))]:
-            if distance(problem, body, [*failed, *_parameters(evaluated)]) >= NEAR:
+            if distance(problem, body, [*failed, *_variables(evaluated)]) >= NEAR:
                 return body
-    tried = [*failed, *_parameters(evaluated)]
+    tried = [*failed, *_variables(evaluated)]
     return starting_body(problem, tried, CLEARANCE)
 
 
-def _parameters(evaluated: Sequence[EvaluatedDesign]) -> list[np.ndarray]:
-    return [body.parameters for body in evaluated]
+def _variables(evaluated: Sequence[EvaluatedDesign]) -> list[np.ndarray]:
+    return [body.variables for body in evaluated]

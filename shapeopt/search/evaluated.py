@@ -15,22 +15,22 @@ from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE, Derivatives, kkt_residual
 from surrogate.arrays import AnyArray
 
-Bodies = Sequence[Float[AnyArray, " parameters"]]
+Bodies = Sequence[Float[AnyArray, " variables"]]
 
 
 class EvaluatedDesign(NamedTuple):
     """A body with its objective by the flow, the gradient of it, and its KKT residual.
 
-    ``of_loads`` are the values of its load constraints by the flow, ``by_loads`` their Jacobian,
-    ``drags`` Cd in all scenarios.
+    ``variables`` are those of the search, the body's parameters first; ``of_loads`` are the values
+    of its load constraints by the flow, ``by_loads`` their Jacobian, ``drags`` Cd in all scenarios.
     """
 
-    parameters: Float[AnyArray, " parameters"]
+    variables: Float[AnyArray, " variables"]
     value: float
-    gradient: Float[AnyArray, " parameters"]
+    gradient: Float[AnyArray, " variables"]
     kkt_residual: float
     of_loads: Float[AnyArray, " constraints"]
-    by_loads: Float[AnyArray, "constraints parameters"]
+    by_loads: Float[AnyArray, "constraints variables"]
     drags: Float[AnyArray, " cases"]
 
     @property
@@ -50,7 +50,7 @@ def best_design(evaluated: Sequence[EvaluatedDesign]) -> EvaluatedDesign:
 
 
 def evaluate_design(
-    problem: Problem, memory: Memory, parameters: Float[AnyArray, " parameters"]
+    problem: Problem, memory: Memory, variables: Float[AnyArray, " variables"]
 ) -> EvaluatedDesign:
     """Return objective, gradient and KKT residual of a body, from flows and adjoints.
 
@@ -59,7 +59,7 @@ def evaluate_design(
     """
     scenarios, round_body = problem.scenarios, problem.scene.family.ellipse(1.0)
     reference, count = problem.reference, len(scenarios.weight)
-    bodies, reynolds = list(parameters + scenarios.shift), list(scenarios.reynolds)
+    bodies, reynolds = list(scenarios.bodies(variables)), list(scenarios.reynolds)
     if relative := bool(scenarios.relative):
         bodies, reynolds = bodies + [round_body] * count, reynolds * 2
     seen = memory.evaluate_all(list(map(reference.query, bodies, reynolds)))
@@ -68,23 +68,25 @@ def evaluate_design(
     (value, constraints), weights = _values_and_weights(loads[:count], round_drags, scenarios)
     inputs = [(flow.parameters, flow.loads, flow.load_slopes) for flow in seen[:count]]
     slopes = np.array([reference.slopes(*one)[:, :-1] for one in inputs])  # d loads / dp
+    slopes = scenarios.by_variables(slopes, len(variables))
     gradient, by_loads = (np.tensordot(w, slopes, axes=2) for w in weights)
     value, of_loads = float(value), np.asarray(constraints)
-    residual = kkt_residual(problem.limits, parameters, value, gradient, of_loads, by_loads)
+    residual = kkt_residual(problem.limits, variables, value, gradient, of_loads, by_loads)
     drags = loads[:count, 0]
-    return EvaluatedDesign(parameters, value, gradient, residual, of_loads, by_loads, drags)
+    return EvaluatedDesign(variables, value, gradient, residual, of_loads, by_loads, drags)
 
 
 def nominal_loads(
-    problem: Problem, memory: Memory, parameters: Float[AnyArray, " parameters"]
+    problem: Problem, memory: Memory, variables: Float[AnyArray, " variables"]
 ) -> Float[AnyArray, " loads"]:
     """Return the loads of a body at the nominal Re of a problem, by its reference length.
 
     Raises:
       NotConverged: the flow or its adjoint did not converge.
     """
-    query = problem.reference.query(parameters, problem.objective.nominal)
-    return problem.reference.loads(parameters, memory.evaluate(*query).loads)
+    body = problem.body(variables)
+    query = problem.reference.query(body, problem.objective.nominal)
+    return problem.reference.loads(body, memory.evaluate(*query).loads)
 
 
 def known_optima(problem: Problem, memory: Memory) -> list[EvaluatedDesign]:
@@ -115,7 +117,7 @@ def _values_and_weights(loads, round_drags, scenarios):
 
 def starting_body(
     problem: Problem, excluded: Bodies = (), radius: float = 0.0
-) -> Float[np.ndarray, " parameters"] | None:
+) -> Float[np.ndarray, " variables"] | None:
     """Return the feasible body nearest to the ellipse of aspect 2.
 
     Bodies within ``radius`` of the ``excluded`` ones (``distance``) are left out; None where no
@@ -129,14 +131,14 @@ def starting_body(
         bodies = bodies[[distance(problem, body, excluded) > radius for body in bodies]]
     if not len(bodies):
         return None
-    width = np.ptp(family.bounds, axis=1)
-    return bodies[np.argmin(np.linalg.norm((bodies - family.ellipse(2.0)) / width, axis=1))]
+    away = (problem.body(bodies) - family.ellipse(2.0)) / np.ptp(family.bounds, axis=1)
+    return bodies[np.argmin(np.linalg.norm(away, axis=1))]
 
 
-def distance(problem: Problem, parameters: Float[AnyArray, " parameters"], bodies: Bodies) -> float:
+def distance(problem: Problem, variables: Float[AnyArray, " variables"], bodies: Bodies) -> float:
     """Return the distance of a body from the nearest of ``bodies``, in widths of the ranges.
 
-    It is the largest difference of a parameter; infinity if there are no bodies.
+    It is the largest difference of a variable; infinity if there are no bodies.
     """
     width = np.asarray(problem.limits.width)
-    return min((float(np.max(np.abs(b - parameters) / width)) for b in bodies), default=np.inf)
+    return min((float(np.max(np.abs(b - variables) / width)) for b in bodies), default=np.inf)

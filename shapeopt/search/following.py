@@ -77,6 +77,6 @@ def _following(model: LoadModel, problem: Problem, proposal: Proposal) -> Proble
     log_re = jnp.log(problem.scenarios.reynolds[0])
 
     def loads(log_re):
-        return model.loads(jnp.asarray(proposal.parameters), jnp.exp(log_re))
+        return model.loads(jnp.asarray(proposal.variables), jnp.exp(log_re))
 
     return following(problem, *jax.jvp(loads, (log_re,), (jnp.ones_like(log_re),)))

@@ -80,22 +80,22 @@ def optimise_all(
 
 
 def _design(problem: Problem, surrogate: Surrogate, proposal: Proposal, seconds: float) -> Design:
-    body, reference = proposal.parameters, problem.reference
+    body, reference = problem.body(proposal.variables), problem.reference
     query = reference.query(body, problem.objective.nominal)
     loads = reference.loads(body, surrogate.loads(*query)).tolist()
     drags = np.array(loads[:1])
     if len(problem.scenarios.weight) > 1:
         model = reference.model(surrogate.network)
-        drags = np.asarray(model_loads(model, body, problem.scenarios)[0][:, 0])
+        drags = np.asarray(model_loads(model, proposal.variables, problem.scenarios)[0][:, 0])
     known = proposal.gradient, proposal.of_loads, proposal.by_loads, drags
     return Design(
         problem=problem,
-        parameters=body,
+        variables=proposal.variables,
         objective=proposal.value,
         loads=padded_loads(loads),
         kkt_residual=proposal.kkt_residual,
         start=proposal.start,
-        path=proposal.path,
+        path=problem.body(proposal.path),
         calls=proposal.calls,
         flows=0,
         green_applications=0,

@@ -28,9 +28,10 @@ from surrogate.devices import Devices, choose_devices, map_over_devices
 from surrogate.errors import InvalidInput, NotConverged
 
 RANKED = 1024  # draws whose objectives are compared
+OVER_VARIABLES = ("variables", "gradient", "by_loads", "path")  # of a search's end, the last axis
 STARTS = 8  # searches from the best of them, or twice as many as parameters if that is more
 
-Bodies = Sequence[Float[AnyArray, " parameters"]]
+Bodies = Sequence[Float[AnyArray, " variables"]]
 
 
 class Proposal(NamedTuple):
@@ -41,14 +42,14 @@ class Proposal(NamedTuple):
     searches evaluated the model for.
     """
 
-    parameters: Float[np.ndarray, " parameters"]
+    variables: Float[np.ndarray, " variables"]
     value: float
-    gradient: Float[np.ndarray, " parameters"]
+    gradient: Float[np.ndarray, " variables"]
     of_loads: Float[np.ndarray, " constraints"]
-    by_loads: Float[np.ndarray, "constraints parameters"]
+    by_loads: Float[np.ndarray, "constraints variables"]
     kkt_residual: float
     start: float
-    path: Float[np.ndarray, "steps parameters"]
+    path: Float[np.ndarray, "steps variables"]
     calls: int
 
 
@@ -96,16 +97,17 @@ def propose_all(
         raise InvalidInput("optimise: all problems of a call need the same by_chord")
     model = problems[0].reference.model(model)
     limits, scenarios = _stacked(problems)
-    drawn = np.stack([drawn_bodies(problem.limits)[:RANKED] for problem in problems])
+    most = limits.low.shape[1]  # variables
+    drawn = np.stack([_wider(drawn_bodies(problem.limits)[:RANKED], most) for problem in problems])
     devices = devices or choose_devices()
     rows = drawn, limits, scenarios
     begin, feasible = map(np.array, map_over_devices(devices, best_draws, model, rows))
     count = begin.shape[1]
     for k in np.flatnonzero(feasible < count):
-        bodies = candidates(problems[k])
+        bodies = _wider(candidates(problems[k]), most)
         begin[k] = bodies[np.arange(count) % len(bodies)]
     if starts:
-        begin[:, -len(starts) :] = np.array(starts)
+        begin[:, -len(starts) :] = _wider(np.array(starts), most)
     rows = begin, limits, scenarios
     ends, values, evaluations = map_over_devices(devices, minimise_from_all, model, rows)
     found = []
@@ -114,11 +116,11 @@ def propose_all(
         sound = end.feasibility >= FEASIBLE and np.isfinite(end.value)
         if not (sound and (end.converged or not require_converged)):
             raise NotConverged(_failure(problem, model, end))
-        at = end.parameters, float(end.value), end.gradient
+        at = end.variables, float(end.value), end.gradient
         residual = kkt_residual(problem.limits, *at, end.of_loads, end.by_loads)
         found.append(
             Proposal(
-                parameters=end.parameters,
+                variables=end.variables,
                 value=float(end.value),
                 gradient=end.gradient,
                 of_loads=end.of_loads,
@@ -133,24 +135,25 @@ def propose_all(
 
 
 def without_padding(end: SqpResult, problem: Problem) -> SqpResult:
-    """Return the end of a search with the constraints on loads of the problem's own cases alone."""
-    cases = len(problem.scenarios.weight)
+    """Return the end of a search with the problem's own variables and cases alone."""
+    cases, variables = len(problem.scenarios.weight), len(problem.variables)
 
     def kept(rows):
         by_bound = np.reshape(rows, (len(LOAD_BOUNDS), -1, *rows.shape[1:]))
         return by_bound[:, :cases].reshape(-1, *rows.shape[1:])
 
-    if not len(end.of_loads):
-        return end
-    return end._replace(of_loads=kept(end.of_loads), by_loads=kept(end.by_loads))
+    own = {name: getattr(end, name)[..., :variables] for name in OVER_VARIABLES}
+    if len(end.of_loads):
+        own |= {"of_loads": kept(end.of_loads), "by_loads": kept(own["by_loads"])}
+    return end._replace(**own)
 
 
 def best_draws(
     model: LoadModel,
-    drawn: Float[AnyArray, "problems bodies parameters"],
+    drawn: Float[AnyArray, "problems bodies variables"],
     limits: Limits,
     scenarios: Scenarios,
-) -> tuple[Float[Array, "problems starts parameters"], Int[Array, " problems"]]:
+) -> tuple[Float[Array, "problems starts variables"], Int[Array, " problems"]]:
     """Return the best draws of every problem, and how many of its draws are feasible.
 
     Args:
@@ -179,7 +182,7 @@ def best_draws(
 
 def minimise_from_all(
     model: LoadModel,
-    starts: Float[AnyArray, "problems starts parameters"],
+    starts: Float[AnyArray, "problems starts variables"],
     limits: Limits,
     scenarios: Scenarios,
 ) -> tuple[SqpResult, Float[Array, " problems"], Int[Array, " problems"]]:
@@ -220,12 +223,12 @@ def _failure(problem, model, end):
     values = end.of_loads
     if not len(values) or np.min(values) >= FEASIBLE:
         return "optimise: none of the starts reached an optimum"
-    name = list(LOAD_BOUNDS)[int(np.argmin(values)) * len(LOAD_BOUNDS) // len(values)]
-    bound, loads = LOAD_BOUNDS[name], model_loads(model, end.parameters, problem.scenarios)[0]
-    nearest = bound.sense * float(jnp.min(bound.sense * loads[:, bound.index]))
+    loads = model_loads(model, end.variables, problem.scenarios)[0]
+    k, case = divmod(int(np.argmin(values)), len(loads))
+    bound, name = list(LOAD_BOUNDS.values())[k], problem.load_bound_names[k * len(loads) + case]
     return (
-        f"optimise: {name.replace('_', ' ')} {getattr(problem, name):g} is out of reach of these "
-        f"bodies; the nearest found has {bound.symbol} {nearest:.3g}"
+        f"optimise: {problem.bound_text(name)} is out of reach of these bodies; the nearest found "
+        f"has {bound.symbol} {float(loads[case, bound.index]):.3g}"
     )
 
 
@@ -234,9 +237,15 @@ def _stacked(problems: Sequence[Problem]) -> tuple[Limits, Scenarios]:
     names = {name for problem in problems for name in problem.limits.bounds}
     stations = max(len(problem.stations) for problem in problems)
     cases = max(len(problem.scenarios.weight) for problem in problems)
-    limits = [problem.limits.padded(names, stations, cases) for problem in problems]
+    sizes = names, stations, cases, max(len(problem.variables) for problem in problems)
+    limits = [problem.limits.padded(*sizes) for problem in problems]
     scenarios = [problem.scenarios.padded(cases) for problem in problems]
     return _stack(limits), _stack(scenarios)
+
+
+def _wider(bodies, variables):
+    """Return bodies with zeros for the variables that their problem lacks."""
+    return np.pad(bodies, ((0, 0), (0, variables - bodies.shape[1])))
 
 
 def _stack(trees):

@@ -92,7 +92,7 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "kkt_residual": found.kkt_residual,
         "flows": found.flows,
         "onset": found.onset,
-        "at_range_ends": problem.at_range_ends(found.parameters),
+        "at_range_ends": problem.at_range_ends(found.variables),
     }
 
 

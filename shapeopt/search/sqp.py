@@ -42,50 +42,50 @@ class SqpResult(NamedTuple):
     ``by_loads`` their Jacobian. The first ``steps`` + 1 rows of ``path`` are the bodies on the way.
     """
 
-    parameters: Float[Array, " parameters"]
+    variables: Float[Array, " variables"]
     value: Float[Array, ""]
-    gradient: Float[Array, " parameters"]
+    gradient: Float[Array, " variables"]
     feasibility: Float[Array, ""]
     of_loads: Float[Array, " load_constraints"]
-    by_loads: Float[Array, "load_constraints parameters"]
+    by_loads: Float[Array, "load_constraints variables"]
     converged: Bool[Array, ""]
     evaluations: Int[Array, ""]
-    path: Float[Array, "iterations parameters"]
+    path: Float[Array, "iterations variables"]
     steps: Int[Array, ""]
 
 
 class _Point(NamedTuple):
-    """An evaluated body, in scaled parameters z and in objectives of the start."""
+    """An evaluated body, in scaled variables z and in objectives of the start."""
 
-    z: Float[Array, " parameters"]
+    z: Float[Array, " variables"]
     value: Float[Array, ""]
-    gradient: Float[Array, " parameters"]
+    gradient: Float[Array, " variables"]
     constraints: Float[Array, " constraints"]
-    jacobian: Float[Array, "constraints parameters"]
+    jacobian: Float[Array, "constraints variables"]
 
 
 class _Step(NamedTuple):
     """The solution of a quadratic program, and the decrease of the merit that it predicts."""
 
-    change: Float[Array, " parameters"]
+    change: Float[Array, " variables"]
     multipliers: Float[Array, " constraints"]
     predicted_decrease: Float[Array, ""]
 
 
 class _State(NamedTuple):
     point: _Point
-    hessian: Float[Array, "parameters parameters"]
+    hessian: Float[Array, "variables variables"]
     step: _Step
     length: Float[Array, ""]
     corrected: Bool[Array, ""]
     iterations: Int[Array, ""]
-    path: Float[Array, "iterations parameters"]
+    path: Float[Array, "iterations variables"]
     steps: Int[Array, ""]
 
 
 def minimise_sqp(
     model: LoadModel,
-    start: Float[AnyArray, " parameters"],
+    start: Float[AnyArray, " variables"],
     scale: Float[AnyArray, ""],
     limits: Limits,
     scenarios: Scenarios,
@@ -94,9 +94,9 @@ def minimise_sqp(
 
     Args:
       model: a differentiable model of the loads.
-      start: parameters of the first body; clipped to the ranges.
+      start: variables of the first body; clipped to the ranges.
       scale: magnitude of the objective there, which relative changes are taken of.
-      limits: ranges of the parameters and constraints on the body.
+      limits: ranges of the variables and constraints on the body.
       scenarios: of the objective, with the bounds on loads.
 
     Returns:
@@ -151,11 +151,11 @@ def minimise_sqp(
     state = _State(unknown, jnp.eye(z.size), step, jnp.ones(()), no, zero, path, zero - 1)
     state = jax.lax.while_loop(unfinished, iterate, state)
     point = state.point
-    shapes = blank.constraints.size - scenarios.load_bounds.size * scenarios.weight.size
+    shapes = blank.constraints.size - scenarios.load_bounds.size
     # where no step length helps, rounding hides what little decrease is predicted
     tolerance = jnp.where(state.length > SHORTEST, MERIT_DECREASE, 1e3 * MERIT_DECREASE)
     return SqpResult(
-        parameters=low + width * point.z,
+        variables=low + width * point.z,
         value=point.value * scale,
         gradient=point.gradient * scale / width,
         feasibility=jnp.min(point.constraints),
@@ -170,7 +170,7 @@ def minimise_sqp(
 
 @jax.jit
 def model_values(
-    model: LoadModel, body: Float[AnyArray, " parameters"], scenarios: Scenarios
+    model: LoadModel, body: Float[AnyArray, " variables"], scenarios: Scenarios
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return the objective and its gradient, and the load constraints and their Jacobian."""
     values = objective_and_constraints(model, body, scenarios)

@@ -9,8 +9,8 @@ from jaxtyping import Float
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import LOAD_BOUNDS, combine, load_constraints
 from surrogate.arrays import AnyArray, Body
-from surrogate.checks import expect
-from surrogate.errors import NotConverged
+from surrogate.checks import expect, real_numbers
+from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
@@ -80,31 +80,30 @@ def violated_bounds(
       tolerance: of a violation, over Cd.
 
     Returns:
-      Cl or Cm by the name of the bound, as "max_moment"; empty where all are met.
+      Cl or Cm by the name of the bound, one of ``problem.load_bound_names``; empty where all are
+      met.
     """
     values = np.asarray(load_constraints(loads, problem.scenarios))
     if not values.size:  # there is no lift
         return {}
-    rows = zip(LOAD_BOUNDS.items(), values.reshape(len(LOAD_BOUNDS), -1), strict=True)
-    return {
-        name: float(loads[np.argmin(row), bound.index])
-        for (name, bound), row in rows
-        if np.min(row) < -tolerance
-    }
+    indices = [bound.index for bound in LOAD_BOUNDS.values()]
+    names, bounded = np.array(problem.load_bound_names), loads.T[indices].ravel()
+    worst_last = np.argsort(-values)
+    late = worst_last[values[worst_last] < -tolerance]
+    return dict(zip(names[late].tolist(), bounded[late].tolist(), strict=True))
 
 
 def loads_of(
-    problem: Problem, parameters: Float[AnyArray, " parameters"], solutions: Sequence[Solution]
+    problem: Problem, variables: Float[AnyArray, " variables"], solutions: Sequence[Solution]
 ) -> Float[np.ndarray, "cases 3"]:
     """Return Cd, Cl and Cm of a body's flows in all scenarios, by the problem's reference length.
 
     Args:
       problem: whose scenarios they are.
-      parameters: the body.
+      variables: of the design.
       solutions: its flows.
     """
-    bodies = parameters + problem.scenarios.shift
-    pairs = zip(bodies, solutions, strict=True)
+    pairs = zip(problem.scenarios.bodies(variables), solutions, strict=True)
     return np.array([loads_by_reference(problem, *pair) for pair in pairs])
 
 
@@ -120,14 +119,14 @@ def _largest(errors):
     return None if None in errors else max(errors)
 
 
-def verify(problem: Problem, parameters: Body) -> Verified:
+def verify(problem: Problem, variables: Body) -> Verified:
     """Solve the flow of every scenario of a problem for one body, and return its objective.
 
     Objectives and drags are by the problem's reference length, solutions by D.
 
     Args:
       problem: whose objective is evaluated.
-      parameters: the body.
+      variables: the body's parameters, and behind them the variables that the objective adds.
 
     Raises:
       InvalidInput: the parameters describe no body of the family.
@@ -136,11 +135,11 @@ def verify(problem: Problem, parameters: Body) -> Verified:
     """
     expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
-    parameters = problem.scene.family.check(parameters)
+    variables = _checked(problem, variables)
     known = drags_of_round_body(problem)
-    queries = map(problem.reference.query, parameters + scenarios.shift, scenarios.reynolds)
+    queries = map(problem.reference.query, scenarios.bodies(variables), scenarios.reynolds)
     solutions = tuple(flow.solve(*query, allow_unsteady=True) for query in queries)
-    loads = loads_of(problem, parameters, solutions)
+    loads = loads_of(problem, variables, solutions)
     if None in known:  # then the objective does not depend on them
         own = combine(loads, np.ones(len(loads)), scenarios)
         return Verified(float(own), None, solutions, known)
@@ -148,6 +147,19 @@ def verify(problem: Problem, parameters: Body) -> Verified:
     of_round_body = np.pad(drags[:, None], ((0, 0), (0, 2)))  # neither lift nor moment
     own, others = (combine(of, drags, scenarios) for of in (loads, of_round_body))
     return Verified(float(own), float(others), solutions, known)
+
+
+def _checked(problem, variables):
+    """Return the variables of a design as floats."""
+    family, wanted = problem.scene.family, problem.variables
+    if wanted == family.names:
+        return family.check(variables)
+    values = real_numbers(variables)
+    if values is None or values.shape != (len(wanted),):
+        raise InvalidInput(f"verify: one number for each of {', '.join(wanted)} is needed")
+    for body in problem.scenarios.bodies(values):
+        family.check(body)
+    return values
 
 
 def drags_of_round_body(problem: Problem) -> tuple[float | None, ...]:
