@@ -306,6 +306,14 @@ def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
         assert "Cl 0.0000    Cl/Cd 0.000" in before.title
         assert ("cylinder" if name == "drag" else "ellipse of aspect 2 ") in before.title
         assert f"Cl {flow.lift:.4f}    Cl/Cd {flow.lift / flow.drag:.3f}" in after.title
+    objective = {"kind": "MultiPoint", "number_of_cases": 3, "lifts": [0.0, 0.1, 0.2]}
+    several = lifting([2.0, 0.1, 10.0]) | {"objective": objective, "constraints": {}}
+    before, after = before_and_after(several)
+    assert after.title.startswith("Re 20, first of 3 lifts")
+    assert "ellipse of aspect 2 " in before.title
+    robust = {"kind": "Robust", "number_of_cases": 8, "glide": True}
+    robust = lifting([2.0, 0.1, 10.0]) | {"objective": robust, "constraints": {}, "glide": 0.75}
+    assert before_and_after(robust)[1].title.endswith("Cl/Cd of the cases 0.750")
     assert titles.pop("drag").endswith(" %")
     assert not any("%" in title for title in titles.values())
 

@@ -55,11 +55,14 @@ def before_and_after(record: JsonObject) -> list[Panel]:
     reference, optimum = solve_run(record)
     reynolds, lifting = reynolds_text(record), run_scene(record).family.has_lift
     if cases := several_cases(record):
-        reynolds += f", nominal of {cases} cases"
+        lifts = record.get("objective", {}).get("lifts")
+        reynolds += f", first of {cases} lifts" if lifts else f", nominal of {cases} cases"
     before = [reynolds, reference_name(record), *_coefficients(record, reference)]
     after = [reynolds, "optimum", *_coefficients(record, optimum)]
     if is_compared(record) and not cases:
         after.append(f"{100 * (optimum.drag / reference.drag - 1):+.1f} %")
+    if cases and "glide" in record:
+        after.append(f"Cl/Cd of the cases {record['glide']:.3f}")
     before, after = (GAP.join(words) for words in (before, after))
     return [
         Panel(reference, before, f"{'loads' if lifting else 'drag'} by the flow solver"),
@@ -82,7 +85,7 @@ def is_compared(record: JsonObject) -> bool:
 
 
 def is_about_lift(record: JsonObject) -> bool:
-    """Return whether a run was for the glide ratio, or under bounds on lift or moment.
+    """Return whether a run was for the glide ratio or several lifts, or had bounds on loads.
 
     Its drag over the reference body's then says little. Where the bodies have lift and the run's
     constraints are unknown it is taken for one.
@@ -91,7 +94,9 @@ def is_about_lift(record: JsonObject) -> bool:
         return False
     constraints = record.get("constraints")
     objective = record.get("objective", {})
-    if constraints is None or objective.get("kind") == "Glide" or objective.get("glide"):
+    if constraints is None or objective.get("kind") == "Glide":
+        return True
+    if objective.get("glide") or objective.get("lifts"):
         return True
     return any(name in constraints for name in LOAD_BOUNDS)
 

@@ -1,8 +1,8 @@
 """Sections of least drag over a bound on the lift, at optima of the flow, and a polar; by chord.
 
-Also the best glide ratio under uncertainty. The polar is that of the section with the best glide
-ratio, by the flow. With pictures: Cd over Cl with every body, the polar, and streamlines at
-incidence.
+Also the best glide ratio under uncertainty, and one section for several lifts. The polar is that of
+the section with the best glide ratio, by the flow. With pictures: Cd over Cl with every body, the
+polar, and streamlines at incidence.
 """
 
 import contextlib
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, columns
 
-from shapeopt import Designer, Glide, Problem, Robust, optimise, optimise_all
+from shapeopt import Designer, Glide, MultiPoint, Problem, Robust, optimise, optimise_all
 from shapeopt.payoff.direct import design_directly
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.render.polar import plot_polar
@@ -118,6 +118,39 @@ def robust(run: Run, level: float) -> Row:
     }
 
 
+def several(run: Run, reynolds: float, lifts: tuple[float, ...]) -> Row:
+    """Return the section of least mean drag over several lifts, each at an incidence of its own.
+
+    It is an optimum of the flow, led by the network; ``own`` is the mean of the least drags at
+    these lifts of a section for each of them, and ``beside`` by how much the direct optimum, by
+    SLSQP, is worse, relative to the objective.
+    """
+    net = load(NAME)
+    scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    reynolds, lifts = run.pick((8.0, (0.05, 0.1)), (reynolds, lifts))
+    bounds = {"within": run.pick(ELLIPSE, None)}
+    problem, designer = Problem(scene, MultiPoint(reynolds, lifts), **bounds), Designer
+    found = designer(run.pick(Flow(scene), net)).design(problem)
+    rows, *_ = designs_over_lift(
+        designer(run.pick(Flow(scene), net)), reynolds, lifts, run.progress, **bounds
+    )
+    row = {
+        "parameters": scene.family.named(found.parameters),
+        "incidences": problem.scenarios.bodies(found.variables)[:, -1].tolist(),
+        "cd": found.objective,
+        "own": float(np.mean([one["cd"] for one in rows])),
+        "flows": found.flows,
+        "kkt_residual": found.kkt_residual,
+        "direct_flows": None,
+        "beside": None,
+    }
+    with contextlib.suppress(NotConverged):
+        direct = design_directly(problem, Flow(scene))
+        row["direct_flows"] = direct.flows
+        row["beside"] = direct.objective / found.objective - 1
+    return row
+
+
 def polar(_: Run, result: Result) -> Result:
     """Return the loads of the section with the best glide ratio over the incidence, by the flow."""
     best, rows = result["rows"][-1], []
@@ -160,6 +193,15 @@ def draw(result: Result, path: Path) -> None:
     draw_flows(pictures, path.with_name(f"{path.stem}_flows.png"))
 
 
+def show_several(rows: list[Row]) -> str:
+    """Return the table of the sections for several lifts."""
+    lists = {"lifts": "g", "incidences": ".2f"}
+    texts = [
+        {n: ", ".join(f"{x:{form}}" for x in row[n]) for n, form in lists.items()} for row in rows
+    ]
+    return SEVERAL([row | text for row, text in zip(rows, texts, strict=True)])
+
+
 FORM = columns(
     "asked {asked} | Cd {cd:.4f} | least Cd by the network {network:.4f} | Cl {cl:.4f}"
     " | Cm {cm:.4f} | Cl/Cd {glide:.4f} | incidence {parameters[incidence]:.2f}"
@@ -187,10 +229,21 @@ CHORDS = [
     for re in (30.0, 100.0, 200.0)
     for glide, bounds in ((False, {"lift": 0.3}), (True, {"max_moment": 0.1}))
 ]
+SEVERAL = columns(
+    "Re {reynolds:g} | lifts {lifts} | incidences {incidences} | aspect {parameters[aspect]:.2f}"
+    " | gamma2 {parameters[gamma2]:z.3f} | mean Cd {cd:.4f}"
+    " | of a section for each lift {own:.4f} | flows {flows} | KKT residual {kkt_residual:.0e}"
+    " | SLSQP: flows {direct_flows} | worse by {beside:+.2%}"
+)
+POINTS = [
+    {"reynolds": 40.0, "lifts": (0.2, 0.6, 1.0)},
+    {"reynolds": 100.0, "lifts": (0.2, 0.7, 1.2)},
+]
 LEVELS = [{"level": 0.0}, {"level": 0.8}]
 TABLES = [
     Table([{}], over_lift, FORM),
     Table(CHORDS, by_chord, BY_CHORD, "by_chord"),
     Table(LEVELS, robust, ROBUST, "robust"),
+    Table(POINTS, several, show_several, "several"),
 ]
 STUDIES = {"section_designs": Study(TABLES, text, polar, draw)}
