@@ -18,8 +18,8 @@ from shapeopt.search.verify import (
     loads_of,
     violated_bounds,
 )
-from surrogate.body.body_class import drawn_contour
 from surrogate.body.chord_line import CHORD, DIAMETER
+from surrogate.body.drawing import drawn_contour
 from surrogate.body.shape import family_shape
 from surrogate.checks import expect
 from surrogate.errors import InvalidInput, NotConverged
@@ -236,9 +236,12 @@ def _verification_record(
 
 
 def _nominal_flow(design: Design, verified: Verified) -> Solution | None:
-    """Return the body's flow at the nominal Re; None where it does not converge."""
+    """Return the body's flow at the nominal Re; None where it does not converge.
+
+    It is the first of the cases where these differ in the incidence alone.
+    """
     problem = design.problem
-    if len(verified.solutions) == 1:
+    if len(verified.solutions) == 1 or problem.objective.lifts:
         return verified.solutions[0]
     try:
         return Flow(problem.scene).solve(

@@ -29,6 +29,7 @@ from surrogate.flow.check.error_model import ERROR_MODELS, Loads
 from surrogate.flow.grid.immersed import bspline
 from surrogate.flow.grid.retraction import offset_correction, retraction
 from surrogate.scene.fidelity import NAMED
+from surrogate.scene.limits import onset_of
 
 DRAFT = FIDELITIES["draft"]
 MODEL = ERROR_MODELS[2]
@@ -254,7 +255,7 @@ def test_bounds_use_the_onset_of_the_body(monkeypatch):
     near = flow.estimated(found)
     monkeypatch.setattr(type(MODEL), "NEAR_ONSET", 0.0)
     growth = near.estimated_lift_error / flow.estimated(found).estimated_lift_error
-    assert growth == pytest.approx(1 + 1.5 * (60.0 / found.onset) ** 4)
+    assert growth == pytest.approx(1 + 1.5 * (60.0 / onset_of(section)) ** 4)
     assert growth > 1.1  # or the test would prove little
 
 

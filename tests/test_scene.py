@@ -9,9 +9,6 @@ import pytest
 from conftest import TINY
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from run import RESULTS
-from studies import onset_2d
-from studies.onset import with_rule
 
 from surrogate import (
     FIDELITIES,
@@ -22,19 +19,14 @@ from surrogate import (
     Scene,
     Tunnel,
     Unbounded,
-    contour_shape,
     family_shape,
 )
-from surrogate.body.measures import streamwise_profile
 from surrogate.body.parameters import PARAMETERS
 from surrogate.progress import duration
 from surrogate.scene.fidelity import LONGEST_DOWNSTREAM
 from surrogate.scene.limits import (
-    ONSET_OF_INSTABILITY,
-    REYNOLDS,
     check_reynolds,
     check_stream,
-    onset_of,
 )
 
 TUNNEL = """
@@ -330,94 +322,6 @@ def test_a_domain_of_ones_own_in_3d_is_not_lengthened_by_the_wake_of_2d(wide, tm
 def test_no_domain_is_longer_than_the_longest(fidelity):
     longest = max(fidelity.for_wake(re, 3.0).downstream for re in range(1, 300))
     assert longest == LONGEST_DOWNSTREAM
-
-
-@pytest.mark.parametrize(("rise", "arch"), [(0.3, 0.0), (-0.2, 0.0), (0.0, 0.1), (0.25, -0.15)])
-def test_exact_rise_and_arch_of_a_mean_line(rise, arch):
-    """A body about a parabola over a line whose front end is higher by the rise."""
-    t = 2 * np.pi * np.arange(2000) / 2000
-    x, side = np.cos(t) / 2, 0.2 * np.sin(t)
-    found = streamwise_profile(np.stack([x, side - rise * x + arch * (1 - 4 * x**2)], axis=1))
-    assert float(found.rise) == pytest.approx(rise, abs=1e-3)
-    assert float(found.arch) == pytest.approx(arch, abs=1e-3)
-    assert float(found.thickness) == pytest.approx(0.4, rel=1e-3)
-
-
-@pytest.fixture(scope="module")
-def critical():
-    """Bodies of study ``onset_2d`` whose critical Re can be asked for, with the rule's error."""
-    record = json.loads((RESULTS / "onset_2d.json").read_text())
-    rows = onset_2d.against_rule(record["result"]["rows"])
-    return [row for row in rows if row["onset"] and row["onset"] < REYNOLDS[2][1]]
-
-
-@pytest.mark.parametrize(
-    ("use", "bodies", "most", "root_mean_square"),
-    [
-        ("fitted", 39, 0.105, 0.041),
-        ("not fitted", 36, 0.12, 0.046),
-        ("blind", 10, 0.17, 0.08),
-        ("extrapolated", 4, 0.07, 0.05),
-    ],
-)
-def test_the_onset_of_shedding_is_about_that_of_linear_stability(
-    critical, use, bodies, most, root_mean_square
-):
-    """The rule errs by 4 % of the critical Re (root mean square), 12 % at most.
-
-    On blind bodies, long or in a corner of the ranges of a scene, by 7 and 16 %.
-    """
-    errors = [row["error"] for row in critical if row["use"] == use]
-    assert len(errors) >= bodies
-    assert np.abs(errors).max() < most
-    assert np.sqrt(np.mean(np.square(errors))) < root_mean_square
-
-
-def test_camber_in_the_sense_of_the_incidence_brings_the_onset_forward():
-    """Camber against it does so by less."""
-    plain, same, against = (
-        onset_of(family_shape({"aspect": 4.0, "gamma2": gamma2}, 10.0))
-        for gamma2 in (0.0, 0.3, -0.3)
-    )
-    assert same < 0.8 * plain
-    assert same < 0.9 * against
-    assert against < 0.95 * plain
-
-
-def test_the_onset_in_3d_is_that_of_linear_stability():
-    """A tail that is blunter or finer than an ellipse's is not in the rule: 11 % too early."""
-    found = []
-    for study in ("onset", "onset_incidence"):
-        rows = json.loads((RESULTS / f"{study}.json").read_text())["result"]["rows"]
-        for row in with_rule([row for row in rows if row["onset"] is not None]):
-            found.append((row["error"], "beta3" in row["body"]))
-            if "incidence" in row["body"]:
-                assert abs(row["error"]) < 0.03, row
-    assert len(found) > 14
-    assert all(-0.07 < error < 0.07 for error, blunt in found if not blunt)
-    assert all(-0.12 < error < 0.0 for error, blunt in found if blunt)
-
-
-def test_every_body_is_answered_up_to_its_own_onset():
-    """By linear stability ellipses of aspect 0.5, 1 and 2 shed from Re 27.0, 46.9 and 107.6."""
-    for aspect, turn, steady, sheds in ((0.5, 0, 26, 28.5), (2, 90, 26, 28.5), (2, 0, 102, 113)):
-        shape = family_shape({"aspect": float(aspect)}, turn)
-        onset = onset_of(shape)
-        assert check_reynolds(steady, onset=onset) == steady
-        with pytest.raises(InvalidInput, match=f"beyond {onset:.3g} .* allow_unsteady"):
-            Flow(Scene()).solve(shape, sheds)
-    assert onset_of(family_shape({"aspect": 1.0})) == pytest.approx(
-        ONSET_OF_INSTABILITY[2], rel=5e-3
-    )
-
-
-def test_the_onset_of_a_contour_is_by_its_own_size_and_that_of_its_mirror_image():
-    points = np.asarray(family_shape({"aspect": 3.0, "gamma2": 0.2}).draw(200))
-    onset = onset_of(contour_shape(points, 12.0))
-    assert onset_of(contour_shape(2 * points, 12.0)) == pytest.approx(onset, rel=1e-3)
-    larger = onset_of(contour_shape(2 * points, 12.0, keep_size=True))
-    assert larger == pytest.approx(onset / 2, rel=1e-3)
-    assert onset_of(contour_shape(points * [1, -1], -12.0)) == pytest.approx(onset, rel=1e-3)
 
 
 def test_a_narrow_tunnel_is_refused_by_the_height_of_the_turned_body():

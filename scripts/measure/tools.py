@@ -66,8 +66,8 @@ def beside(found: Solution, reference: Sequence[float]) -> Row:
       reference: Its Cd, Cl and Cm by something more accurate.
     """
     row: Row = {"status": found.status, "green_applications": found.green_applications}
-    loads = found.drag, found.lift, found.moment
-    for name, load, true, bound in zip(LOADS, loads, reference, bounds_of(found), strict=True):
+    rows = zip(LOADS, found.loads.tolist(), reference, bounds_of(found), strict=True)
+    for name, load, true, bound in rows:
         row |= {name: load, f"{name}_error": (load - true) / reference[0]}
         row |= {f"{name}_bound": None if bound is None else bound / reference[0]}
     return row

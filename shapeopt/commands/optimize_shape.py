@@ -159,6 +159,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     name = f"Cd over the {round_body}'s" if relative else "Cd"
     name = f"mean Cd over {len(r['cases'])} lifts" if problem.objective.lifts else name
     lifts, unit = "", problem.reference.symbol
+    first = f" at lift {problem.objective.lifts[0]:g}" if problem.objective.lifts else ""
     if lifting and r["cl_verified"] is not None:
         planar = problem.scene.dimension == 2
         about = f"over {unit} and {unit}^2, " * planar + "Cm about the centroid"
@@ -180,7 +181,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         ratios = [f"{r[key] / r['chord']:.1%} {key}" for key in ("thickness", "camber") if key in r]
         shape += f", {', '.join(ratios)}"
     lines = [
-        f"{at}: {shape}, chord {r['chord']:.4f} D{lifts}",
+        f"{at}{first}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {cd} verified{grid}, {r['accuracy']}; "
         f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
@@ -190,7 +191,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         planar = problem.scene.dimension == 2
         files = "contour.csv and body.stl" if planar else "contour.csv"
         solved = "; solve_drag.py --contour takes --incidence" if planar else ""
-        words = f"at incidence 0, to be turned nose up by {turned:.4g} degrees"
+        words = f"at incidence 0, to be turned nose up by {turned:.4g} degrees{first}"
         lines.append(f"  {files}: {words}{solved}")
     if late := [case for case in r["cases"] if case["reynolds"] > case.get("onset", math.inf)]:
         lines.append(f"  {unsteady_remark(late[0])}")
@@ -211,7 +212,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
 
 
 def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
-    """Return lines on the range of Cl and Cm over the cases, and on bounds that are violated."""
+    """Return lines on the loads of the cases, and on bounds that are violated."""
     lines, cases = [], [case for case in r["cases"] if case.get("cl_verified") is not None]
     if problem.objective.lifts:
         rows = zip(problem.objective.lifts, cases, strict=True)
@@ -226,7 +227,7 @@ def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
 
 
 def _lift_line(problem: Problem, lift: float, case: JsonObject) -> str:
-    """The flow at one of several lifts."""
+    """Return the line on the flow at one of several lifts."""
     incidence = problem.scene.family.named(np.array(case["parameters"]))[INCIDENCE.name]
     loads = (f"{load.capitalize()} {case[f'{load}_verified']:.4f}" for load in ("cd", "cl", "cm"))
     return f"  lift {lift:g}: incidence {incidence:.4g}, {', '.join(loads)}, {case['status']}"

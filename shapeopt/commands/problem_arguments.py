@@ -98,7 +98,7 @@ def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
     """Return the optimisation problem that the options describe."""
-    lifts = [] if arguments.lift is None else numbers(arguments.lift, "--lift", "0.2,0.5,0.8")
+    lifts = _lifts(arguments.lift)
     return Problem(
         surrogate.scene if surrogate else scene_of(arguments),
         _objective(arguments, lifts),
@@ -143,6 +143,8 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     without = {"spread": 0.0, "tolerance": 0.0}  # as if the option were not given
     uncertain = [n for n, value in given.items() if value not in (None, without.get(n))]
+    if len(lifts) > 1:
+        return _multipoint(arguments, lifts, uncertain)
     settles = arguments.objective == SETTLING
     if settles != (arguments.archimedes is not None):
         raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
@@ -161,8 +163,6 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
     else:
         others = "or --chord-reynolds; only --objective settling finds its own"
         raise InvalidInput(f"--reynolds: give it, {others}")
-    if len(lifts) > 1:
-        return _multipoint(arguments, lifts, reynolds, uncertain)
     glides = arguments.objective == GLIDE
     if arguments.objective in SINGLE and arguments.weights is not None:
         raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
@@ -179,7 +179,9 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
             weights = tuple(numbers(arguments.weights, "--weights", "1,2,1"))
         return Weighted(tuple(reynolds), weights)
     if arguments.weights:
-        raise InvalidInput("--weights: belongs to several Reynolds numbers, as --reynolds 1,10,40")
+        raise InvalidInput(
+            "--weights: belongs to several Reynolds numbers or lifts, as --reynolds 1,10,40"
+        )
     if not uncertain:
         return AtReynolds(reynolds[0])
     if not (given["spread"] or given["tolerance"]):
@@ -198,16 +200,20 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
     )
 
 
+def _lifts(text: str | None) -> list[float]:
+    if text is None:
+        return []
+    return numbers(text, "--lift", "0.2,0.5,0.8", "0.2:0.8:4", logarithmic=False)
+
+
 def _multipoint(
-    arguments: argparse.Namespace,
-    lifts: Sequence[float],
-    reynolds: Sequence[float],
-    uncertain: Sequence[str],
+    arguments: argparse.Namespace, lifts: Sequence[float], uncertain: Sequence[str]
 ) -> MultiPoint:
     """Return the objective over several lifts, at one Reynolds number without uncertainty."""
-    if arguments.objective != "drag" or len(reynolds) > 1 or uncertain:
+    reynolds = [] if arguments.reynolds is None else numbers(arguments.reynolds)
+    if arguments.objective != "drag" or len(reynolds) != 1 or uncertain:
         raise InvalidInput(
-            "--lift: several go with --objective drag and one Reynolds number without spread"
+            "--lift: several go with --objective drag and one --reynolds, without spread"
         )
     weights = None
     if arguments.weights is not None:

@@ -81,8 +81,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             gradient=arguments.gradient,
             allow_unsteady=arguments.allow_unsteady,
         )
-        loads = solution.drag, solution.lift, solution.moment
-        about = moment_record(case.shape, arguments.moment_about, *loads)
+        about = moment_record(case.shape, arguments.moment_about, *solution.loads.tolist())
         return by_reference(case.record | _row(solution) | about) | keep(case, solution)
 
     results = solve_cases(cases, solve, arguments.table)

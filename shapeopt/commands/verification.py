@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from shapeopt.commands.reference import CHORD
 from surrogate.arrays import AnyArray
 from surrogate.body.chord_line import loads_by_chord
@@ -51,8 +49,7 @@ def _by_flow(surrogate: Surrogate, parameters: AnyArray, row: JsonObject) -> Jso
         body = family_shape(scene.family.named(parameters), dimension=scene.dimension)
     solution = Flow(scene).solve(body, row["reynolds"], allow_unsteady=True)
     by = row["chord"] if row["reference"] == CHORD else 1.0
-    by_diameter = np.array([solution.drag, solution.lift, solution.moment])
-    drag, lift, moment = loads_by_chord(by_diameter, by).tolist()
+    drag, lift, moment = loads_by_chord(solution.loads, by).tolist()
     flow = {"cl": lift, "cm": moment}
     errors = {f"{load}_error": abs(row[load] - value) for load, value in flow.items()}
     about = {}

@@ -85,7 +85,7 @@ def nearest_design(
 ) -> Float[AnyArray, " variables"] | None:
     """Return the variables of the design whose problem is most similar in its bounds and log Re.
 
-    None if there are no designs.
+    None if there are no designs of the same variables.
     """
 
     def features(one):
@@ -96,4 +96,5 @@ def nearest_design(
     def away(design):
         return float(np.linalg.norm(features(problem) - features(design.problem)))
 
-    return min(designs, key=away).variables if designs else None
+    alike = [one for one in designs if one.problem.variables == problem.variables]
+    return min(alike, key=away).variables if alike else None

@@ -106,7 +106,8 @@ class Limits(eqx.Module):
     def padded(self, names: set[str], stations: int, cases: int, variables: int) -> "Limits":
         """Return equivalent constraints with these bounds, and these numbers of all else.
 
-        What is added is satisfied by every body, so that limits can be stacked; variables are 0.
+        What is added is satisfied by every body, so that limits can be stacked. Variables that are
+        added are held at 0.
         """
         added = np.tile(np.array(FREE_STATION), (stations - len(self.stations), 1))
         return Limits(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from shapeopt.problem.objective import Objective, checked_weights, numbers_of, scenarios_of, shares
-from shapeopt.problem.scenarios import NO_LIFT, Scenarios
+from shapeopt.problem.scenarios import NO_LIFT, UNBOUNDED, Scenarios
 from surrogate.arrays import Number
 from surrogate.body.parameters import INCIDENCE
 from surrogate.checks import finite_number
@@ -20,30 +20,32 @@ class MultiPoint(Objective):
     """The weighted mean Cd of one section over several lifts, at an incidence for each.
 
     This is the multipoint optimisation of a wing section: thickness and camber are the same at all
-    points, and each lift has an incidence of its own, a variable of the search. The incidence among
-    the parameters of a design is that of the first lift.
+    lifts, and each has an incidence of its own, a variable of the search. The incidence among the
+    parameters of a design is that of the first lift.
 
     Args:
-      reynolds: Reynolds number of all points.
-      lifts: lower bounds on Cl, one for each point, all different.
-      weights: positive weights of the points; only their ratios matter. Equal by default.
+      reynolds: Reynolds number at all lifts.
+      lifts: two or more lower bounds on Cl, which differ in the first six digits.
+      weights: positive weights of the lifts; only their ratios matter. Equal by default.
     """
 
     reynolds: Number
-    lifts: tuple[float, ...]
+    lifts: tuple[float, ...] = dataclasses.field()  # not that of ``Objective``
     weights: Sequence[float] | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "reynolds", finite_number("Reynolds number", self.reynolds))
         object.__setattr__(self, "lifts", numbers_of("lifts", self.lifts))
-        if len(set(self.lifts)) < max(len(self.lifts), 2):
+        if len({f"{lift:g}" for lift in self.lifts}) < max(len(self.lifts), 2):
             raise InvalidInput("lifts: two or more different lower bounds on Cl are needed")
+        if not all(abs(lift) < UNBOUNDED for lift in self.lifts):
+            raise InvalidInput(f"lifts: coefficients below {UNBOUNDED:g} in magnitude are needed")
         given = (1.0,) * len(self.lifts) if self.weights is None else self.weights
         object.__setattr__(self, "weights", checked_weights(given, len(self.lifts), "lifts"))
 
     @property
     def nominal(self) -> float:
-        """The Reynolds number of all points."""
+        """The Reynolds number at all lifts."""
         return self.reynolds
 
     def scenarios(self, scene: Scene) -> Scenarios:
@@ -68,4 +70,4 @@ class MultiPoint(Objective):
 
     def record(self, scene: Scene) -> dict[str, Any]:
         """Return the lifts and their weights."""
-        return {"lifts": self.lifts, "weights": self.weights}
+        return {"lifts": list(self.lifts), "weights": list(self.weights)}

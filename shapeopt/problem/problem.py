@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from shapeopt.problem.bounds import checked_length, checked_load, checked_station
 from shapeopt.problem.constraints import BOUNDS, Limits, Station
 from shapeopt.problem.objective import AtReynolds, Objective, Weighted
 from shapeopt.problem.reference import Reference, covered_aspects
-from shapeopt.problem.scenarios import LOAD_BOUNDS, NO_LIFT, UNBOUNDED, Scenarios
+from shapeopt.problem.scenarios import LOAD_BOUNDS, UNBOUNDED, Scenarios
 from surrogate.arrays import AnyArray
-from surrogate.checks import did_you_mean, expect, finite_number, flag, interval, shown
+from surrogate.checks import did_you_mean, expect, finite_number, flag, interval
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Unbounded
@@ -85,7 +86,7 @@ class Problem:
             object.__setattr__(self, "reynolds", AtReynolds(self.reynolds).reynolds)
         expect("stations", self.stations, list | tuple, "list of Station(x, thickness)")
         object.__setattr__(self, "by_chord", flag("by_chord", self.by_chord))
-        stations = (_checked_station(given, self.reference.symbol) for given in self.stations)
+        stations = (checked_station(given, self.reference.symbol) for given in self.stations)
         object.__setattr__(self, "stations", tuple(stations))
         expect("within", self.within, Mapping | None, "table of ranges, as {'aspect': (1, 3)}")
         if self.within is not None:
@@ -93,12 +94,12 @@ class Problem:
             object.__setattr__(self, "within", ranges)
         for name in BOUNDS:
             if (bound := getattr(self, name)) is not None:
-                object.__setattr__(self, name, _checked_length(name, bound, self.reference.symbol))
+                object.__setattr__(self, name, checked_length(name, bound, self.reference.symbol))
         if self.max_camber is not None and not self.scene.family.body_class.camber_modes:
             raise InvalidInput("max camber: the bodies of this scene have no camber")
         for name in LOAD_BOUNDS:
             if (bound := getattr(self, name)) is not None:
-                object.__setattr__(self, name, _checked_load(self.scene, name, bound))
+                object.__setattr__(self, name, checked_load(self.scene, name, bound))
         if self.lift is not None and self.objective.lifts:
             raise InvalidInput("lift: the objective has a bound on the lift in each of its cases")
         low, high = self.min_moment, self.max_moment
@@ -171,12 +172,18 @@ class Problem:
     def body(
         self, variables: Float[AnyArray, "*bodies variables"]
     ) -> Float[AnyArray, "*bodies parameters"]:
-        """Return the parameters of the body, as it is in the first scenario, from variables."""
+        """Return the parameters of the body from variables of the search, without other changes.
+
+        Where each case has an incidence of its own, it is that of the first case.
+        """
         return variables[..., : len(self.scene.family.names)]
 
     @property
     def load_bound_names(self) -> list[str]:
-        """The name of each value of ``load_constraints``: a field, or of several lifts one each."""
+        """The names of the bounds in the order of the values of ``load_constraints``.
+
+        They are fields, as "max_moment", and the lifts of the objective's cases, as "lift 0.3".
+        """
         cases, lifts = len(self.scenarios.weight), self.objective.lifts
         names = {name: [name] * cases for name in LOAD_BOUNDS if self.scene.family.has_lift}
         if lifts:
@@ -277,30 +284,3 @@ class Problem:
                     f"{name}: its range and trust {self.trust:g} (or the tolerance, or the "
                     "chord Reynolds number) contradict each other; relax one of them"
                 )
-
-
-def _checked_station(given: object, unit: str) -> Station:
-    if not isinstance(given, list | tuple) or len(given) != 2:
-        raise InvalidInput(f"stations: {shown(given)} is no Station(x, thickness)")
-    given = Station(*given)
-    x = finite_number("station x/c", given.x)
-    if not 0 < x < 1:
-        raise InvalidInput(f"station x/c = {x:g}: between 0 (nose) and 1 (tail)")
-    return Station(x, _checked_length(f"thickness at {x:g} c", given.thickness, unit))
-
-
-def _checked_load(scene: Scene, name: str, given: object) -> float:
-    text = name.replace("_", " ")
-    if not scene.family.has_lift:
-        raise InvalidInput(f"{text}: {NO_LIFT}")
-    value = finite_number(text, given)
-    if not abs(value) < UNBOUNDED:
-        raise InvalidInput(f"{text} {value:g}: a coefficient below {UNBOUNDED:g} in magnitude")
-    return value
-
-
-def _checked_length(name: str, given: object, unit: str) -> float:
-    length = finite_number(name, given)
-    if not length > 0:
-        raise InvalidInput(f"{name} {length:g}: must be a finite length above 0, in {unit}")
-    return length

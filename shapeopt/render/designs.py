@@ -14,7 +14,7 @@ from shapeopt.render.figures import (
     save_figure,
     width_over_height,
 )
-from surrogate.body.body_class import drawn_contour
+from surrogate.body.drawing import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
 from surrogate.flow.output.palette import QUIET

@@ -11,7 +11,7 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import ScaledTranslation
 
 from shapeopt.render.figures import OPTIMUM, STYLE, save_figure
-from surrogate.body.body_class import drawn_contour
+from surrogate.body.drawing import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import JsonObject
 from surrogate.flow.output.palette import INK, QUIET

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from shapeopt.export.solid import polygon
 from shapeopt.render.mesh import flow_mesh
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import drawn_contour
+from surrogate.body.drawing import drawn_contour
 from surrogate.body.family import Family
 from surrogate.files import whole_file
 from surrogate.flow.grid.lattice import Lattice

@@ -19,7 +19,7 @@ from shapeopt.render.figures import (
     width_over_height,
 )
 from shapeopt.render.sheets import is_about_lift, reference_name, standing
-from surrogate.body.body_class import drawn_contour
+from surrogate.body.drawing import drawn_contour
 from surrogate.files import JsonObject
 from surrogate.flow.output.palette import INK
 from surrogate.flow.surface.surface import Surface

@@ -55,7 +55,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
     reference, optimum = solve_run(record)
     reynolds, lifting = reynolds_text(record), run_scene(record).family.has_lift
     if cases := several_cases(record):
-        lifts = record.get("objective", {}).get("lifts")
+        lifts = (record.get("objective") or {}).get("lifts")
         reynolds += f", first of {cases} lifts" if lifts else f", nominal of {cases} cases"
     before = [reynolds, reference_name(record), *_coefficients(record, reference)]
     after = [reynolds, "optimum", *_coefficients(record, optimum)]

@@ -29,7 +29,7 @@ class Design:
         by the flow.
       loads: Cd, Cl and Cm at the objective's nominal Reynolds number, by the same model and by the
         problem's reference length; NaN where that flow did not converge.
-      kkt_residual: optimality residual on that model, per width of a parameter's range; 0 at a
+      kkt_residual: optimality residual on that model, per width of a variable's range; 0 at a
         local optimum.
       start: objective where the search began.
       path: bodies on the way.
@@ -94,7 +94,7 @@ class Design:
 
     @property
     def parameters(self) -> Float[AnyArray, " parameters"]:
-        """The body, in the order of ``problem.scene.family.names``, as in the first scenario."""
+        """The body, in the order of ``problem.scene.family.names``; see ``Problem.body``."""
         return self.problem.body(self.variables)
 
     @property

@@ -131,8 +131,8 @@ def starting_body(
         bodies = bodies[[distance(problem, body, excluded) > radius for body in bodies]]
     if not len(bodies):
         return None
-    away = (problem.body(bodies) - family.ellipse(2.0)) / np.ptp(family.bounds, axis=1)
-    return bodies[np.argmin(np.linalg.norm(away, axis=1))]
+    away = bodies[:, problem.scenarios.variable] - family.ellipse(2.0)  # in all cases
+    return bodies[np.argmin(np.linalg.norm(away / np.ptp(family.bounds, axis=1), axis=(1, 2)))]
 
 
 def distance(problem: Problem, variables: Float[AnyArray, " variables"], bodies: Bodies) -> float:

@@ -28,7 +28,8 @@ from surrogate.devices import Devices, choose_devices, map_over_devices
 from surrogate.errors import InvalidInput, NotConverged
 
 RANKED = 1024  # draws whose objectives are compared
-OVER_VARIABLES = ("variables", "gradient", "by_loads", "path")  # of a search's end, the last axis
+# Parts of a search's end whose last axis is that of the variables.
+OVER_VARIABLES = ("variables", "gradient", "by_loads", "path")
 STARTS = 8  # searches from the best of them, or twice as many as parameters if that is more
 
 Bodies = Sequence[Float[AnyArray, " variables"]]

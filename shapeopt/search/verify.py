@@ -88,9 +88,10 @@ def violated_bounds(
         return {}
     indices = [bound.index for bound in LOAD_BOUNDS.values()]
     names, bounded = np.array(problem.load_bound_names), loads.T[indices].ravel()
-    worst_last = np.argsort(-values)
-    late = worst_last[values[worst_last] < -tolerance]
-    return dict(zip(names[late].tolist(), bounded[late].tolist(), strict=True))
+    order = np.argsort(-values)  # the worst case of a bound is the last of its name
+    late = order[values[order] < -tolerance]
+    worst = dict(zip(names[late].tolist(), bounded[late].tolist(), strict=True))
+    return {name: worst[name] for name in dict.fromkeys(problem.load_bound_names) if name in worst}
 
 
 def loads_of(
@@ -111,8 +112,7 @@ def loads_by_reference(
     problem: Problem, parameters: Float[AnyArray, " parameters"], solution: Solution
 ) -> list[float]:
     """Return Cd, Cl and Cm of a body's flow by the problem's reference length."""
-    by_diameter = np.array([solution.drag, solution.lift, solution.moment], float)
-    return problem.reference.loads(parameters, by_diameter).tolist()
+    return problem.reference.loads(parameters, solution.loads).tolist()
 
 
 def _largest(errors):

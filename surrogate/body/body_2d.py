@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import NODES, BodyClass, Range, drawn_outline
+from surrogate.body.body_class import NODES, BodyClass, Range
+from surrogate.body.drawing import drawn_outline
 from surrogate.body.extent import cambered_extent
 from surrogate.body.measures import moments
 from surrogate.body.parameters import PARAMETERS

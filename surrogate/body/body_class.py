@@ -28,7 +28,6 @@ from surrogate.body.incidence import rotate
 from surrogate.body.measures import ANGLES, SIDES, Radii, least
 from surrogate.body.parameters import PARAMETERS, Kind, Parameter, keep_mirror_plane
 from surrogate.body.skin import Skin, SkinNodes
-from surrogate.compilation import compiled
 
 NODES = 128  # of the contours that a family's extent is measured on
 Range = tuple[float, float]
@@ -288,19 +287,3 @@ class BodyClass(abc.ABC):
 def contour_angles(nodes: int) -> Float[np.ndarray, " nodes"]:
     """Return equidistant angles t in radians, once around a contour from the nose."""
     return 2 * np.pi * np.arange(nodes) / nodes
-
-
-@compiled("body_class", "nodes")
-def drawn_outline(
-    body_class: BodyClass, parameters: Float[AnyArray, " parameters"], nodes: int
-) -> Float[Array, "nodes 2"]:
-    """Return ``body_class.outline`` of a body, by one program for all bodies of the class."""
-    return body_class.outline(parameters, nodes)
-
-
-@functools.partial(jax.jit, static_argnames=("body_class", "nodes"))
-def drawn_contour(
-    body_class: BodyClass, parameters: Float[AnyArray, " parameters"], nodes: int
-) -> Float[Array, "nodes 2"]:
-    """Return ``body_class.contour`` of a body, by one program for all bodies of the class."""
-    return body_class.contour(parameters, nodes)

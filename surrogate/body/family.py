@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray, Bodies, Body, Number
-from surrogate.body.body_class import BodyClass, Range, drawn_outline
+from surrogate.body.body_class import BodyClass, Range
+from surrogate.body.drawing import drawn_outline
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin, SkinNodes

@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
-from surrogate.body.body_class import BodyClass, drawn_contour
+from surrogate.body.body_class import BodyClass
 from surrogate.body.contour import contour_curve, contour_length, highest_harmonic, smoothed
+from surrogate.body.drawing import drawn_contour
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.nose import nose_of_contour
 from surrogate.body.registry import body_class

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import shapely
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
@@ -15,7 +16,7 @@ from surrogate.body.shape import Shape
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.flow.check.error_estimate import accuracy_text
-from surrogate.flow.fields import Fields, fields_of
+from surrogate.flow.fields import NODES, Fields, fields_of
 from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
@@ -23,6 +24,7 @@ from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.surface.forces_3d import SkinLoads, skin_loads
 from surrogate.flow.surface.pressure import pressure
 from surrogate.flow.surface.surface import SURFACE_POINTS, Surface, surface_of
+from surrogate.flow.wake import NEAR, onset_by_wake, reverse_speed
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.limits import onset_of
 from surrogate.summary import aligned, listed, steady_text
@@ -112,6 +114,11 @@ class Solution:
         return aligned(rows)
 
     @property
+    def loads(self) -> Float[np.ndarray, " 3"]:
+        """Cd, Cl and Cm as an array."""
+        return np.array([self.drag, self.lift, self.moment])
+
+    @property
     def gradient(self) -> dict[str, float] | None:
         """The derivatives of Cd by the family's parameters and ``reynolds``, where asked for."""
         return self.gradients and self.gradients["cd"]
@@ -124,8 +131,24 @@ class Solution:
 
     @functools.cached_property
     def onset(self) -> float:
-        """An estimate of the Re beyond which the steady flow past this body is unstable."""
-        return onset_of(self.shape)
+        """An estimate of the Re beyond which the steady flow past this body is unstable.
+
+        It is by the outline, and near the onset of a 2-D body in an unbounded stream by the reverse
+        flow of the wake too.
+        """
+        onset = onset_of(self.shape)
+        unbounded = self.shape.dimension == 2 and self.domain.height is None
+        if not (unbounded and NEAR[0] * onset <= self.reynolds <= NEAR[1] * onset):
+            return onset
+        diameter = 2 * math.sqrt(shapely.Polygon(self.shape.draw(NODES)).area / math.pi)
+        found = onset_by_wake(self.reynolds * diameter, onset * diameter, self.reverse_speed)
+        return found / diameter
+
+    @functools.cached_property
+    def reverse_speed(self) -> float:
+        """The mean speed of the reverse flow of a 2-D flow over U, weighted with itself."""
+        x, y = self.domain.lattice.unfolded.faces()[0]
+        return reverse_speed(self.velocity[0], x, y, self.shape)
 
     @property
     def markers(self) -> Markers:

@@ -16,6 +16,7 @@ from surrogate.flow.solution import Solution
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.surface.coefficients import force_coefficients
 from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 
 
@@ -93,7 +94,7 @@ def with_estimate(scene: Scene, settings: NewtonSettings, solution: Solution) ->
         height=shape.height,
         dimension=shape.dimension,
         nose=shape.nose,
-        onset=solution.onset,
+        onset=onset_of(shape),
         fewest=fewest_cells(shape),
     )
     return dataclasses.replace(solution, **error._asdict())

@@ -51,7 +51,7 @@ def _loads(run: Run, shape: Shape, more: int) -> AnyArray:
     with mock.patch.object(fidelity, "MORE_HARMONICS", more):
         flow = Flow(Scene(fidelity=run.fidelity("standard")))
         found = flow.solve(shape, REYNOLDS, allow_unsteady=True, estimate=False)
-    return np.array([found.drag, found.lift, found.moment])
+    return found.loads
 
 
 COLUMNS = columns(

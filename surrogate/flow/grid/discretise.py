@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from surrogate.body.body_class import drawn_outline
+from surrogate.body.drawing import drawn_outline
 from surrogate.body.measures import least_mean_thickness
 from surrogate.body.shape import FamilyShape, Shape
 from surrogate.errors import InvalidInput
