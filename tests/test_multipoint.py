@@ -31,10 +31,10 @@ def test_one_section_for_several_lifts_of_a_known_polar():
     assert bound.variables[3] == pytest.approx(5.0, rel=1e-7)
     assert several.variables[4:] == ("incidence at lift 1", "incidence at lift 1.5")
     with pytest.raises(NotConverged, match=r"lift 3\.5 is out of reach .* Cl 3$"):
-        propose(Problem(SCENE, MultiPoint(10.0, (0.5, 3.5))), Polar())
+        propose(Problem(SCENE, MultiPoint(10.0, (0.5, 1.0, 3.5))), Polar())
     within = {"incidence": (0.0, 4.0)}
-    ends = propose(Problem(SCENE, MultiPoint(10.0, (0.5, 1.0)), within=within), Polar())
-    assert ends.variables[4] == pytest.approx(4.0, abs=1e-6)
+    ends = propose(Problem(SCENE, MultiPoint(10.0, (0.2, 0.5, 1.0)), within=within), Polar())
+    assert ends.variables[5] == pytest.approx(4.0, abs=1e-6)
 
 
 def test_several_lifts_that_cannot_be_are_refused():
