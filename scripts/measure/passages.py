@@ -14,6 +14,7 @@ from studies import (
     onset_2d,
     particle,
     random_sections,
+    section_designs,
     training,
 )
 from study import Result, words
@@ -75,7 +76,8 @@ def when_to_train(result: Callable[[str], Result]) -> str:
     sections = lift_designs.when_to_train(result("lift_designs"))
     large = fit_memory.in_short(result("fit_memory"), result("three_loads_lift"))
     drags = f"{_plane(result)} {_space(result)}"
-    lines = _purpose(result), drags, f"{sections} {large}", _robust(result)
+    several = section_designs.in_short(result("section_designs"))
+    lines = _purpose(result), drags, f"{sections} {large}", f"{_robust(result)} {several}"
     return "\n".join(f"- {line}" for line in lines)
 
 

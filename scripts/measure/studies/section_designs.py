@@ -10,7 +10,7 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
-from study import TINY, Result, Row, Run, Study, Table, columns
+from study import TINY, Result, Row, Run, Study, Table, columns, words
 
 from shapeopt import Designer, Glide, MultiPoint, Problem, Robust, optimise, optimise_all
 from shapeopt.payoff.direct import design_directly
@@ -163,6 +163,14 @@ def polar(_: Run, result: Result) -> Result:
 
 def _solve(body: dict[str, float], reynolds: float) -> Solution:
     return Flow(Scene()).solve(family_shape(body), reynolds)
+
+
+def in_short(result: Result) -> str:
+    """Return the README's sentence on one section for several lifts."""
+    rows = [row for row in result["several"] if row["direct_flows"] is not None]
+    means = {n: np.mean([row[n] for row in rows]) for n in ("flows", "direct_flows")}
+    form = "One section for {count} lifts: {flows:.3g} flows, {direct_flows:.3g} by `direct`."
+    return words(form, count=len(rows[0]["lifts"]), **means)
 
 
 def text(result: Result) -> str:
