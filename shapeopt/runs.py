@@ -69,7 +69,8 @@ def save_run(
       ratio, of several scenarios their mean or that of the worst. cd_start is that of the cylinder
       (sphere) in the same scenarios, None where it is not known; it is not where the search began.
       cl_verified and cm_verified, and such a cd_verified, are those of the body itself at the
-      nominal Reynolds number, None where that flow does not converge. "violated" names the bounds
+      nominal Reynolds number, None where that flow does not converge; of several lifts, those at
+      the first one. "violated" names the bounds
       on loads that the flow does not meet, with its loads; "multipliers" are the derivatives of the
       optimal objective, of the glide ratio -Cl / Cd, in each active bound.
 

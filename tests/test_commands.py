@@ -138,9 +138,8 @@ def test_flows_that_do_not_converge_leave_the_predictions(monkeypatch, capsys):
             if reynolds > 15:
                 raise NotConverged(f"flow at Re {reynolds:g}")
             known = {"status": "accurate", "accuracy": "meets 0.4 %", "expected_error": 0.001}
-            loads = {"drag": 2.5, "lift": 0.0, "moment": 0.0}
             more = {"moment_about": lambda station: 0.0, "estimated_error": 0.002}
-            return SimpleNamespace(**loads, **known, **more)
+            return SimpleNamespace(loads=np.array([2.5, 0.0, 0.0]), **known, **more)
 
     monkeypatch.setattr("shapeopt.commands.verification.Flow", Flow)
     words = ["--aspect", "2", "--reynolds", "10,20", "--verify", "--moment-about", "0.25"]

@@ -10,7 +10,7 @@ from studies.onset import with_rule
 
 from surrogate import Flow, InvalidInput, Scene, Tunnel, contour_shape, family_shape
 from surrogate.body.measures import streamwise_profile
-from surrogate.flow.wake import NEAR, RULE, onset_by_wake, reverse_speed
+from surrogate.flow.wake import LEAST, MOST, RULE, onset_by_wake, reverse_speed
 from surrogate.scene.limits import ONSET_OF_INSTABILITY, REYNOLDS, check_reynolds, onset_of
 
 
@@ -39,6 +39,7 @@ def critical():
         ("fitted", 39, 0.105, 0.041),
         ("not fitted", 36, 0.12, 0.046),
         ("blind", 10, 0.17, 0.08),
+        ("blind, wake too", 9, 0.14, 0.065),
         ("extrapolated", 4, 0.07, 0.05),
     ],
 )
@@ -47,7 +48,7 @@ def test_the_onset_of_shedding_is_about_that_of_linear_stability(
 ):
     """The rule errs by 4 % of the critical Re (root mean square), 12 % at most.
 
-    On blind bodies, long or in a corner of the ranges of a scene, by 7 and 16 %.
+    On blind bodies, some long or in a corner of the ranges of a scene, by 6 to 7 and by 16 %.
     """
     errors = [row["error"] for row in critical if row["use"] == use]
     assert len(errors) >= bodies
@@ -80,10 +81,12 @@ def test_the_wake_of_a_flow_tells_the_onset_of_shedding(
 
 
 def test_the_onset_by_the_wake_hardly_depends_on_the_reynolds_number_of_the_flow(critical):
-    """From flows 10 % below and above the critical Re."""
-    errors = np.array([row["by_wake"][1:] for row in critical])
-    assert np.abs(errors).max() < 0.12
-    assert np.all(np.sqrt(np.mean(errors**2, axis=0)) < 0.035)
+    """From flows at both ends of the range of Re in which the wake is asked."""
+    _, below, above = np.array([row["by_wake"] for row in critical]).T
+    assert np.sqrt(np.mean((above - below) ** 2)) < 0.05
+    for errors in (below, above):
+        assert np.abs(errors).max() < 0.15
+        assert np.sqrt(np.mean(errors**2)) < 0.045
 
 
 def test_the_onset_of_a_flow_is_by_its_wake_where_that_is_near():
@@ -118,7 +121,7 @@ def test_more_reverse_flow_brings_the_onset_forward():
     assert onset_by_wake(50.0, 50.0, 2 * usual) < 45 < 55 < onset_by_wake(50.0, 50.0, usual / 2)
     assert onset_by_wake(50.0, 45.0, usual) == pytest.approx(50 * 0.9**RULE.outline)
     bounds = [onset_by_wake(50.0, 50.0, speed) for speed in (0.0, 1e-9, 1e3)]
-    assert bounds == pytest.approx([NEAR[1] * 50, NEAR[1] * 50, NEAR[0] * 50])
+    assert bounds == pytest.approx([MOST * 50, MOST * 50, LEAST * 50])
 
 
 def test_camber_in_the_sense_of_the_incidence_brings_the_onset_forward():

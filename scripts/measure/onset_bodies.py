@@ -101,7 +101,7 @@ RANGES = {
 }
 SEED, RANDOM, RANDOM_FITTED = 2816, 37, 13  # bodies drawn from the ranges; the first are fitted
 RANDOM_AFTERWARDS = (25, 27, 29, 31, 33, 35, 36)  # of these, searched later than the others
-LAST_SEED, LAST = 2817, 9  # bodies drawn after the wake's estimate was fitted
+LAST_SEED, LAST = 2817, 9  # bodies drawn after the form of the wake's estimate was chosen
 
 
 @functools.cache

@@ -23,11 +23,11 @@ Re; with --spread or --tolerance it is the mean of Cd (of Cl / Cd for --objectiv
 uncertain cases, with --cvar over the worst of them, and the spread of Re is truncated to the
 scene's range. All cd_* are then values of that objective (for glide those of the body itself at the
 nominal Re, the ratio being under "glide"), and "cases" lists the drags. With several lifts it is
-the mean of Cd of one section over them, each at an incidence of its own, which "cases" lists too.
-Sections with camber and incidence may have bounds on Cl and Cm, and the glide ratio Cl / Cd as the
-objective; with --chord-reynolds bodies of one chord are compared, and coefficients and the lengths
-of bounds are by it. Of particles the terminal velocity is the greatest where sqrt(Cd^2 + Cl^2) is
-the least at the Re where it balances weight.
+the weighted mean of Cd of one section over them, each at an incidence of its own, which "cases"
+lists too. Sections with camber and incidence may have bounds on Cl and Cm, and the glide ratio Cl /
+Cd as the objective; with --chord-reynolds bodies of one chord are compared, and coefficients and
+the lengths of bounds are by it. Of particles the terminal velocity is the greatest where sqrt(Cd^2
++ Cl^2) is the least at the Re where it balances weight.
 """
 
 import argparse

@@ -143,11 +143,11 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     without = {"spread": 0.0, "tolerance": 0.0}  # as if the option were not given
     uncertain = [n for n, value in given.items() if value not in (None, without.get(n))]
-    if len(lifts) > 1:
-        return _multipoint(arguments, lifts, uncertain)
     settles = arguments.objective == SETTLING
     if settles != (arguments.archimedes is not None):
         raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
+    if len(lifts) > 1:
+        return _multipoint(arguments, lifts, uncertain)
     if settles:
         others = ("reynolds", "chord_reynolds", "weights")
         others = [name for name in others if getattr(arguments, name) is not None]

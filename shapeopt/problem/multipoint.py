@@ -30,7 +30,9 @@ class MultiPoint(Objective):
     """
 
     reynolds: Number
-    lifts: tuple[float, ...] = dataclasses.field()  # not that of ``Objective``
+    lifts: tuple[float, ...] = (
+        dataclasses.field()
+    )  # required: the default is not that of ``Objective``
     weights: Sequence[float] | None = None
 
     def __post_init__(self):

@@ -27,8 +27,8 @@ class Design:
         those that the objective adds.
       objective: value of the problem's objective, by the surrogate or, after a search on the flow,
         by the flow.
-      loads: Cd, Cl and Cm at the objective's nominal Reynolds number, by the same model and by the
-        problem's reference length; NaN where that flow did not converge.
+      loads: Cd, Cl and Cm of ``parameters`` at the objective's nominal Reynolds number, by the same
+        model and by the problem's reference length; NaN where that flow did not converge.
       kkt_residual: optimality residual on that model, per width of a variable's range; 0 at a
         local optimum.
       start: objective where the search began.
@@ -62,7 +62,10 @@ class Design:
         return f"Design({listed(self._named)}: Cd {self.drag:.4f}, {lift}{work})"
 
     def summary(self) -> str:
-        """Return the body, and how it was found, as lines of text."""
+        """Return the body, and how it was found, as lines of text.
+
+        Where each of several lifts has an incidence, body and loads are those of the first lift.
+        """
         by_chord = f", by the chord {self.chord_reynolds:.4g}"
         by_chord = by_chord if self.problem.scene.dimension == 2 else ""
         start = self.start + 0.0  # no minus zero
@@ -177,8 +180,16 @@ class Design:
 
     @functools.cached_property
     def onset(self) -> float:
-        """An estimate of the Re beyond which the steady flow past the body is unstable."""
-        return onset_of(family_shape(self._named, dimension=self.problem.scene.dimension))
+        """An estimate of the Re beyond which the steady flow past the body is unstable.
+
+        It is the least one over the incidences, where each case has its own.
+        """
+        scene = self.problem.scene
+        bodies = [self.parameters]
+        if self.problem.variables != scene.family.names:
+            bodies = self.problem.scenarios.bodies(self.variables)
+        named = map(scene.family.named, bodies)
+        return min(onset_of(family_shape(body, dimension=scene.dimension)) for body in named)
 
     @property
     def converged(self) -> bool:
@@ -189,7 +200,8 @@ class Design:
     def multipliers(self) -> dict[str, float]:
         """The change of the optimal objective per unit of each active bound, to first order.
 
-        A bound is named as in ``Problem``, the end of a range by its parameter. See ``multipliers``
+        A bound is named as in ``Problem``, that on one of several lifts as "lift 0.3", the end of a
+        range by its variable. See ``multipliers``
         in ``shapeopt.search.optimality``; empty where the derivatives are not known.
         """
         if self.derivatives is None:

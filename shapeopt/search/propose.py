@@ -30,7 +30,7 @@ from surrogate.errors import InvalidInput, NotConverged
 RANKED = 1024  # draws whose objectives are compared
 # Parts of a search's end whose last axis is that of the variables.
 OVER_VARIABLES = ("variables", "gradient", "by_loads", "path")
-STARTS = 8  # searches from the best of them, or twice as many as parameters if that is more
+STARTS = 8  # searches from the best of them, or twice as many as variables if that is more
 
 Bodies = Sequence[Float[AnyArray, " variables"]]
 

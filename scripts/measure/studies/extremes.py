@@ -24,7 +24,7 @@ STEADY = (0.01, 1.0, 10.0, 40.0, 100.0, 300.0)  # Re at incidence, refused beyon
 LOADS = {"Cd": "drag", "Cl": "lift", "Cm": "moment"}
 REFINEMENT = 1.5  # of the fine grid at most, for thin boundary layers
 FINER = 1.5  # least ratio of the cells of the finer grid to those of the flow
-LAYERS = SECTION._replace(wall=0.03, near=0.12)  # elements in its place, for thin boundary layers
+LAYERS = SECTION._replace(wall=0.03, near=0.12)  # elements, where that grid is little finer
 ASPECTS = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 
 

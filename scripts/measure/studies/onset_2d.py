@@ -23,7 +23,7 @@ from weak_forms import CORNERS
 
 from surrogate import Fidelity, Flow, NotConverged, Scene, Shape, family_shape
 from surrogate.flow.check.march import Box, make_marcher, march, start
-from surrogate.flow.wake import WakeRule, onset_by_wake
+from surrogate.flow.wake import NEAR, WakeRule, onset_by_wake
 from surrogate.scene.limits import REYNOLDS, onset_of
 
 MESH = Elements(order=2, box=30.0, wall=0.06, near=0.15, wake=0.5)
@@ -38,7 +38,7 @@ MODES, KRYLOV = 3, 20
 BOX = Box(cells=16)  # of marches; the time step is stable from Re 20.5
 TINY_BOX = Box(cells=8, upstream=4.0, downstream=8.0, height=8.0, sponge=2.0, step=0.05)
 DURATION, KICK = 100.0, 0.002  # D / U, and U: so little that the lift stays proportional to it
-BELOW, ABOVE = 0.9, 1.1  # Re of flows from which the onset is estimated, over it
+SHARES = 1.0, *NEAR  # Re over the rule's onset, of flows from which the onset is estimated
 TOLERANCE = 1e-5  # of eigenvalues, relative to their distance from the shift
 
 
@@ -64,25 +64,23 @@ def measure(run: Run, body: str, parameters: Mapping[str, Any], fitted: bool | N
     pulsation = None if onset is None else wave.mode.imag * height
     found = {"length": length, "height": height, "onset": onset, "pulsation": pulsation}
     fidelity = run.fidelity("standard")
-    return found | {"wake": None if onset is None else wakes(shape, onset, fidelity)}
+    return found | {"wake": None if onset is None else wakes(shape, fidelity)}
 
 
-def wakes(body: Shape, onset: float, fidelity: Fidelity) -> list[Row]:
-    """Return Re and the speed of the reverse flow of steady flows near the onset of shedding.
+def wakes(body: Shape, fidelity: Fidelity) -> list[Row]:
+    """Return Re and the speed of the reverse flow of steady flows near the rule's onset.
 
-    The first is at the onset by the rule of the outline, the others 10 % below and above the true
-    one, as far as the flow solver is tested.
+    They are at ``SHARES`` of it, as far as the flow solver is tested.
 
     Args:
       body: Whose flows they are.
-      onset: By elements.
       fidelity: Of the flows.
     """
-    found = []
-    for reynolds in (onset_of(body), BELOW * onset, ABOVE * onset):
-        at = min(reynolds, REYNOLDS[2][1])
-        flow = Flow(Scene(fidelity=fidelity)).solve(body, at, estimate=False, allow_unsteady=True)
-        found.append({"reynolds": at, "speed": flow.reverse_speed})
+    found, flow = [], Flow(Scene(fidelity=fidelity))
+    for share in SHARES:
+        reynolds = min(share * onset_of(body), REYNOLDS[2][1])
+        solution = flow.solve(body, reynolds, estimate=False, allow_unsteady=True)
+        found.append({"reynolds": reynolds, "speed": solution.reverse_speed})
     return found
 
 
@@ -94,7 +92,7 @@ def fit_wake(rows: Sequence[Row]) -> WakeRule:
     same on average whatever the Re of its flow.
     """
     fitted = [row for row in rows if row["fitted"] and row["onset"] is not None]
-    fitted = [row for row in fitted if row["wake"][0]["reynolds"] < REYNOLDS[2][1]]
+    fitted = [row for row in fitted if row["wake"][-1]["reynolds"] < REYNOLDS[2][1]]
     flows = np.array([[(at["reynolds"], at["speed"]) for at in row["wake"]] for row in fitted])
     (at_rule, below, above), truth = np.log(flows).transpose(1, 2, 0), [r["onset"] for r in fitted]
     inputs = np.column_stack([-at_rule[1], -at_rule[0], np.ones(len(fitted))])
@@ -255,14 +253,11 @@ def text(result: Result) -> str:
     parts = []
     for use in (*USES.values(), *dict.fromkeys(unseen_bodies().values())):
         mine = [row for row in rows if row["use"] == use and row["onset"] is not None]
-        if mine:
-            names = "rule", "wake at the rule's onset", "10 % below the true one", "above"
-            errors = zip(names, deviations(mine), strict=True)
-            shown = "; ".join(f"{name} {_spread(found)}" for name, found in errors)
-            parts.append(f"{use}, {len(mine)} bodies: {shown}")
+        spread = map(_spread, deviations(mine)) if mine else ()
+        parts += [{"use": use, "bodies": len(mine), "spread": list(spread)}] if mine else []
     off = max(abs(row["marched"] - row["by_elements"]) for row in result["marches"])
     return (
-        f"{COLUMNS(rows)}\n\n{'. '.join(parts)}.\n\n{MARCHES(result['marches'])}\n\n"
+        f"{COLUMNS(rows)}\n\n{SPREADS(parts)}\n\n{MARCHES(result['marches'])}\n\n"
         f"The two rates differ by {off:.4f} U / D at most."
     )
 
@@ -278,8 +273,19 @@ USES = {True: "fitted", False: "not fitted", None: "extrapolated"}
 COLUMNS = columns(
     "body {body} | length {length:.2f} | height {height:.2f} | critical Re {onset:.1f}"
     " | omega h / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%}"
-    " | by the wake there {by_wake[0]:+.1%} | 10 % below the critical Re {by_wake[1]:+.1%}"
-    " | above {by_wake[2]:+.1%} | {use}"
+    " | by a flow at the rule's Re {by_wake[0]:+.1%} | "
+    f"at {NEAR[0]:g} of it "
+    + "{by_wake[1]:+.1%} | "
+    + f"at {NEAR[1]:g} "
+    + "{by_wake[2]:+.1%} | {use}"
+)
+SPREADS = columns(
+    "{use} | bodies {bodies} | errors by the rule {spread[0]} | by a flow at the rule's Re"
+    " {spread[1]} | "
+    + f"at {NEAR[0]:g} of it "
+    + "{spread[2]} | "
+    + f"at {NEAR[1]:g} "
+    + "{spread[3]}"
 )
 MARCHES = columns(
     "body {body} | Re {reynolds:.1f} | over the rule's {share:g} | growth rate, elements"

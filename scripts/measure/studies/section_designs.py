@@ -169,8 +169,9 @@ def in_short(result: Result) -> str:
     """Return the README's sentence on one section for several lifts."""
     rows = [row for row in result["several"] if row["direct_flows"] is not None]
     means = {n: np.mean([row[n] for row in rows]) for n in ("flows", "direct_flows")}
-    form = "One section for {count} lifts: {flows:.3g} flows, {direct_flows:.3g} by `direct`."
-    return words(form, count=len(rows[0]["lifts"]), **means)
+    form = "One section for {count} lifts ({n} designs): {flows:.3g} flows led by the network, "
+    form += "{direct_flows:.3g} by `direct`."
+    return words(form, count=len(rows[0]["lifts"]), n=len(rows), **means)
 
 
 def text(result: Result) -> str:
@@ -179,8 +180,9 @@ def text(result: Result) -> str:
     total = sum(row["flows"] for row in rows)
     off = max(abs(row["network"] / row["cd"] - 1) for row in rows if row["network"] is not None)
     return (
-        f"All {len(rows)} designs together take {total} flows. The least Cd that the network "
-        f"predicts differs from that of the flow's optimum by {off:.2%} at most.\n\n"
+        f"All {len(rows)} designs of the first table together take {total} flows. The least Cd "
+        "that the network predicts differs from that of the flow's optimum by "
+        f"{off:.2%} at most.\n\n"
         f"{POLAR(result['polar'])}"
     )
 
