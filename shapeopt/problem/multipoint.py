@@ -30,9 +30,8 @@ class MultiPoint(Objective):
     """
 
     reynolds: Number
-    lifts: tuple[float, ...] = (
-        dataclasses.field()
-    )  # required: the default is not that of ``Objective``
+    # required: without ``field()`` the class attribute of ``Objective`` would be its default
+    lifts: tuple[float, ...] = dataclasses.field()
     weights: Sequence[float] | None = None
 
     def __post_init__(self):

@@ -23,12 +23,12 @@ from surrogate.body.shape import Shape
 from surrogate.flow.fields import NODES
 
 NEAR = (0.85, 1.2)  # Re over R where the wake is asked; study ``onset_2d`` has its errors there
-# Bounds of the estimate over R, which itself is up to 16 % late and 13 % early.
+# Bounds of the estimate over R, which is up to 16 % late and 13 % early (study ``onset_2d``).
 LEAST, MOST = 0.75, 1.25
 
 
 class WakeRule(NamedTuple):
-    """Constants of the onset by the wake; see the module."""
+    """Constants of the onset by the wake, the exponents and the factor of the module's formula."""
 
     outline: float
     wake: float
