@@ -7,6 +7,7 @@ import pytest
 from conftest import SECTIONS, TINY
 from pictures import pixels
 from scipy.optimize import minimize
+from taylor import taylor_rates
 
 from shapeopt import (
     Designer,
@@ -28,8 +29,6 @@ from shapeopt.problem.reference import Reference
 from shapeopt.problem.scenarios import load_constraints
 from shapeopt.render.over_lift import plot_over_lift, section_contour
 from shapeopt.render.sheets import before_and_after
-from shapeopt.search.evaluated import evaluate_design
-from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_TOLERANCE, Derivatives, multipliers
 from shapeopt.search.propose import without_padding
 from shapeopt.search.sheet import row_of
@@ -133,15 +132,7 @@ def test_bodies_keep_reynolds_numbers_within_the_scene(pretrained):
 def test_gradients_on_the_flow_are_those_of_its_loads():
     """The objective, and its gradient, of flows and adjoints: second-order Taylor remainders."""
     problem = Problem(SCENE, Glide(15.0), max_moment=0.2, by_chord=True)
-    memory, direction = Memory(Flow(SCENE), None), np.array([0.3, 0.05, 0.05, 2.0])
-    at = evaluate_design(problem, memory, SECTION)
-    steps, remainders = (0.04, 0.02), []
-    for step in steps:
-        moved = evaluate_design(problem, memory, SECTION + step * direction)
-        values = np.append(moved.value - at.value, moved.of_loads - at.of_loads)
-        slopes = np.vstack([at.gradient, at.by_loads]) @ direction
-        remainders.append(np.abs(values - step * slopes))
-    rates = np.log2(remainders[0] / remainders[1])
+    rates = taylor_rates(problem, SECTION, np.array([0.3, 0.05, 0.05, 2.0]))
     assert np.all(rates > 1.9), rates
 
 

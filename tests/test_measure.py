@@ -16,7 +16,7 @@ import solved_flows
 import study
 from elements import PLANE, solve_by_elements
 from passages import passage
-from studies import onset_2d, optima
+from studies import literature, onset_2d
 from studies.designs import SYMMETRIC
 from study import Run, Study, Table, columns
 
@@ -315,13 +315,13 @@ def symmetric(x, y):
 def test_front_of_a_wedge_is_its_angle(degrees):
     x = np.linspace(0, 1, 501)
     markers = symmetric(x, np.tan(np.radians(degrees / 2)) * np.minimum(x, (1 - x) / 4))
-    assert optima.front_angles(markers) == pytest.approx((degrees, degrees))
+    assert literature.front_angles(markers) == pytest.approx((degrees, degrees))
 
 
 def test_front_of_a_lens_is_continued_to_its_tip():
     """Two circular arcs that meet at a right angle: the tangent behind the tip is flatter."""
     x = np.linspace(-1, 1, 2001)
-    tangent, wedge = optima.front_angles(symmetric(x, np.sqrt(2 - x**2) - 1))
+    tangent, wedge = literature.front_angles(symmetric(x, np.sqrt(2 - x**2) - 1))
     assert wedge == pytest.approx(86.8, abs=0.2)
     assert 65 < tangent < 75
 
@@ -329,13 +329,13 @@ def test_front_of_a_lens_is_continued_to_its_tip():
 def test_slender_ellipses_have_sharper_fronts():
     family = Family()
     bodies = [family.markers(family.ellipse(aspect), 4000) for aspect in (2.0, 3.0, 4.0)]
-    wedges = [optima.front_angles(np.asarray(markers))[1] for markers in bodies]
+    wedges = [literature.front_angles(np.asarray(markers))[1] for markers in bodies]
     assert wedges == sorted(wedges, reverse=True)
 
 
 def test_a_line_agrees_within_its_tolerance():
-    assert optima.line("", 1.04, 1.0, 0.05, "")["agrees"] == "yes"
-    assert optima.line("", 0.94, 1.0, 0.05, "")["agrees"] == "no"
+    assert literature.line("", 1.04, 1.0, 0.05, "")["agrees"] == "yes"
+    assert literature.line("", 0.94, 1.0, 0.05, "")["agrees"] == "no"
 
 
 @pytest.mark.slow
@@ -344,7 +344,7 @@ def test_comparison_with_the_literature():
     pytest.importorskip("ngsolve")
     by_table = [
         [row | case for case in table.chosen(Run()) for row in table.rows(Run(), case)]
-        for table in optima.STUDIES["literature"].tables
+        for table in literature.STUDIES["literature"].tables
     ]
     rows = {row["quantity"]: row for row in by_table[0]}
     where = next(name.partition(":")[0] for name in rows if "tunnel" in name)
@@ -352,7 +352,7 @@ def test_comparison_with_the_literature():
     cylinder = sum(
         rows[f"{where}: cylinder, {part} drag"]["ours"] for part in ("pressure", "friction")
     )
-    assert cylinder == pytest.approx(sum(optima.CYLINDER), rel=1e-3)
+    assert cylinder == pytest.approx(sum(literature.CYLINDER), rel=1e-3)
     assert rows["Re 1, body-fitted adjoint: gain, %"]["agrees"] == "yes"
     gains = [row for row in by_table[1] if row["quantity"] == "gain of the optimum"]
     assert [row["reynolds"] for row in gains] == [1, 40]

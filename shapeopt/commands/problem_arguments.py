@@ -174,10 +174,7 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
     if len(reynolds) > 1:
         if uncertain:
             raise InvalidInput(f"--{uncertain[0]}: belongs to one Reynolds number, not to several")
-        weights = (1.0,) * len(reynolds)
-        if arguments.weights is not None:
-            weights = tuple(numbers(arguments.weights, "--weights", "1,2,1"))
-        return Weighted(tuple(reynolds), weights)
+        return Weighted(tuple(reynolds), _weights(arguments) or (1.0,) * len(reynolds))
     if arguments.weights:
         raise InvalidInput(
             "--weights: belongs to several Reynolds numbers or lifts, as --reynolds 1,10,40"
@@ -215,10 +212,13 @@ def _multipoint(
         raise InvalidInput(
             "--lift: several go with --objective drag and one --reynolds, without spread"
         )
-    weights = None
-    if arguments.weights is not None:
-        weights = tuple(numbers(arguments.weights, "--weights", "1,2,1"))
-    return MultiPoint(reynolds[0], tuple(lifts), weights)
+    return MultiPoint(reynolds[0], tuple(lifts), _weights(arguments))
+
+
+def _weights(arguments: argparse.Namespace) -> tuple[float, ...] | None:
+    if arguments.weights is None:
+        return None
+    return tuple(numbers(arguments.weights, "--weights", "1,2,1"))
 
 
 def _stations(text: str | None) -> tuple[Station, ...]:

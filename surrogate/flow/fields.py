@@ -79,12 +79,16 @@ def fields_of(
     )
 
 
+def polygon_of(shape: Shape) -> shapely.Polygon:
+    """Return the contour of a 2-D body as it lies in the stream, as a polygon."""
+    return shapely.Polygon(shape.draw(NODES))
+
+
 def inside(shape: Shape, axes: tuple[Float[np.ndarray, " _cells"], ...]) -> Bool[np.ndarray, "..."]:
     """Return which points of a grid lie inside a body, as an array over the grid."""
     grid = np.meshgrid(*axes, indexing="ij", sparse=True)
     if shape.dimension == 2:
-        contour = shapely.Polygon(shape.draw(NODES))
-        return shapely.contains_xy(contour, *np.broadcast_arrays(*grid))
+        return shapely.contains_xy(polygon_of(shape), *np.broadcast_arrays(*grid))
     contour = rotate(shape.draw(NODES), -shape.incidence)
     upper = contour[contour[:, 1] >= 0]
     upper = upper[np.argsort(upper[:, 0])]

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import shapely
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
@@ -16,7 +15,7 @@ from surrogate.body.shape import Shape
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.flow.check.error_estimate import accuracy_text
-from surrogate.flow.fields import NODES, Fields, fields_of
+from surrogate.flow.fields import Fields, fields_of, polygon_of
 from surrogate.flow.forces import Conditions, Forces, forces_of
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
@@ -140,7 +139,7 @@ class Solution:
         unbounded = self.shape.dimension == 2 and self.domain.height is None
         if not (unbounded and NEAR[0] * onset <= self.reynolds <= NEAR[1] * onset):
             return onset
-        diameter = 2 * math.sqrt(shapely.Polygon(self.shape.draw(NODES)).area / math.pi)
+        diameter = 2 * math.sqrt(polygon_of(self.shape).area / math.pi)
         found = onset_by_wake(self.reynolds * diameter, onset * diameter, self.reverse_speed)
         return found / diameter
 

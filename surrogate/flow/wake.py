@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
-from surrogate.flow.fields import NODES
+from surrogate.flow.fields import polygon_of
 
 NEAR = (0.85, 1.2)  # Re over R where the wake is asked; study ``onset_2d`` has its errors there
 # Bounds of the estimate over R, which is up to 16 % late and 13 % early (study ``onset_2d``).
@@ -71,6 +71,6 @@ def reverse_speed(
       shape: the body.
     """
     i, j = np.nonzero(u < 0)
-    inside = shapely.contains_xy(shapely.Polygon(shape.draw(NODES)), x[i], y[j])
+    inside = shapely.contains_xy(polygon_of(shape), x[i], y[j])
     reverse = -u[i, j][~inside]
     return float(reverse @ reverse / reverse.sum()) if reverse.size else 0.0

@@ -5,19 +5,18 @@ the section with the best glide ratio, by the flow. With pictures: Cd over Cl wi
 polar, and streamlines at incidence.
 """
 
-import contextlib
 import dataclasses
 from pathlib import Path
 
 import numpy as np
 from study import TINY, Result, Row, Run, Study, Table, columns, words
 
-from shapeopt import Designer, Glide, MultiPoint, Problem, Robust, optimise, optimise_all
+from shapeopt import Design, Designer, Glide, MultiPoint, Problem, Robust, optimise, optimise_all
 from shapeopt.payoff.direct import design_directly
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.render.polar import plot_polar
 from shapeopt.search.over_lift import designs_over_lift
-from surrogate import Flow, NotConverged, Scene, Solution, family_shape, load
+from surrogate import Flow, NotConverged, Scene, Solution, Surrogate, family_shape, load
 from surrogate.flow.output.folder import flow_as_stored
 from surrogate.flow.output.picture import draw_flows
 
@@ -40,10 +39,9 @@ def over_lift(run: Run) -> list[Row]:
       NotConverged: A body was not found.
     """
     net = load(NAME)
-    coarse = Flow(dataclasses.replace(net.scene, fidelity=TINY))
     reynolds, lifts = run.pick((6.0, LIFTS[:1]), (REYNOLDS, LIFTS))
     bounds = {"within": run.pick(ELLIPSE, None)}
-    designer = Designer(run.pick(coarse, net))
+    designer = Designer(run.pick(Flow(_scene(run, net)), net))
     rows, best, _ = designs_over_lift(designer, reynolds, lifts, run.progress, **bounds)
     if best["why_not"]:
         raise NotConverged(f"best glide: {best['why_not']}")
@@ -62,14 +60,14 @@ def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, flo
     much the direct optimum is worse than that, relative to it.
     """
     net = load(NAME)
-    scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    scene = _scene(run, net)
     bounds = run.pick(bounds | {"lift": 0.1}, bounds)  # what ellipses can reach
     limits = {"within": run.pick(ELLIPSE, None), **bounds, "by_chord": True}
     objective = Glide(chord_reynolds) if glide else chord_reynolds
     problem = Problem(scene, objective, **limits)
     found = Designer(run.pick(Flow(scene), net)).design(problem)
     own = optimise(Problem(net.scene, objective, **limits), net)
-    row = {
+    return {
         "asked": "glide ratio" if glide else f"Cl {bounds['lift']:g}",
         "max_moment": bounds.get("max_moment"),
         "reynolds": found.reynolds,
@@ -81,14 +79,26 @@ def by_chord(run: Run, chord_reynolds: float, glide: bool, bounds: dict[str, flo
         "network_flows": found.flows,
         "kkt_residual": found.kkt_residual,
         "network_error": own.objective / found.objective - 1,
-        "direct_flows": None,
-        "beside": None,
+        **_directly(problem, found),
     }
-    with contextlib.suppress(NotConverged):
-        direct = design_directly(problem, Flow(scene))
-        row["direct_flows"] = direct.flows
-        row["beside"] = (direct.objective - found.objective) / abs(found.objective)
-    return row
+
+
+def _scene(run: Run, net: Surrogate) -> Scene:
+    """Return the network's scene, on a coarse grid in tiny runs."""
+    return dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+
+
+def _directly(problem: Problem, found: Design) -> Row:
+    """Return the flows of SLSQP, and by how much its optimum is worse than one that was found.
+
+    Both are None where it does not converge.
+    """
+    try:
+        direct = design_directly(problem, Flow(problem.scene))
+    except NotConverged:
+        return {"direct_flows": None, "beside": None}
+    worse = (direct.objective - found.objective) / abs(found.objective)
+    return {"direct_flows": direct.flows, "beside": worse}
 
 
 def robust(run: Run, level: float) -> Row:
@@ -102,7 +112,7 @@ def robust(run: Run, level: float) -> Row:
       level: CVaR level of the objective.
     """
     net = load(NAME)
-    scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    scene = _scene(run, net)
     cases, reynolds = run.pick((2, 8.0), (CASES, REYNOLDS))
     objective = Robust(reynolds, SPREAD, TOLERANCE, level, cases, glide=True)
     found = Designer(run.pick(Flow(scene), net)).design(Problem(scene, objective))
@@ -126,7 +136,7 @@ def several(run: Run, reynolds: float, lifts: tuple[float, ...]) -> Row:
     SLSQP, is worse, relative to the objective.
     """
     net = load(NAME)
-    scene = dataclasses.replace(net.scene, fidelity=TINY) if run.tiny else net.scene
+    scene = _scene(run, net)
     reynolds, lifts = run.pick((8.0, (0.05, 0.1)), (reynolds, lifts))
     bounds = {"within": run.pick(ELLIPSE, None)}
     problem = Problem(scene, MultiPoint(reynolds, lifts), **bounds)
@@ -134,21 +144,15 @@ def several(run: Run, reynolds: float, lifts: tuple[float, ...]) -> Row:
     singles = [Problem(scene, reynolds, lift=lift, **bounds) for lift in lifts]
     own = [Designer(run.pick(Flow(scene), net)).design(one).drag for one in singles]
     cases = problem.scenarios.bodies(found.variables)
-    row = {
+    return {
         "parameters": scene.family.named(found.parameters),
         "incidences": [scene.family.named(body)["incidence"] for body in cases],
         "cd": found.objective,
         "own": float(np.mean(own)),
         "flows": found.flows,
         "kkt_residual": found.kkt_residual,
-        "direct_flows": None,
-        "beside": None,
+        **_directly(problem, found),
     }
-    with contextlib.suppress(NotConverged):
-        direct = design_directly(problem, Flow(scene))
-        row["direct_flows"] = direct.flows
-        row["beside"] = direct.objective / found.objective - 1
-    return row
 
 
 def polar(_: Run, result: Result) -> Result:
