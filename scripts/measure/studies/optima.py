@@ -38,7 +38,7 @@ BOUNDED = {
 }
 HEIGHT = 0.55  # D, the bound
 CELLS = 10, 16, 24  # per D
-TINY = Fidelity("tiny", 5, 3, 4, 4, harmonics=4, wake=0.0, tolerance=0.1)
+TINY = Fidelity("tiny", 6, 3, 4, 4, harmonics=4, wake=0.0, tolerance=0.1)
 TINY_RANGES = {"dimension": 3, "aspect": (1.5, 3.0)}
 
 
