@@ -43,8 +43,8 @@ def duration(result: Callable[[str], Result]) -> str:
     """Return how long the first command takes, and what a GPU gains."""
     form = (
         "It takes {least:.0f} to {most:.0f} minutes on two cores with the install. A GPU "
-        '({device}; `pip install "jax[cuda13]"`) solves batches of flows {gain:.0f} times as fast '
-        "as JAX on the CPU."
+        '({device}; `pip install "jax[cuda13]"`) solves batches of 2-D flows {gain:.0f} times as '
+        "fast as one JAX CPU device."
     )
     least, most = (seconds / 60 for seconds in result("duration")["seconds"])
     most = math.ceil(most)
@@ -55,20 +55,24 @@ def duration(result: Callable[[str], Result]) -> str:
 def payoff(result: Callable[[str], Result]) -> str:
     """Return the table of strategies, with the errors of rivals that are fitted to flows."""
     form = (
-        "Means of {count} designs, local optima of the flow; trainings on "
-        "{bodies} bodies unless said, held-out flows not counted; in brackets 95 % intervals. By "
+        "Means of {count} designs, local optima of the flow (`{worst}` up to {far:.2f} % above "
+        "the least drag found, others {gap:.2f} %); trainings on {bodies} bodies unless said; in "
+        "brackets 95 % intervals. By "
         "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `hig, 64 bodies` "
         "after {after[hig, 64 bodies]:.0f}. Fitted to as many flows, kriging errs by "
         "{off[gradient-enhanced kriging]} with gradients, {off[kriging]} without, a polynomial by "
-        "{off[polynomial]}. As published: SIP {off[sip, as published]:.3%}, HIG "
-        "{off[hig, as published]:.3%}, DP {off[dp, as published]:.3%}."
+        "{off[polynomial]}. As in their papers, without gradients: SIP "
+        "{off[sip, as published]:.3%}, HIG {off[hig, as published]:.3%}, DP "
+        "{off[dp, as published]:.3%}."
     )
     rows = result("payoff")["payoff"]
     after = {row["method"]: row["break_even_s"] for row in rows}
     off = {row["method"]: row["error_mean"] for row in training.summary(result("training"))}
     off |= {row["method"]: row["drag_error_mean"] for row in rows if row["training_g"]}
     count, bodies = len(result("payoff")["queries"]), result("payoff")["settings"]["samples"]
-    return f"{short_table(rows)}\n\n{words(form, after=after, off=off, count=count, bodies=bodies)}"
+    *_, (gap, _), (far, worst) = sorted((100 * row["gap_max"], row["method"]) for row in rows)
+    numbers = {"count": count, "bodies": bodies, "gap": gap, "far": far, "worst": worst}
+    return f"{short_table(rows)}\n\n{words(form, after=after, off=off, **numbers)}"
 
 
 def when_to_train(result: Callable[[str], Result]) -> str:
@@ -92,7 +96,7 @@ def _purpose(result):
     paid = [f"{name} (design {n:.0f})" for name, n in after.items() if n <= MOST_DESIGNS]
     form = (
         "Train for answers by the million or outside JAX. For designs alone kriging with memory "
-        "(`Designer(Flow(scene))`) took fewer G than every training compared, extrapolated to "
+        "(`Designer(Flow(scene))`) took fewer G than every training, extrapolated to "
         "{most:,} designs{but}."
     )
     return words(form, most=MOST_DESIGNS, but=f", but for {', '.join(paid)}" if paid else "")
@@ -130,9 +134,9 @@ def _space(result):
     seeds = "one seed" if settings["seeds"] == 1 else f"{settings['seeds']} seeds"
     form = (
         "In 3-D, {queries} queries, {seeds}: by G `{method}` pays against `direct` after "
-        "{break_even_g:.1f} designs{by_clock}."
+        "{break_even_g:.1f} designs."
     )
-    return words(form, queries=queries, seeds=seeds, by_clock=_by_clock(rows), **first)
+    return words(form, queries=queries, seeds=seeds, **first)
 
 
 def _robust(result):
@@ -140,10 +144,12 @@ def _robust(result):
     cases = max(row["cases"] for row in rows)
     flows = {row["strategy"]: row["flows"] for row in rows if row["cases"] == cases}
     form = (
-        "Robust designs over {cases} cases: {network, and kriging:.0f} flows each led by the "
-        "network, {kriging from nothing:.0f} by kriging without memory, {direct:.0f} by `direct`."
+        "{designs} robust designs over {cases} cases: {network, and kriging:.0f} flows each led by "
+        "the network, {kriging from nothing:.0f} by kriging without memory, {direct:.0f} by "
+        "`direct`."
     )
-    return words(form, cases=cases, **flows)
+    designs = len(rows[0]["objectives"])
+    return words(form, designs=designs, cases=cases, **flows)
 
 
 def accuracy(result: Callable[[str], Result]) -> str:
@@ -163,10 +169,10 @@ def _flow(result):
     sections = [row for row in random_sections.steady(drawn) if row["fidelity"] == "standard"]
     form = (
         "The flow, standard grid, against body-fitted finite elements, mean and largest error in "
-        "%: Cd of the cylinder (also in tunnels) {cylinder}, of {symmetric} random symmetric "
+        "%: Cd of the cylinder {cylinder}, of {symmetric} random symmetric "
         "bodies {random}, of {count} random steady sections at incidence {cd}, their Cl {cl}, "
         "Cm {cm} of Cd; in 3-D Cd of the sphere {sphere}, of {revolved} bodies of revolution "
-        "{aspect}, of ellipsoids in Stokes flow (Oberbeck) {ellipsoids}."
+        "{aspect}, of ellipsoids in Stokes flow {ellipsoids}."
     )
     panels = "sphere", "ellipsoids", "aspect"
     off = {panel: mean_and_most(standard("flow_3d", panel)) for panel in panels}

@@ -15,7 +15,7 @@ from shapeopt.render.tables import markdown
 
 SUFFIXES = {"seconds": "s", "green_applications": "g"}  # of the keys in JSON
 COSTS = ("training", "flows a design", "a design")
-PAYS = ("pays after designs, by G", "by time")
+PAYS = ("break-even, designs by G", "by time")
 SHOWN_DESIGNS = (1, 5, 10, 50, 1000)  # numbers of designs whose cumulative cost is shown
 Row = Mapping[str, Any]
 
@@ -69,7 +69,7 @@ def break_even_table(rows: Sequence[Row]) -> str:
         "strategy",
         "error mean / max",
         *COSTS,
-        "gap, KKT at most",
+        "largest gap, KKT residual",
         *PAYS,
         "beats kriging, by G",
     ]

@@ -20,7 +20,7 @@ from surrogate.arrays import AnyArray
 ACTIVE = 1e-5  # constraints, and scaled distances from the ends of ranges, below this are active
 KKT_TOLERANCE = 1e-3  # residual at which a search on the flow takes a body for a local optimum
 # Residual up to which its best body is accepted where no model predicts anything better: the
-# discretised drag is smooth to a few digits only ("KKT at most" in the payoff tables).
+# discretised drag is smooth to a few digits only.
 KKT_ACCEPTED = 1e-2
 FIXED = 1e-9  # width of a parameter's range below which it has no freedom
 

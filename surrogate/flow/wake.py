@@ -1,12 +1,12 @@
 """The onset of vortex shedding behind a 2-D body, from the reverse flow of its steady wake.
 
 The rule of ``surrogate.scene.limits`` knows the body's outline alone. Where the flow has been
-solved at a Reynolds number Re near the onset R of that rule, the wake says more. With the mean
-speed s of all reverse flow, weighted with itself,
+solved at a Reynolds number Re near the onset Re_c of that rule, the wake says more. With the mean
+speed u_r of all reverse flow, weighted with itself,
 
-    onset = Re (R / Re)^outline (c / s)^wake,   c = speed Re^-fall,
+    onset = Re (Re_c / Re)^outline (u_c / u_r)^wake,   u_c = speed Re^-fall,
 
-where c is the s that a body typically has at its onset. Reverse flow lets disturbances grow where
+where u_c is the u_r that a body typically has at its onset. Reverse flow lets disturbances grow where
 they are, in place of being swept away; a wake sheds vortices where the region in which they do is
 long and strong enough (Huerre and Monkewitz 1990). The formula itself is empirical.
 """
@@ -22,8 +22,8 @@ from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.flow.fields import polygon_of
 
-NEAR = (0.85, 1.2)  # Re over R where the wake is asked; study ``onset_2d`` has its errors there
-# Bounds of the estimate over R, which is up to 16 % late and 13 % early (study ``onset_2d``).
+NEAR = (0.85, 1.2)  # Re over Re_c where the wake is asked; study ``onset_2d`` has its errors there
+# Bounds of the estimate over Re_c, which is up to 16 % late and 13 % early (study ``onset_2d``).
 LEAST, MOST = 0.75, 1.25
 
 

@@ -121,9 +121,9 @@ def in_short(result: Result, errors: Result) -> str:
         found.append((off, row["answers"], row["mib"]))
     (off, answers, mib), (own, many, own_mib) = found
     return (
-        f"Fitted to {most:,} sections, kriging with gradients errs by {off} % (Cd/Cl/Cm) of Cd, "
-        f"at {answers:,.0f} answers/s and {mib:,.0f} MiB a fit; `{network}` by {own} %, "
-        f"at {many:,.0f}, {own_mib:,.0f}."
+        f"Fitted to {most:,} sections, kriging with gradients errs by {off} % (Cd/Cl/Cm) of Cd "
+        f"({answers:,.0f} answers/s, {mib:,.0f} MiB to fit), `{network}` by {own} % ({many:,.0f}, "
+        f"{own_mib:,.0f})."
     )
 
 

@@ -239,12 +239,18 @@ def deviations(rows: Sequence[Row]) -> list[list[float]]:
 
 
 def in_short(result: Result) -> str:
-    """Return the README's sentence on the errors of the onset in %, over all bodies."""
-    rule, wake, *_ = 100 * np.abs(deviations(against_rule(result["rows"])))
-    form = "Shedding onset, by outline: {rule:.0f} rms, {most:.0f} at most; by flow: {wake:.0f}, "
-    form += "{far:.0f}."
+    """Return the README's sentence on the errors of the onset in %, on bodies unknown to it."""
+    rows = [row for row in against_rule(result["rows"]) if row["onset"] is not None]
+    blind = [row for row in rows if row["use"].startswith("blind")]
+    both = [row for row in blind if row["use"] != "blind"]
+    rule, wake = 100 * np.abs(deviations(blind)[0]), 100 * np.abs(deviations(both)[1])
+    form = (
+        "Shedding onset of {blind} blind bodies, by outline: {rule:.0f} rms, {most:.0f} at most; "
+        "of {both}, by flow: {wake:.0f}, {far:.0f}."
+    )
     root = {name: math.sqrt(np.mean(x**2)) for name, x in (("rule", rule), ("wake", wake))}
-    return words(form, most=max(rule), far=max(wake), **root)
+    counts = {"blind": len(blind), "both": len(both)}
+    return words(form, most=max(rule), far=max(wake), **counts, **root)
 
 
 def text(result: Result) -> str:

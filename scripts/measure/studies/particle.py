@@ -197,8 +197,8 @@ def in_short(result: Result) -> str:
     return (
         f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` is off this flow by "
         f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's "
-        f"(of another solver), by {means('Froehlich', theirs)} % (Cl {100 * lift:.2f} as the "
-        f"authors' code has it). Below Re 1 its Cm errs by {100 * np.median(slow):.0f} % of itself "
+        f"(of another solver), by {means('Froehlich', theirs)} % (of Cl {100 * lift:.2f} % by "
+        f"the authors' code). Below Re 1 its Cm errs by {100 * np.median(slow):.0f} % of itself "
         f"in the median, {100 * max(slow):.0f} % at most."
     )
 

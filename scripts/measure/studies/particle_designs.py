@@ -1,4 +1,4 @@
-"""Three designs of particles, at optima of the flow: at an angle, tumbling, and settling fast.
+"""Designs of particles at optima of the flow: at an angle, tumbling, and settling fast.
 
 With pictures: pressure on each body beside the sphere, streamlines in the plane of symmetry, and
 the first body turned.
@@ -25,6 +25,7 @@ SHOWN = 30.0  # degrees, the incidence at which a body that tumbles is drawn
 OBJECTIVES = {
     "least drag at 30 degrees": (REYNOLDS, {"incidence": (30.0, 30.0)}),
     "least mean drag": (Tumbling(REYNOLDS), {"beta2": (0.0, 0.0)}),
+    "least mean drag, prolate": (Tumbling(REYNOLDS), {"beta2": (0.0, 0.0), "aspect": (1.5, 4.0)}),
     "fastest at 90 degrees": (Settling(ARCHIMEDES), {"incidence": (90.0, 90.0)}),
 }
 SPHERE = {"flatness": (1.0, 1.0), "beta2": (0.0, 0.0), "aspect": (1.0, 1.0)}
@@ -87,12 +88,13 @@ STUDIES = {
         [Table(cases(objective=OBJECTIVES), design, show)],
         f"Led by `{NAME}`. A KKT residual above {KKT_TOLERANCE:g} is accepted up to "
         f"{KKT_ACCEPTED:g} where flows lead to no better body. The body of least mean drag over "
-        "all orientations that was found is nearly the sphere. Where an incidence "
+        "all orientations that was found is nearly the sphere; prolate bodies have an aspect of 1.5 "
+        "at least. Where an incidence "
         "is given the body is held there, as by a torque from outside; at 90 degrees the axis is "
         "across the stream. The value is Cd, its mean over all orientations, or, at the Re where "
         "the force balances the weight (Archimedes number "
         f"{ARCHIMEDES:g}), sqrt(Cd² + Cl²): there the velocities of design and sphere are as their "
-        f"Re. The body of least mean drag is drawn at {SHOWN:g} degrees.",
+        f"Re. Bodies of least mean drag are drawn at {SHOWN:g} degrees.",
         draw=draw,
     )
 }

@@ -173,7 +173,7 @@ def in_short(result: Result) -> str:
     """Return the README's sentence on one section for several lifts."""
     rows = [row for row in result["several"] if row["direct_flows"] is not None]
     means = {n: np.mean([row[n] for row in rows]) for n in ("flows", "direct_flows")}
-    form = "One section for {count} lifts ({n} designs): {flows:.3g} flows led by the network, "
+    form = "{n} sections for {count} lifts each: {flows:.3g} flows led by the network, "
     form += "{direct_flows:.3g} by `direct`."
     return words(form, count=len(rows[0]["lifts"]), n=len(rows), **means)
 
