@@ -9,7 +9,7 @@ from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import Orientation, Swing, moment_is_known, orientations, small_swings
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.multipoint import MultiPoint
-from shapeopt.problem.objective import Glide, Weighted
+from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
 from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.robust import Robust
@@ -18,18 +18,22 @@ from shapeopt.records import load_run
 from shapeopt.runs import save_run
 from shapeopt.search.design import Design
 from shapeopt.search.designer import Designer
+from shapeopt.search.evaluated import EvaluatedDesign
 from shapeopt.search.optimise import optimise, optimise_all
 from shapeopt.search.verify import Verified, verify
 
 optimize = optimise  # the same function, spelled otherwise
 
 __all__ = [
+    "AtReynolds",
     "Design",
     "Designer",
+    "EvaluatedDesign",
     "Fall",
     "Glide",
     "LogNormal",
     "MultiPoint",
+    "Objective",
     "Orientation",
     "Problem",
     "Robust",

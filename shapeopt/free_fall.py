@@ -82,8 +82,8 @@ def fall(
     surrogate: Surrogate,
     parameters: Body,
     particle: Particle,
-    seconds: float,
-    tilt: float = 0.0,
+    seconds: float = 1.0,
+    tilt: float = 45.0,
 ) -> Fall:
     """Integrate the free fall of a body from rest in its plane of symmetry.
 

@@ -41,7 +41,7 @@ def save_run(
     folder: str | Path,
     design: Design,
     surrogate: Surrogate | None = None,
-    name: str = "none",
+    name: str | None = None,
     verify: bool = True,
     settings: JsonObject | None = None,
 ) -> dict[str, Any]:
@@ -55,7 +55,8 @@ def save_run(
       folder: new, empty, or of an earlier run; other files in it stay.
       design: what was found.
       surrogate: by which it was found, if by one.
-      name: name of the surrogate, by which ``surrogate.load`` finds it.
+      name: name of the surrogate, by which ``surrogate.load`` finds it; "none" by default without
+        a surrogate, "unnamed" with one.
       verify: whether to solve the flow, once for each scenario of the objective and, where there
         are several, for the body itself.
       settings: what defines the design, by which ``stored_run`` knows it again.
@@ -88,6 +89,8 @@ def save_run(
 
     expect("save_run", design, Design, "Design")
     expect("save_run", surrogate, Surrogate | None, "Surrogate")
+    if name is None:
+        name = "none" if surrogate is None else "unnamed"
     expect("save_run: name", name, str, "text")
     if surrogate is not None and surrogate.scene != design.problem.scene:
         found = differences(design.problem.scene.record, surrogate.scene.record)

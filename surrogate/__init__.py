@@ -22,9 +22,13 @@ from surrogate.body.family import Family  # noqa: E402
 from surrogate.body.shape import Shape, contour_shape, family_shape  # noqa: E402
 from surrogate.errors import InvalidInput, NotConverged  # noqa: E402
 from surrogate.exports.export import export  # noqa: E402
+from surrogate.flow.batch import FlowBatch  # noqa: E402
+from surrogate.flow.derivatives import LoadsAndGradients  # noqa: E402
 from surrogate.flow.flow import Flow  # noqa: E402
-from surrogate.flow.settling import Particle, settle  # noqa: E402
+from surrogate.flow.forces import Forces  # noqa: E402
+from surrogate.flow.settling import Particle, Settled, settle  # noqa: E402
 from surrogate.flow.solution import Solution  # noqa: E402
+from surrogate.flow.solver.newton import NewtonSettings  # noqa: E402
 from surrogate.model.store import load, save  # noqa: E402
 from surrogate.model.surrogate import Surrogate  # noqa: E402
 from surrogate.scene.fidelity import FIDELITIES, Fidelity  # noqa: E402
@@ -39,10 +43,15 @@ __all__ = [
     "Family",
     "Fidelity",
     "Flow",
+    "FlowBatch",
+    "Forces",
     "InvalidInput",
+    "LoadsAndGradients",
+    "NewtonSettings",
     "NotConverged",
     "Particle",
     "Scene",
+    "Settled",
     "Shape",
     "Solution",
     "Surrogate",

@@ -42,9 +42,15 @@ def shown(value: object) -> str:
     return words if len(words) <= LONGEST else f"{words[:LONGEST]} ..."
 
 
-def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Return a hint at the known word that is most like a wrong one; empty if none is like it."""
-    close = difflib.get_close_matches(str(word), known, 1)
+def did_you_mean(word: object, known: Iterable[str], alike: float = 0.6) -> str:
+    """Return a hint at the known word that is most like a wrong one; empty if none is like it.
+
+    Args:
+      word: the wrong one.
+      known: all that would be right.
+      alike: least ratio of ``difflib`` at which a word is like another.
+    """
+    close = difflib.get_close_matches(str(word), known, 1, alike)
     return f"; did you mean {close[0]}?" if close else ""
 
 

@@ -19,7 +19,7 @@ JsonObject = dict[str, Any]  # as the standard library's json has it
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path that replaces ``path`` when the block succeeds."""
     path = target_of(path)
-    make_folder(path.parent)
+    path.parent.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(dir=path.parent, prefix=".part-"))
     try:
         yield part / path.name
@@ -38,7 +38,7 @@ def whole_files(folder: str | Path, record: str) -> Iterator[Path]:
     that ``check_target`` accepts the folder again if the process is killed in between.
     """
     folder = target_of(folder)
-    make_folder(folder)
+    folder.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(dir=folder, prefix=".part-"))
     try:
         yield part

@@ -137,7 +137,8 @@ def write_content(path: Path, content: bytes) -> None:
     with whole_file(path) as part:
         part.write_bytes(DIGEST(content).digest() + content)
     size = 0
-    for file in sorted(path.parent.iterdir(), key=lambda file: -file.stat().st_mtime):
+    files = (file for file in path.parent.iterdir() if file.is_file())
+    for file in sorted(files, key=lambda file: -file.stat().st_mtime):
         size += file.stat().st_size
         if size > LARGEST:
             file.unlink(missing_ok=True)

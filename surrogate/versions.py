@@ -1,6 +1,7 @@
 """Versions of the packages, and the command, that a result was made with."""
 
 import importlib.metadata
+import shlex
 import sys
 from pathlib import Path
 
@@ -22,4 +23,5 @@ def command_line() -> str:
     """Return the command that is running, as stored with its result."""
     program = Path(sys.argv[0])
     name = f"scripts/{program.name}" if program.parent.name == "scripts" else sys.argv[0]
-    return " ".join([f"python {name}" if program.suffix == ".py" else program.name, *sys.argv[1:]])
+    words = ["python", name] if program.suffix == ".py" else program.name.split()
+    return shlex.join([*words, *sys.argv[1:]])

@@ -18,7 +18,7 @@ def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
     row = solve_drag.main([*BODY, "--reynolds", "10", "--gradient", "--json"])["results"][0]
     assert set(row["gradient"]) == {"aspect", "flatness", "beta2", "beta3", "beta4", "reynolds"}
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["scene"]["dimension"] == 3
-    row = solve_drag.main([*BODY, "--settling", "2.65,1e-6,1e-6", "--json"])["results"][0]
+    row = solve_drag.main([*BODY, "--particle", "2.65,1e-6,1e-6", "--json"])["results"][0]
     assert row["settling_reynolds"] < 1e-6 < 1e-3 == row["reynolds"]
     stokes = oberbeck(ellipsoid(1.5, 1.4), row["settling_reynolds"])
     assert row["settling_cd"] == pytest.approx(stokes, rel=0.04)
@@ -29,9 +29,9 @@ def test_solve_drag_gives_gradients_and_settling_velocities(capsys):
     [
         ("--dimension 3 --aspect 0.5 --reynolds 1,150", "beyond 121"),
         ("--dimension 3 --naca 0012 --reynolds 10", "goes with --aspect"),
-        ("--dimension 3 --aspect 1", "or --settling instead"),
-        ("--dimension 3 --aspect 1 --settling 2,3", "density ratio,viscosity,size"),
-        ("--aspect 1 --settling 2.65,1e-6,1e-4", "settling"),
+        ("--dimension 3 --aspect 1", "or --particle instead"),
+        ("--dimension 3 --aspect 1 --particle 2,3", "density ratio,viscosity,size"),
+        ("--aspect 1 --particle 2.65,1e-6,1e-4", "settling"),
         (f"{INCLINED} nan --reynolds 10", "incidence nan: must be a finite number"),
         (f"{INCLINED} 200 --reynolds 10", "incidence 200: from -180 to 180 degrees"),
         (f"{INCLINED} 30 --reynolds 10 --stream tunnel:8", "are modelled without walls"),

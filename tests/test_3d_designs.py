@@ -1,6 +1,7 @@
 """3-D surrogates, their designs of least drag, and the files and pictures of a run."""
 
 import itertools
+from typing import NamedTuple
 
 import imageio.v3 as imageio
 import matplotlib as mpl
@@ -13,11 +14,18 @@ from shapeopt import Problem, Settling, load_run, optimise, save_run
 from shapeopt.problem.conflicts import candidates
 from shapeopt.render.bodies_3d import FRICTION, PRESSURE, TURNS, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel
+from shapeopt.search import following as following_module
 from shapeopt.search.following import following
 from surrogate import Family, Flow, InvalidInput, Scene, load, train
 from surrogate.flow.output.meshes import pv
 
 FAMILY = Family(dimension=3)
+
+
+class Calls(NamedTuple):
+    """A proposal of which nothing is known but its work."""
+
+    calls: int
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +86,26 @@ def test_exact_terminal_velocity_where_the_force_is_a_power_of_re():
         edge = Problem(scene, Settling(too_much))  # the sphere's Re is outside the scene
         with pytest.raises(InvalidInput, match=f"settles {words}, where the scene ends"):
             following(edge, *loads(edge))
+
+
+def test_problems_that_do_not_follow_count_one_search(monkeypatch):
+    """The drag at a given Re is done after one round, the settling speed here after three."""
+    scene, begin = Scene(dimension=3, reynolds=(1, 40)), iter((9.0, 8.0))
+    problems = [Problem(scene, 20.0), Problem(scene, Settling(300.0))]
+
+    def proposed(problems, model, devices):
+        return [Calls(7) for _ in problems]
+
+    def next_one(model, problem, proposal):
+        reynolds = next(begin, None) if not problem.objective.fixed else None
+        return reynolds and Problem(scene, Settling(300.0, reynolds))
+
+    monkeypatch.setattr(following_module, "propose_all", proposed)
+    monkeypatch.setattr(following_module, "_following", next_one)
+    last, found = following_module.follow_all(problems, None)
+    assert last[0] == problems[0]
+    assert last[1].objective.reynolds == 8
+    assert [one.calls for one in found] == [7, 21]
 
 
 @pytest.mark.parametrize(

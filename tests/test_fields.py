@@ -284,6 +284,17 @@ def test_both_eddies_of_a_wake_above_the_axis_are_drawn():
     assert np.mean(heights > 0.8) > 0.2
 
 
+def test_an_eddy_in_two_strips_is_drawn():
+    """The middle one of their cells lies between them, in no reversed flow."""
+    x, y = np.linspace(-1, 3, 81), np.linspace(-1.4, 1.4, 57)
+    u, still = np.full((81, 57), 0.5), np.zeros((81, 57))
+    u[[50, 53], 10:20] = -0.1
+    axis = Figure().subplots()
+    body = 0.1 * np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+    _draw_eddies(axis, _Plane(x, y, u, still, np.ones_like(u), still), body, (-1, 3, -1.4, 1.4))
+    assert axis.collections
+
+
 def test_forces_in_newtons(cylinder, ellipsoid):
     air = {"speed": 0.3, "diameter": 1e-3, "density": 1.2}
     forces = cylinder.forces(**air, viscosity=1.5e-5)
@@ -334,6 +345,17 @@ def test_flows_by_the_commands(tmp_path, capsys, no_estimates):
     for row in rows:
         assert row["forces_N"]["drag"] == pytest.approx(row["cd"] * 0.5 * 1.2 * 0.09 * 1e-3)
     assert {path.name for path in (out / "re20").iterdir()} == FILES
+    record = json.loads((out / "re20" / "flow.json").read_text())
+    assert record["settings"]["body"]["parameters"]["aspect"] == 1.5
+    assert record["forces_N"] == rows[1]["forces_N"]
+    assert run(solve_drag.main, words) == 0  # the same flows again
+    other = ["2" if word == "1.5" else word for word in words]
+    assert run(solve_drag.main, other) == 2
+    assert "another flow (body parameters aspect 2" not in capsys.readouterr().out
+    assert run(solve_drag.main, [*other, "--overwrite"]) == 0
+    assert json.loads((out / "re20" / "flow.json").read_text())["parameters"]["aspect"] == 2
+    assert run(render_shapes.main, ["--runs", str(out), "--out", str(sheet)]) == 2
+    assert "holds several flows; give them" in capsys.readouterr().err
     runs = [str(out / "re5"), str(out / "re20")]
     assert run(render_shapes.main, ["--runs", *runs, "--out", str(sheet)]) == 0
     pixels(sheet)

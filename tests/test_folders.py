@@ -38,6 +38,13 @@ def test_march_and_payoff_refuse_folders_with_other_files(tmp_path):
         payoff_command.main(["--out", str(tmp_path / "payoff")])
 
 
+def test_another_march_into_the_folder_of_one_is_refused(tmp_path):
+    stored = {"blockage": 0.1, "gif": "x", "incidence": 0.0, "reynolds": 30.0, "height": 16.0}
+    (tmp_path / "march.json").write_text(json.dumps(stored))
+    with pytest.raises(InvalidInput, match=r"holds another march \(.*--overwrite"):
+        march_flow.main(["--aspect", "1", "--reynolds", "20", "--out", str(tmp_path)])
+
+
 def test_another_payoff_into_the_folder_of_one_is_refused(tmp_path):
     stored = {"payoff": [], "queries": [], "settings": {"preset": "quick"}}
     for settings, words in ((stored["settings"], r"preset quick, not full"), (None, "unknown")):

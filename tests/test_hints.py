@@ -1,5 +1,6 @@
 """What a newcomer types by mistake is accepted where it is unambiguous, or answered by a hint."""
 
+import contextlib
 import dataclasses
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import shapeopt
+import surrogate
 from shapeopt import LogNormal, Problem, Robust, Station, Weighted, optimise
 from shapeopt.commands import entry, optimize_shape, predict_drag, solve_drag
 from surrogate import (
@@ -205,6 +207,17 @@ def test_both_spellings_are_understood(capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         entry.main()
     assert ended.value.code == 0
+    printed = capsys.readouterr().out  # of the program that is installed, without the scripts
+    assert "drag-surrogates optimise --reynolds" in printed
+    assert "scripts/optimize_shape.py" not in printed
+
+
+@pytest.mark.parametrize("main", [entry.main, lambda: solve_drag.main(["--version"])])
+def test_the_version_is_that_of_the_package(main, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", ["drag-surrogates", "--version"])
+    with contextlib.suppress(SystemExit):
+        main()
+    assert capsys.readouterr().out == f"drag-surrogates {surrogate.__version__}\n"
 
 
 def test_results_print_in_one_line_and_tell_more_in_a_summary(net, tiny_scene):

@@ -1,5 +1,6 @@
 """Models of Cd, Cl and Cm: mirror symmetry, kriging, glide ratio, bounds on loads, commands."""
 
+import csv
 import dataclasses
 import json
 
@@ -269,13 +270,17 @@ def test_a_sheet_over_lifts_has_the_constraints_of_a_design(monkeypatch, tmp_pat
 def test_a_sheet_with_a_lift_out_of_reach_shows_the_other_bodies(tmp_path, capsys):
     out = tmp_path / "sheet.png"
     sheet = ["--surrogate", "pretrained:lift", "--reynolds", "140,140", "--lifts", "0.3,0.3,2.5"]
-    assert run(design_sheet, [*sheet, "--out", str(out), "--json"]) == 3
+    table = tmp_path / "bodies.csv"
+    assert run(design_sheet, [*sheet, "--out", str(out), "--table", str(table), "--json"]) == 3
     printed = capsys.readouterr()
     assert "1 of 3 bodies were not found: Cl >= 2.5 at Re 140: " in printed.err
     result = json.loads(printed.out)
     assert [row["lift"] for row in result["designs"]] == [0.3, 2.5]
     assert result["best_glide"]["onset"] < 140 < result["designs"][0]["onset"]
     assert result["until"] == "surrogate"
+    aspects = [line["parameters.aspect"] for line in csv.DictReader(table.open())]
+    assert float(aspects[0]) == result["designs"][0]["parameters"]["aspect"]
+    assert len(aspects) == 3
     pixels(out)
 
 

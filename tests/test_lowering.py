@@ -94,6 +94,7 @@ def test_files_that_were_not_used_for_longest_are_removed(files, monkeypatch):
         os.utime(path, (1e9, 1e9))
     lower(5)  # its use renews it
     monkeypatch.setattr(program_files, "LARGEST", 2.5 * path.stat().st_size)
+    (path.parent / ".part-of-a-killed-process").mkdir()
     lower(6)
     assert len(list(files.iterdir())) == 2
     monkeypatch.setattr(lowering, "_lower", None)

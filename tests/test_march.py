@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from surrogate import Flow, Scene, family_shape
-from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
+from surrogate.flow.check.march import Box, growth_rate, make_marcher, march, start, strouhal
 
 CYLINDER = family_shape({"aspect": 1.0})
 
@@ -29,7 +29,15 @@ def test_march_settles_on_the_steady_drag():
 def test_exact_strouhal_number_of_a_known_signal():
     time = np.arange(4000) * 0.01
     assert strouhal(0.3 + np.sin(2 * np.pi * 0.17 * time), 0.01) == pytest.approx(0.17, rel=1e-3)
-    assert np.isnan(strouhal(np.ones(100), 0.01))
+    assert strouhal(np.ones(100), 0.01) is None
+
+
+@pytest.mark.parametrize("rate", [-0.03, 0.0, 0.02])
+def test_exact_growth_rate_of_a_known_signal(rate):
+    time = np.arange(16_000) * 0.01
+    lift = 0.3 + np.exp(rate * time) * np.sin(2 * np.pi * 0.17 * time)
+    assert growth_rate(lift, 0.01) == pytest.approx(rate, abs=5e-4)
+    assert growth_rate(lift[:3000], 0.01) is None  # too few periods
 
 
 @pytest.mark.slow

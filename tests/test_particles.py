@@ -22,10 +22,11 @@ from correlations_at_incidence import (
 from studies.exports import compile_c
 from studies.particle_codes import BY_SPHERICITY, SOURCE
 
-from shapeopt import Problem, Tumbling, optimise
+from shapeopt import Problem, Tumbling, optimise, verify
 from shapeopt.free_fall import fall
 from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.problem.scenarios import model_objective
+from shapeopt.search.verify import checked_variables
 from surrogate import Family, Flow, InvalidInput, Particle, Scene, export, load
 from surrogate.model.ranges import TrainedRanges
 from surrogate.scene.samples import held_out_samples
@@ -229,6 +230,10 @@ class StokesLoads(eqx.Module):
 def test_exact_mean_over_orientations_in_stokes_flow(net):
     """A third of the drag along the axis and two thirds of that across it."""
     problem = Problem(net.scene, Tumbling(2.0))
+    filled = net.scene.family.named(checked_variables(problem, {"aspect": 2.0}))
+    assert filled == {"aspect": 2.0, "flatness": 1.0, "beta2": 0.0, "incidence": 45.0}
+    with pytest.raises(InvalidInput, match="incidence 30; this objective holds it at 45"):
+        verify(problem, {"aspect": 2.0, "incidence": 30.0})
     body = jnp.array([2.0, 1.0, 0.0, 45.0])
     axes = ellipsoid(2.0)
     sideways = Ellipsoid(axes.height, axes.width, axes.length)

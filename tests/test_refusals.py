@@ -152,6 +152,7 @@ WRONG_TYPES = {
     "fidelity": lambda net: Fidelity(None, 8, 3, 4, 4),
     "range of aspect": lambda net: Family(aspect=np.array(5)),
     "Reynolds range": lambda net: Scene(reynolds=np.array(40)),
+    "Reynolds numbers? ": lambda net: Weighted([10, [20, 30]]),
     "a list of numbers": lambda net: Weighted(np.array(5.0), np.array(1.0)),
     "preset": lambda net: train(preset=[]),
     "dimension array": lambda net: Scene(dimension=np.array([2, 3])),
@@ -178,7 +179,8 @@ WRONG_TYPES = {
     "path ": lambda net: Scene.read(b"x"),
     "save": lambda net: save("x", None),
     "export": lambda net: export("pretrained", "s.c"),
-    "prefix": lambda net: export(net, "s.c", prefix=None),
+    "prefix": lambda net: export(net, "s.c", prefix=5),
+    "prefix: goes with C": lambda net: export(net, "s.py", "numpy", prefix="drag"),
     "of each 4 parameters": lambda net: net.drag([[]], 20.0),
     "min moment 0.2 is above max": lambda net: Problem(
         load("pretrained:lift").scene, 20.0, min_moment=0.2, max_moment=0.1

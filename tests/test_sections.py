@@ -144,8 +144,9 @@ def test_the_chord_of_a_family_body_is_its_length_along_the_axis(incidence):
 def test_coefficients_by_the_chord_are_scaled_exactly(chord):
     row = {name: 1.0 for name in KEY_POWERS} | {"estimated_error": 0.1, "cd_friction": None}
     row |= {"reynolds": 20.0, "chord": chord, "reference": "diameter"}
-    assert by_reference(row) == row
-    scaled = by_reference(row | {"reference": "chord"})
+    body = family_shape({"aspect": 4.0})
+    assert by_reference(row, body) == row
+    scaled = by_reference(row | {"reference": "chord"}, body)
     assert scaled["cd"] == scaled["cl"] == scaled["estimated_lift_error"] == 1 / chord
     assert scaled["cm"] == 1 / chord**2
     assert (scaled["estimated_error"], scaled["cd_friction"]) == (0.1, None)
@@ -261,6 +262,33 @@ def test_a_surrogates_drag_by_the_chord_has_its_gradient(capsys):
     assert list(scaled[0]["gradient"])[-1] == "reynolds"
     assert found == pytest.approx(np.asarray(jax.grad(drag)(body)), rel=1e-9, abs=1e-12)
     assert by_reynolds == pytest.approx(float(jax.grad(net.drag, 1)(body, 10.0)) / 2, rel=1e-9)
+
+
+def test_predictions_have_a_table_and_a_polar(capsys, tmp_path):
+    table, plot = tmp_path / "polar.csv", tmp_path / "polar.svg"
+    arguments = ["predict_drag", "--surrogate", "pretrained:lift", "--aspect", "3"]
+    arguments += ["--incidence", "0:8:3", "--reynolds", "40", "--table", table, "--plot", plot]
+    rows = answer(capsys, *arguments)["results"]
+    with table.open() as file:
+        read = list(csv.DictReader(file))
+    assert [float(line["cl"]) for line in read] == [row["cl"] for row in rows]
+    assert [row["glide"] for row in rows] == [row["cl"] / row["cd"] for row in rows]
+    assert "estimated_error" not in rows[0]  # of no flow
+    assert "aspect 3: chord 1.732" in plot.read_text()
+
+
+def test_gradients_by_the_chord_are_those_of_the_coefficients_by_it():
+    """Against the derivatives of Cd / c and Cm / c^2; the chord c is the root of the aspect."""
+    shape = family_shape({"aspect": 4.0, "beta2": 0.1, "incidence": 3.0})
+    slopes = {"aspect": 0.3, "beta2": -0.2, "incidence": 0.05, "reynolds": -0.01}
+    row = {"reference": "chord", "chord": 2.0, "cd": 1.5, "cl": 0.4, "cm": 0.2}
+    found = by_reference(row | {"gradient": dict.fromkeys(("cd", "cl", "cm"), slopes)}, shape)
+    for name, power in (("cd", 1), ("cl", 1), ("cm", 2)):
+        by_aspect = (slopes["aspect"] - power * row[name] / 2 / 4) / 2**power
+        expected = {key: slope / 2**power for key, slope in slopes.items()}
+        assert found["gradient"][name] == pytest.approx(expected | {"aspect": by_aspect})
+    alone = by_reference(row | {"gradient": slopes}, shape)["gradient"]
+    assert alone == found["gradient"]["cd"]
 
 
 def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
@@ -390,7 +418,7 @@ REFUSED = {
     f"{NACA} --reynolds 5 --incidence 0,90 --cells 9": "--incidence 0: body: its mean thickness",
     "solve_drag --aspect 2 --reynolds 9 --gradient --reference chord": "goes without --gradient",
     "solve_drag --aspect 2 --reynolds 9 --dimension 3 --reference chord": "is for 2-D bodies",
-    "solve_drag --aspect 2 --dimension 3 --settling 2,1e-6,1e-4 --table t.csv": "without --table",
+    "solve_drag --aspect 2 --dimension 3 --particle 2,1e-6,1e-4 --table t.csv": "without --table",
     "solve_drag --aspect 2 --reynolds 40 --incidence 0,90": "--incidence 90: Reynolds number 40:",
     "march_flow --aspect 2 --reynolds 9 --incidence 0,9 --out {folder}/m": "--incidence: one angle",
     "march_flow --aspect 2 --reynolds 9,10 --out {folder}/m": "--reynolds: one number",

@@ -353,6 +353,7 @@ def test_the_command_of_a_record_can_be_run(monkeypatch):
         (["scripts/train_surrogate.py", "--json"], "python scripts/train_surrogate.py --json"),
         (["/home/me/mine.py"], "python /home/me/mine.py"),
         (["/usr/bin/drag-surrogates", "train"], "drag-surrogates train"),
+        (["mine.py", "--out", "out/my run"], "python mine.py --out 'out/my run'"),
     ):
         monkeypatch.setattr("sys.argv", given)
         assert command_line() == stored

@@ -181,7 +181,7 @@ def timed_batch(flow: Flow, devices: Devices, count: int, rounds: int) -> tuple[
     samples = training_samples(flow.scene, 0, count)
     partition = partition_bodies(devices, estimated_cost(flow.scene.family, *samples))
     given = devices.place((partition, *samples))
-    program = batch_solver(flow.bodies, devices).lower(*given).compile()
+    program = batch_solver(flow.bodies).lower(*given).compile()
     memory, found = program.memory_analysis().temp_size_in_bytes, []
     seconds = medians([lambda: found.append(program(*given)) or found[-1]], rounds)[0]
     row = {

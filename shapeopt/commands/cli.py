@@ -30,7 +30,6 @@ OTHER_WORDS = {  # options by which other programs call the same
     **dict.fromkeys(("--aoa", "--alpha", "--angle-of-attack"), "--incidence"),
     **dict.fromkeys(("--re", "--rey"), "--reynolds"),
     "--cl": "--lift",
-    "--thickness": "--aspect",
 }
 CONTOURS = (
     "surrogates answer bodies of the family (--aspect and modes); solve_drag.py solves NACA "
@@ -40,7 +39,17 @@ BY_DIAMETER = (
     "coefficients here are by D, in designs with --chord-reynolds by the chord c: Cd / c, Cl / c, "
     "Cm / c^2 with c in D"
 )
+OF_SCENE = "is the scene's: that of the surrogate, or of --scene FILE where the command takes one"
 ABSENT = {  # options that a command lacks for a reason
+    **dict.fromkeys(("--dimension", "--stream", "--cells", "--fidelity"), OF_SCENE),
+    "--scene": "the body's options and --stream say what is solved, or the surrogate has a scene",
+    "--thickness": "--aspect is length over thickness, 1 / (t/c); designs have --min-thickness",
+    "--lift": "optimize_shape.py --lift bounds Cl, design_sheet.py --lifts finds a body for each",
+    "--lifts": "--lift 0.2,0.5 is one section for several, design_sheet.py --lifts one for each",
+    "--verify": "predict_drag.py --verify solves the flow too; designs are always verified",
+    "--fluid": "solve_drag.py and predict_drag.py --fluid give forces in N",
+    "--particle": "solve_drag.py --particle settles a body, free_fall.py lets it fall",
+    "--settling": "--particle RATIO,NU,D",
     "--reference": BY_DIAMETER,
     "--moment-about": "moments here are about the centroid; solve_drag.py knows other points",
     "--chord-reynolds": "--reynolds is U D / nu, D the equivalent diameter: U c / nu over c / D",
@@ -50,6 +59,8 @@ ABSENT = {  # options that a command lacks for a reason
 SEVERAL = {  # options that take one number in one command and several in another
     "--max-length": "design_sheet.py takes several",
 }
+PROGRAM = "drag-surrogates"  # the console script
+ALIKE = 0.75  # of options, by difflib's ratio, that may be meant
 GLOSSARY = Path(surrogate.__file__).with_name("GLOSSARY.md")
 
 
@@ -66,14 +77,19 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, docstring: str):
         title, _, examples = docstring.partition("\n")
+        if sys.argv[0].startswith(PROGRAM):  # installed, without the folder scripts
+            examples = re.sub(r"python scripts/\w+\.py", sys.argv[0], examples)
         super().__init__(
             description=title,
             epilog=f"{examples.strip()}\n\n{STATUSES}\nwords and symbols: {GLOSSARY}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
         )
         # argparse takes -0.1 for a value, but -1e-2 and -0.1,0.2 for options
         self._negative_number_matcher = re.compile(r"-[\d.]")
         self.add_argument("--json", action="store_true", help="one JSON object on stdout")
+        version = f"{PROGRAM} {surrogate.__version__}"
+        self.add_argument("--version", action="version", version=version)
 
     def parse_args(
         self, args: Sequence[str] | None = None, namespace: argparse.Namespace | None = None
@@ -93,7 +109,7 @@ class Parser(argparse.ArgumentParser):
             known = [name for action in self._actions for name in action.option_strings]
             word = wrong[1].lower()
             other = OTHER_WORDS.get(word)
-            hint = did_you_mean(other if other in known else word, known)
+            hint = did_you_mean(other if other in known else word, known, ALIKE)
             hint = f"; {ABSENT[word]}" if word in ABSENT else hint
         elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))

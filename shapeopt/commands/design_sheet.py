@@ -9,7 +9,7 @@ python scripts/design_sheet.py --surrogate pretrained:lift --chord-reynolds 100 
 They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate:
 one after the other, each with the flows of those before. With --lifts: the bodies of least Cd whose
 Cl is at least each of these, and the one of the best glide ratio Cl / Cd, for surrogates of
-sections with camber or incidence.
+sections with camber or incidence; optimize_shape.py --lift finds one section for several lifts.
 """
 
 import argparse
@@ -27,6 +27,7 @@ from shapeopt.commands.problem_arguments import (
 )
 from shapeopt.commands.ranges import numbers
 from shapeopt.commands.reference import CHORD, DIAMETER, unsteady_remark
+from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.render.designs import plot_designs
 from shapeopt.render.over_lift import plot_over_lift
 from shapeopt.search.designer import Designer
@@ -46,7 +47,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
       NotConverged: a body was not found; those found are drawn and printed.
     """
     arguments = _parser().parse_args(argv)
-    out, surrogate = check_file(arguments.out, ".png"), load(arguments.surrogate)
+    check_outputs(arguments.table, None)
+    out = check_file(arguments.out, ".png", ".svg", ".pdf")
+    surrogate = load(arguments.surrogate)
     reynolds = _reynolds(arguments)
     lengths = []
     if arguments.max_length is not None:
@@ -61,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         rows, seconds = designs_over(model, reynolds, lengths, progress, **bounds)
     plot_designs(surrogate.scene.family, [row for row in rows if row["excess"] is not None], out)
     result = {"designs": rows, "seconds": seconds, "until": arguments.until, "out": str(out)}
-    return _emitted(result, arguments.json, rows, [_length(row) for row in rows])
+    return _emitted(result, arguments, rows, [_length(row) for row in rows])
 
 
 def _over_lift(
@@ -87,7 +90,7 @@ def _over_lift(
     result = {"designs": rows, "best_glide": best, "seconds": seconds, "reference": reference}
     result |= {"until": arguments.until, "out": str(out)}
     bodies = [*rows, best]
-    return _emitted(result, arguments.json, bodies, [_lift(row) for row in bodies])
+    return _emitted(result, arguments, bodies, [_lift(row) for row in bodies])
 
 
 def _reynolds(arguments: argparse.Namespace) -> list[float]:
@@ -103,13 +106,15 @@ def _reynolds(arguments: argparse.Namespace) -> list[float]:
 
 
 def _emitted(
-    result: JsonObject, as_json: bool, rows: list[JsonObject], bounds: list[str]
+    result: JsonObject, arguments: argparse.Namespace, rows: list[JsonObject], bounds: list[str]
 ) -> JsonObject:
-    """Print the result, a line for every body with its bound, and return it.
+    """Print the result, a line for every body with its bound, write the table, and return it.
 
     Raises:
       NotConverged: a body was not found.
     """
+    if arguments.table:
+        write_table(rows, arguments.table)
     pairs = list(zip(rows, bounds, strict=True))
     on_flow = result["until"] == "flow"
     lines = [f"{_at(row, result):10} {bound:16} {_line(row, on_flow)}" for row, bound in pairs]
@@ -118,7 +123,7 @@ def _emitted(
     lines += [f"  {unsteady_remark(min(late, key=lambda row: row['onset']))}"] if late else []
     ends = sorted({name for row in rows for name in row["at_range_ends"] or ()})
     lines += [f"  some bodies at the end of the range of {', '.join(ends)}"] if ends else []
-    emit(result, as_json, "\n".join([*lines, f"-> {result['out']}"]))
+    emit(result, arguments.json, "\n".join([*lines, f"-> {result['out']}"]))
     if lost := [(row, bound) for row, bound in pairs if row["why_not"]]:
         row, bound = lost[0]
         reason = f"{bound} at {_at(row, result)}: {row['why_not']}"
@@ -162,6 +167,7 @@ def _line(row: JsonObject, on_flow: bool) -> str:
         parts.append(f"{round(row['excess'], 4) + 0.0:+.2%}")  # no minus zero
     if on_flow:
         parts.append(f"{row['flows']} flows, KKT residual {row['kkt_residual']:.0e}")
+    parts.append(", ".join(f"{name} {value:.4g}" for name, value in row["parameters"].items()))
     return "  ".join(parts)
 
 
@@ -179,5 +185,6 @@ def _parser() -> Parser:
     add_constraint_arguments(parser)
     add("--until", choices=["surrogate", "flow"], default="surrogate", help=UNTIL_HELP)
     add("--memory", help=MEMORY_HELP)
-    add("--out", required=True, help="picture, .png")
+    add("--table", help="CSV file of the bodies, with their parameters and coefficients")
+    add("--out", required=True, help="picture, .png, .svg or .pdf")
     return parser

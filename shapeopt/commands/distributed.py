@@ -20,6 +20,7 @@ import jax
 from shapeopt.commands.cli import LOST, Parser, ProcessLost, memory_is_full
 from surrogate.checks import whole_number
 from surrogate.compilation import let_devices_wait
+from surrogate.devices import ACCELERATOR_BATCH
 from surrogate.errors import InvalidInput
 from surrogate.processes import join, scheduled
 
@@ -28,9 +29,15 @@ RUNTIME = re.compile(r"\[Gloo\]|[EIW]\d{4} ")  # messages of JAX's runtime
 FATAL = re.compile(r"F\d{4} |\*\*\* |terminate called|E\d{4} .*(coordination|distributed)")
 
 
-def add_device_argument(parser: Parser) -> None:
-    """Add the option ``--devices``, the number of devices of this process."""
-    parser.add_argument("--devices", type=int, help="of this process: CPU cores, or GPUs (1)")
+def add_device_argument(parser: Parser, purpose: str = "") -> None:
+    """Add the option ``--devices``, the number of devices of this process.
+
+    Args:
+      parser: of the command.
+      purpose: what the command spreads over them, which begins the help.
+    """
+    words = f"{purpose}number of this process: CPU cores, or GPUs (1)"
+    parser.add_argument("--devices", type=int, help=words)
 
 
 def use_devices(count: int | None) -> int | None:
@@ -49,7 +56,7 @@ def add_distributed_arguments(parser: Parser) -> None:
     parser.add_argument(
         "--device-batch",
         type=int,
-        help="batch size per device, from 1 (1 on a CPU, more elsewhere)",
+        help=f"batch size per device, from 1 (1 on a CPU, {ACCELERATOR_BATCH} elsewhere)",
     )
     parser.add_argument("--coordinator", help="HOST:PORT of the first process, the same for all")
     parser.add_argument("--processes", type=int, help="number of processes, from 1 (1)")

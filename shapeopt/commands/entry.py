@@ -3,7 +3,8 @@
 import importlib
 import sys
 
-from shapeopt.commands.cli import BAD_INPUT, DONE, run
+import surrogate
+from shapeopt.commands.cli import BAD_INPUT, DONE, PROGRAM, run
 from surrogate.checks import did_you_mean
 from surrogate.progress import print_message
 
@@ -27,8 +28,11 @@ def main() -> int:
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     name = "optimise" if name == "optimize" else name
     if name in COMMANDS:
-        sys.argv = [f"drag-surrogates {name}", *sys.argv[2:]]
+        sys.argv = [f"{PROGRAM} {name}", *sys.argv[2:]]
         return run(importlib.import_module(f"shapeopt.commands.{COMMANDS[name][0]}").main)
+    if name == "--version":
+        print(f"{PROGRAM} {surrogate.__version__}")
+        return DONE
     if name in ("-h", "--help"):
         lines = (f"  {word:10}{what}" for word, (_, what) in COMMANDS.items())
         print("\n".join(["usage: drag-surrogates COMMAND ...", "", *lines]))

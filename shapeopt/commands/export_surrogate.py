@@ -11,7 +11,6 @@ from collections.abc import Sequence
 
 from shapeopt.commands.arguments import add_surrogate_argument
 from shapeopt.commands.cli import Parser, emit
-from surrogate.errors import InvalidInput
 from surrogate.exports.export import PREFIX, TARGETS, export
 from surrogate.exports.literals import PRECISIONS
 from surrogate.files import JsonObject
@@ -30,15 +29,13 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     parser.add_argument("--prefix", help=names)
     parser.add_argument("--precision", default="double", choices=PRECISIONS, help="of all numbers")
     arguments = parser.parse_args(argv)
-    if arguments.prefix is not None and arguments.to == "numpy":
-        raise InvalidInput("--prefix: goes with C, Fortran and ONNX; leave it out")
     surrogate = load(arguments.surrogate)
     out = export(
         surrogate,
         arguments.out,
         arguments.to,
         precision=arguments.precision,
-        prefix=PREFIX if arguments.prefix is None else arguments.prefix,
+        prefix=arguments.prefix,
     )
     result = {
         "out": str(out),

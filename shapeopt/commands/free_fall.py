@@ -13,14 +13,13 @@ from collections.abc import Sequence
 
 from shapeopt.commands.arguments import add_family_arguments, check_aspect
 from shapeopt.commands.cli import Parser, emit
-from shapeopt.commands.ranges import few_numbers
+from shapeopt.commands.particle import add_particle_argument, particle_line, particle_of
 from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import moment_is_known, orientations
 from shapeopt.render.falls import plot_fall
 from surrogate.body.parameters import INCIDENCE, PARAMETERS
 from surrogate.files import JsonObject
-from surrogate.flow.settling import Particle
 from surrogate.model.store import load
 
 NEGLIGIBLE = 1e-6  # relative size of what is printed as zero
@@ -31,8 +30,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, integrate the fall and report it."""
     arguments = _parser().parse_args(argv)
     check_aspect(arguments)
-    form = "density ratio,viscosity,size, as 1.2,1e-6,5e-4"
-    particle = Particle(*few_numbers(arguments.particle, "--particle", form, 3))
+    particle = particle_of(arguments.particle)
     check_outputs(arguments.table, arguments.plot)
     surrogate = load(arguments.surrogate)
     given = {name: getattr(arguments, name) for name in NAMES}
@@ -65,6 +63,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         plot_fall(found, *shape, particle, arguments.plot)
     sideways, axis = _rounded(horizontal, upward), _rounded(result["tilt"], 90)
     text = (
+        f"{particle_line(particle)}\n"
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
         f"{'down' if upward < 0 else 'up'} and {sideways:.4g} m/s sideways, axis {axis:.1f} "
         "degrees above the horizontal\nincidences that are stable at this Re, of either sign: "
@@ -98,11 +97,7 @@ def _parser() -> Parser:
     parser.add_argument("--surrogate", default="pretrained:particle", help=models)
     add_family_arguments(parser, NAMES)
     add = parser.add_argument
-    particle = (
-        "density over the fluid's,viscosity in m^2/s,size in m: the diameter of the sphere of its "
-        "volume; gravity is 9.81 m/s^2"
-    )
-    add("--particle", required=True, help=particle)
+    add_particle_argument(parser, required=True)
     add("--seconds", type=float, default=1.0, help="duration (1)")
     add("--tilt", type=float, default=45.0, help="degrees of the axis above the horizontal (45)")
     add("--table", help="CSV file of the motion")

@@ -5,17 +5,21 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
+from shapeopt.commands.arguments import body_record
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.newtons import add_fluid_argument, conditions_of, force_entries
 from shapeopt.commands.sweep import Case
 from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.solution import Solution
+from surrogate.versions import command_line
 
 
 def add_kept_arguments(parser: Parser) -> None:
     """Add the options --out (folder of the flow) and --fluid (forces in newtons)."""
-    parser.add_argument("--out", help="folder of contour, fields and picture; one each of several")
+    folder = "folder of contour, fields and picture; of several flows OUT/re10, OUT/incidence5_re10"
+    parser.add_argument("--out", help=folder)
+    parser.add_argument("--overwrite", action="store_true", help="replace another flow in --out")
     add_fluid_argument(parser)
 
 
@@ -27,19 +31,21 @@ def kept_flows(
     The entries are the forces in newtons where --fluid is given, and the folder where --out is.
 
     Raises:
-      InvalidInput: a folder holds something else, or U D / nu is not the Reynolds number.
+      InvalidInput: a folder holds something else or, without --overwrite, another flow; or U D / nu
+        is not the Reynolds number.
     """
     conditions, folders = conditions_of(arguments.fluid), {}
     for case in cases if conditions else ():
         conditions.check(case.reynolds)
     if arguments.out is not None:
-        from surrogate.flow.output.folder import check_flow_folder  # imports pyvista: a second
+        from surrogate.flow.output.folder import check_stored_flow  # imports pyvista: a second
 
         folders = {id(case): flow_folder(arguments.out, case, cases) for case in cases}
         if len(set(folders.values())) < len(cases):
             raise InvalidInput("--out: two of the flows are the same to nine digits; leave one out")
-        for folder in folders.values():
-            check_flow_folder(folder)
+        for case in cases:
+            asked = None if arguments.overwrite else _settings(arguments, case)
+            check_stored_flow(folders[id(case)], asked)
 
     def keep(case: Case, solution: Solution) -> JsonObject:
         gained: JsonObject = {}
@@ -47,10 +53,18 @@ def kept_flows(
             forces = solution.forces(**dataclasses.asdict(conditions))
             gained |= force_entries(forces, conditions, case.reynolds, case.shape.dimension)
         if folders:
-            gained["out"] = str(solution.write(folders[id(case)]))
+            notes = gained | {"settings": _settings(arguments, case), "command": command_line()}
+            gained["out"] = str(solution.write(folders[id(case)], notes))
         return gained
 
     return keep
+
+
+def _settings(arguments: argparse.Namespace, case: Case) -> JsonObject:
+    """Return what a flow is asked for, by which a stored one is known to be the same."""
+    solver = {name: getattr(arguments, name) for name in ("stream", "fidelity", "cells")}
+    body = body_record(arguments) | {"incidence": case.incidence}
+    return {"body": body, "reynolds": case.reynolds} | solver
 
 
 def flow_folder(out: str, case: Case, cases: list[Case]) -> Path:

@@ -2,10 +2,16 @@
 
 python scripts/march_flow.py --aspect 1 --reynolds 20 --out out/march20
 python scripts/march_flow.py --aspect 1 --reynolds 100 --time 160 --out out/march100 --json
+
+From 0.7 of the estimated onset of shedding on, the flow starts with a vortex that breaks its
+symmetry, and the lift tells whether disturbances grow: sheds is true where its oscillation grows or
+keeps its amplitude, false where it decays or the flow lies below these Re; growth_rate is that of
+the amplitude in U / D, between the third and the last quarter of the time. Both are null where too
+few periods lie in them. cd is the mean over the later half where the flow sheds, else the last one.
 """
 
+import contextlib
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,15 +20,17 @@ import numpy as np
 from shapeopt.commands.arguments import add_body_arguments, body_record, shape_of
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.reference import add_reynolds_arguments, reference_record, reynolds_of
+from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import JsonObject, check_target, whole_file
-from surrogate.flow.check.march import Box, make_marcher, march, start, strouhal
+from surrogate.files import JsonObject, check_target, strict_json, whole_files
+from surrogate.flow.check.march import Box, growth_rate, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.progress import progress_bar
+from surrogate.repeats import check_settings
 from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
@@ -31,6 +39,10 @@ FRAMES = 60  # of the GIF
 NODES = 200  # markers of the body
 LONGEST = 4.0  # body in D, so that markers are closer than cells
 LEAST_REYNOLDS = 1.0  # the stable time step falls with Re
+NEAR = 0.7  # Re over the estimated onset from which it is asked whether the flow sheds
+KICK = 0.5  # velocity of the vortex that breaks the symmetry, over U
+SLOWEST = -0.002  # growth rate in U / D above which an oscillation is said to keep its amplitude
+RECORD = "march.json"
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -39,13 +51,14 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     The comparison is for symmetric bodies of the family below the onset of instability.
     """
     arguments = _parser().parse_args(argv)
+    check_outputs(arguments.table, None)
     shape = shape_of(arguments)
     reynolds = reynolds_of(arguments, shape.chord, dimension=2)
     if len(reynolds) != 1:
         raise InvalidInput("--reynolds: one number; run once for each")
     re, out = reynolds[0], Path(arguments.out)
-    sheds = re > onset_of(shape)
-    duration = (160.0 if sheds else 60.0) if arguments.time is None else arguments.time
+    near = re > NEAR * onset_of(shape)
+    duration = (160.0 if near else 60.0) if arguments.time is None else arguments.time
     if re < LEAST_REYNOLDS:
         raise InvalidInput(f"--reynolds {re:g}: from 1, below which time steps are too small")
     if not 5 <= duration <= 2000:
@@ -61,33 +74,34 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D and "
             f"from {Domain2D.MIN_THICKNESS:g} cells thick can be marched"
         )
-    check_target(out, "march.json", ("blockage", "gif"), others=("march.gif",))
+    asked = {"body": body_record(arguments), "incidence": shape.incidence, "reynolds": re}
+    asked |= {"height": arguments.height, "time": duration}
+    _check_folder(out, asked, arguments.overwrite)
     steps = max(1, round(duration / box.step / FRAMES))  # of a frame
     duration = FRAMES * steps * box.step
-    drag, lift, frames = _march(box, markers, re, steps, kick=0.5 if sheds else 0.0)
-    late = len(drag) // 2
+    drag, lift, frames = _march(box, markers, re, steps, kick=KICK if near else 0.0)
     result = {
-        "body": body_record(arguments),
-        "incidence": shape.incidence,
+        **asked,
         **reference_record(re, shape),
-        "height": arguments.height,
         "blockage": float(height / arguments.height),
-        "time": duration,
-        "cd": float(drag[-1]),
-        "cd_mean": float(drag[late:].mean()),
-        "cl_mean": float(lift[late:].mean()),
-        "cl_amplitude": float(np.ptp(lift[late:]) / 2),
-        "strouhal": _strouhal(lift[late:], box.step) if sheds else None,
+        **_findings(drag, lift, box.step, near),
         "cd_steady": None,
         "gif": str(out / "march.gif"),
     }
-    if shape.symmetric and not sheds:  # the same blockage, between slip walls
+    if shape.symmetric and result["sheds"] is False:  # the same blockage, between slip walls
         tunnel = Flow(Scene(Tunnel(box.height), (re, re)))
-        result["cd_steady"] = tunnel.solve(shape, re, estimate=False).drag
+        with contextlib.suppress(NotConverged):  # the march is an answer without it
+            steady = tunnel.solve(shape, re, estimate=False, allow_unsteady=True)
+            result["cd_steady"] = steady.drag
     captions = [f"Re {re:g}, t = {duration * (k + 1) / FRAMES:.1f} D / U" for k in range(FRAMES)]
-    render_march(box.lattice, markers, frames, captions, out / "march.gif")
-    with whole_file(out / "march.json") as part:
-        part.write_text(json.dumps(result, indent=1) + "\n")
+    if arguments.table:
+        columns = box.step * np.arange(1, len(drag) + 1), drag, lift
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        named = [dict(zip(("time", "cd", "cl"), row, strict=True)) for row in rows]
+        write_table(named, arguments.table)
+    with whole_files(out, RECORD) as part:
+        render_march(box.lattice, markers, frames, captions, part / "march.gif")
+        (part / RECORD).write_text(json.dumps(result, indent=1) + "\n")
     return emit(result, arguments.json, _text(result))
 
 
@@ -110,9 +124,28 @@ def _march(
     return np.concatenate(drags), np.concatenate(lifts), frames
 
 
-def _strouhal(lift: np.ndarray, step: float) -> float | None:
-    value = strouhal(lift, step)
-    return value if math.isfinite(value) else None  # JSON has no NaN
+def _findings(drag: np.ndarray, lift: np.ndarray, step: float, near: bool) -> JsonObject:
+    """Return the coefficients of a march, whether it sheds vortices, and how fast these grow."""
+    late = slice(len(drag) // 2, None)
+    mean, rate = float(drag[late].mean()), growth_rate(lift, step) if near else None
+    sheds = rate > SLOWEST if rate is not None else (None if near else False)
+    return {
+        "cd": mean if sheds else float(drag[-1]),
+        "cd_mean": mean,
+        "cl_mean": float(lift[late].mean()),
+        "cl_amplitude": float(np.ptp(lift[late]) / 2),
+        "growth_rate": rate,
+        "sheds": sheds,
+        "strouhal": strouhal(lift[late], step) if near else None,
+    }
+
+
+def _check_folder(out: Path, asked: JsonObject, overwrite: bool) -> None:
+    """Raise InvalidInput unless the march may be written to a folder, replacing only its equal."""
+    check_target(out, RECORD, ("blockage", "gif"), others=("march.gif",))
+    if not overwrite and (out / RECORD).is_file():
+        stored = strict_json((out / RECORD).read_text(encoding="utf-8"))
+        check_settings(out, "march", {name: stored.get(name) for name in asked}, asked)
 
 
 def _text(r: JsonObject) -> str:
@@ -120,6 +153,9 @@ def _text(r: JsonObject) -> str:
     if r["strouhal"] is not None:
         lift = f"Cl {r['cl_mean']:.3f} +- {r['cl_amplitude']:.3f}"
         line += f" on average, {lift}, Strouhal number {r['strouhal']:.4f}"
+    if r["growth_rate"] is not None:
+        grows = "sheds vortices" if r["sheds"] else "does not shed"
+        line += f"; {grows}: the lift's amplitude changes at the rate {r['growth_rate']:+.4f} U / D"
     if r["cd_steady"] is not None:
         gap = 100 * (r["cd"] / r["cd_steady"] - 1)
         line += (
@@ -133,7 +169,13 @@ def _parser() -> Parser:
     add_body_arguments(parser)
     add = parser.add_argument
     add_reynolds_arguments(parser)
-    add("--time", type=float, help="duration in D / U, 5 to 2000 (60; with shedding 160)")
+    add(
+        "--time",
+        type=float,
+        help="duration in D / U, 5 to 2000 (60; near the onset and beyond 160)",
+    )
     add("--height", type=float, default=16.0, help="of the periodic domain in D, 6 to 64 (16)")
     add("--out", required=True, help="folder of march.gif and march.json")
+    add("--table", help="CSV file of Cd and Cl at all time steps")
+    add("--overwrite", action="store_true", help="replace another march that is there")
     return parser

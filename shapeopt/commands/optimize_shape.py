@@ -1,7 +1,8 @@
 """Shape of least drag, by a trained surrogate or by the flow's adjoint, verified by the flow.
 
 python scripts/optimize_shape.py --surrogate pretrained --reynolds 40 --out out/re40
-python scripts/optimize_shape.py --surrogate none --scene tunnel.toml --reynolds 40 --out out/flow
+python scripts/optimize_shape.py --surrogate none --scene scripts/tunnel.toml --reynolds 40 \\
+    --out out/flow
 python scripts/optimize_shape.py --reynolds 40 --until flow --memory flows.json --out out/exact
 python scripts/optimize_shape.py --reynolds 1,10,40 --weights 1,2,1 --until flow --out out/several
 python scripts/optimize_shape.py --surrogate none --scene scripts/space.toml --reynolds 40 \\
@@ -142,9 +143,14 @@ def _objective(problem: Problem, value: float) -> str:
 
 def _ratio(problem: Problem) -> str:
     """The name of the ratio that is maximised for a glide."""
-    count, level = len(problem.scenarios.weight), float(problem.scenarios.level)
-    worst = f"the worst {100 * (1 - level):g} % of " * (level > 0)
-    return "glide ratio" if count == 1 else f"mean glide ratio of {worst}{count} cases"
+    count = len(problem.scenarios.weight)
+    return "glide ratio" if count == 1 else f"mean glide ratio of {_worst(problem)}{count} cases"
+
+
+def _worst(problem: Problem) -> str:
+    """Say of which part of the cases the objective is the mean; empty if of all."""
+    level = float(problem.scenarios.level)
+    return f"the worst {100 * (1 - level):g} % of " * (level > 0)
 
 
 def _within(file: str, folder: str) -> bool:
@@ -157,7 +163,9 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
-    name = f"mean Cd over {len(r['cases'])} lifts" if problem.objective.lifts else name
+    if len(r["cases"]) > 1 and not relative:
+        over = "lifts" if problem.objective.lifts else "cases"
+        name = f"mean Cd of {_worst(problem)}{len(r['cases'])} {over}"
     lifts, unit = "", problem.reference.symbol
     first = f" at lift {problem.objective.lifts[0]:g}" if problem.objective.lifts else ""
     if lifting and r["cl_verified"] is not None:
@@ -259,5 +267,5 @@ def _parser() -> Parser:
     parser.add_argument("--memory", help=MEMORY_HELP)
     parser.add_argument("--out", required=True, help="folder of the run")
     parser.add_argument("--overwrite", action="store_true", help="replace a run that is there")
-    add_device_argument(parser)
+    add_device_argument(parser, "for several cases with --until flow or --surrogate none: ")
     return parser

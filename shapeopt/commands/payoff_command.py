@@ -114,8 +114,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         (out / picture).unlink(missing_ok=True)
     with whole_file(out / RECORD) as part:
         part.write_text(json.dumps(result, indent=1) + "\n")
-    _draw(strategies, groups[0][best], queries[: PLAIN[preset]], best, out)
-    return _emit(result, arguments.json)
+    try:
+        _draw(strategies, groups[0][best], queries[: PLAIN[preset]], best, out)
+    finally:  # the numbers are shown even if the pictures fail
+        _emit(result, arguments.json)
+    return result
 
 
 def _emit(result: JsonObject, as_json: bool) -> JsonObject:
@@ -211,6 +214,10 @@ def _parser() -> Parser:
     add("--seed", type=int, default=0, help="the first seed, from 0 (0)")
     add("--seeds", type=int, default=1, help="trainings of every method, 1 to 20 (1)")
     add("--out", required=True, help="folder for surrogates, runs and pictures")
-    add("--overwrite", action="store_true", help="replace a payoff and trainings of others")
+    add(
+        "--overwrite",
+        action="store_true",
+        help="replace a payoff or trainings of other settings; equal trainings are kept",
+    )
     add_device_argument(parser)
     return parser

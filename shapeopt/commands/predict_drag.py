@@ -10,7 +10,7 @@ python scripts/predict_drag.py --surrogate pretrained:particle --aspect 2.5 --in
 
 Bodies with camber or incidence have Cl and Cm too, where the surrogate was trained for them.
 Errors are within the bounds for 95 % of bodies. Errors and bounds of Cd are relative, those of Cl
-and Cm are of these themselves.
+and Cm are of these themselves; expected_error and estimated_error are the flow's own, of Cd.
 """
 
 import argparse
@@ -50,12 +50,19 @@ from shapeopt.commands.reference import (
     reynolds_of,
     unsteady_remark,
 )
-from shapeopt.commands.sweep import check_converged
+from shapeopt.commands.sweep import (
+    add_sweep_arguments,
+    check_converged,
+    check_outputs,
+    polar_title,
+    write_table,
+)
 from shapeopt.commands.verification import beside_the_flow
-from surrogate.body.chord_line import loads_by_chord
+from shapeopt.render.polar import ERRORS, plot_polar
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import Shape, family_shape
 from surrogate.compilation import compiled
+from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.forces import Conditions
 from surrogate.flow.loads import LOADS
@@ -71,15 +78,22 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, predict the loads and report them."""
     arguments = _parser().parse_args(argv)
     check_aspect(arguments)
+    check_outputs(arguments.table, arguments.plot)
     surrogate, incidences = load(arguments.surrogate), incidences_of(arguments)
     check_reference(arguments.reference, surrogate.scene.dimension, arguments.moment_about)
     results = [
         row for incidence in incidences for row in _at_incidence(surrogate, arguments, incidence)
     ]
+    if arguments.plot and len(results) < 2:
+        raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
     family = surrogate.scene.family
     if arguments.verify:
         bodies = [family.parameters(_named(arguments, row["incidence"])) for row in results]
         results = beside_the_flow(surrogate, bodies, results)
+    if arguments.table:
+        write_table(results, arguments.table)
+    if arguments.plot:
+        _plot(arguments, results)
     result = {
         "results": results,
         "surrogate": arguments.surrogate,
@@ -98,6 +112,13 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.verify:
         check_converged(results)
     return result
+
+
+def _plot(arguments: argparse.Namespace, rows: list[JsonObject]) -> None:
+    """Plot the polar, with the bounds of the surrogate's errors as bars."""
+    bars = dict(zip(ERRORS.values(), (f"{load}_error_bound" for load in LOADS), strict=True))
+    known = [row | {bar: row[bound] for bar, bound in bars.items()} for row in rows]
+    plot_polar(known, polar_title(arguments, rows[0]), arguments.plot)
 
 
 def _named(arguments: argparse.Namespace, incidence: float) -> dict[str, float]:
@@ -144,19 +165,20 @@ def _predict(
     }
     row |= moment_record(shape, arguments.moment_about, *by_diameter)
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
-    by_body, by_re = _jacobian(surrogate.network, family.body_class, reference == CHORD, *at)
+    by_body, by_re = _jacobian(surrogate.network, *at)
     gradients = {
         load: family.named(row) | {"reynolds": slope}
         for load, row, slope in zip(LOADS, np.asarray(by_body), by_re.tolist(), strict=True)
     }
+    row |= {"glide": row["cl"] / row["cd"]}
+    row |= {"gradient": gradients if family.has_lift else gradients["cd"]}
     outside = surrogate.outside(parameters, reynolds)
     confidence = "inside"
     if outside:
         worst = max(outside, key=outside.__getitem__)
         confidence = f"outside: {worst} by {outside[worst]:.2g} of its trained range"
     return {
-        **by_reference(row),
-        "gradient": gradients if family.has_lift else gradients["cd"],
+        **by_reference(row, shape),
         **_error_bounds(surrogate, parameters, reynolds, by_diameter[0] / units, bool(outside)),
         "in_trained_range": not outside,
         "confidence": confidence,
@@ -172,15 +194,10 @@ def _forces(
     return force_entries(forces, conditions, reynolds, surrogate.scene.dimension)
 
 
-@compiled("body_class", "by_chord")
-def _jacobian(network, body_class, by_chord, parameters, reynolds):
-    """Return the derivatives of a body's loads, over D or its chord, by parameters and U D / nu."""
-
-    def coefficients(body, reynolds):
-        by_diameter = network_loads(network, body, reynolds)
-        return loads_by_chord(by_diameter, body_class.length(body)) if by_chord else by_diameter
-
-    return jax.jacrev(coefficients, argnums=(0, 1))(parameters, reynolds)
+@compiled()
+def _jacobian(network, parameters, reynolds):
+    """Return the derivatives of a body's loads by its parameters and by U D / nu."""
+    return jax.jacrev(network_loads, argnums=(1, 2))(network, parameters, reynolds)
 
 
 def _error_bounds(
@@ -247,5 +264,7 @@ def _parser() -> Parser:
     add_fluid_argument(parser)
     beyond = "answer outside the trained ranges too"
     parser.add_argument("--extrapolate", action="store_true", help=beyond)
-    parser.add_argument("--verify", action="store_true", help="solve the flow too, and compare")
+    beside = "solve the flow too, also beyond the estimated onset of instability, and compare"
+    parser.add_argument("--verify", action="store_true", help=beside)
+    add_sweep_arguments(parser)
     return parser

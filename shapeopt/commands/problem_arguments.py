@@ -24,14 +24,15 @@ GLIDE = "glide"  # the objective at one Reynolds number, which may be uncertain
 SINGLE = {GLIDE: Glide, "tumbling": Tumbling}  # objectives at one Reynolds number
 SETTLING = "settling"  # the objective that finds its Reynolds number
 UNTIL_HELP = (
-    "end at the surrogate's optimum (default), or at the flow's, where the KKT residual, with the "
-    f"violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most {KKT_ACCEPTED:g}"
+    "end at the surrogate's optimum (default, where there is one), or at the flow's, where the KKT "
+    f"residual, with the violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most "
+    f"{KKT_ACCEPTED:g}"
 )
 CHORD_HELP = (
     "chord Reynolds number U c / nu instead of --reynolds: optimise at fixed chord c, with the "
-    "area free (2-D, one number without --spread, no tunnel). Unlike in solve_drag.py, Cd, Cl and "
-    "Cm are then over c (Cm: c^2) and lengths of bounds in c: --min-thickness 0.3 is t/c, without "
-    "which the thinnest body of the family mostly wins"
+    "area free (2-D, one number, without --spread or several lifts, no tunnel). Unlike in "
+    "solve_drag.py, Cd, Cl and Cm are then over c (Cm: c^2) and lengths of bounds in c: "
+    "--min-thickness 0.3 is t/c, without which the thinnest body of the family mostly wins"
 )
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
@@ -52,7 +53,8 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
     lifts = "lower bound on Cl; several, as 0.2,0.5,0.8: least mean Cd of one section over them, "
-    lifts += "each at an incidence of its own (none)"
+    lifts += "each at an incidence of its own, for --objective drag by D (none); "
+    lifts += "design_sheet.py --lifts finds a section for each"
     add("--lift", help=lifts)
     add("--weights", help="of several Reynolds numbers or lifts, as 1,2,1 (equal)")
     add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")

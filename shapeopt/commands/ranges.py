@@ -30,7 +30,7 @@ def numbers(
     Raises:
       InvalidInput: a word is neither a number nor a range, or there is none.
     """
-    words = [word.split(":") for word in text.split(",") if word.strip()]
+    words = [word.split(":") for word in text.split(",")]
     if short := [":".join(parts) for parts in words if len(parts) == 2]:
         raise InvalidInput(f"{name} {text!r}: {short[0]} lacks the count of a range, as {ranges}")
     try:
@@ -60,7 +60,7 @@ def few_numbers(text: str, name: str, form: str, *counts: int) -> list[float]:
       InvalidInput: a word is no number, or there are more or fewer.
     """
     try:
-        values = [float(word) for word in text.split(",") if word.strip()]
+        values = [float(word) for word in text.split(",")]
     except ValueError:
         values = []
     if len(values) not in counts:

@@ -73,7 +73,7 @@ def _others_of_reynolds(arguments):
     words = {
         "chord_reynolds": "--chord-reynolds",
         "fluid": "--fluid with NU",
-        "settling": "--settling",
+        "particle": "--particle",
     }
     return " or ".join(word for name, word in words.items() if hasattr(arguments, name))
 
@@ -89,15 +89,35 @@ def check_reference(reference: str, dimension: int, station: float | None) -> No
         raise InvalidInput("--reference chord: is for 2-D bodies; 3-D ones have areas")
 
 
-def by_reference(row: JsonObject) -> JsonObject:
+def by_reference(row: JsonObject, shape: Shape) -> JsonObject:
     """Return a row with its coefficients converted from D to the reference length that it names.
 
-    By the chord, forces' coefficients are divided by it and the moment's by its square.
+    By the chord, forces' coefficients are divided by it and the moment's by its square; so are
+    those whose derivatives are under "gradient".
     """
     if row["reference"] == DIAMETER:
         return row
     given = {name: power for name, power in KEY_POWERS.items() if row.get(name) is not None}
-    return row | {name: row[name] / row["chord"] ** power for name, power in given.items()}
+    converted = {name: row[name] / row["chord"] ** power for name, power in given.items()}
+    if row.get("gradient"):
+        converted["gradient"] = _gradient_by_chord(row, shape)
+    return row | converted
+
+
+def _gradient_by_chord(row, shape):
+    """Return derivatives of coefficients J / c^k by the chord c: dJ / c^k - k J dc / c^(k + 1)."""
+    chord, slopes = row["chord"], shape.chord_slopes
+
+    def converted(load, by_diameter):
+        power = KEY_POWERS[load]
+        return {
+            name: (slope - power * row[load] / chord * slopes.get(name, 0.0)) / chord**power
+            for name, slope in by_diameter.items()
+        }
+
+    if "cd" in row["gradient"]:
+        return {load: converted(load, by_d) for load, by_d in row["gradient"].items()}
+    return converted("cd", row["gradient"])
 
 
 def reference_record(reynolds: float, shape: Shape, reference: str = DIAMETER) -> JsonObject:

@@ -63,6 +63,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     flows = [is_flow(folder) for folder in arguments.runs]
     if any(flows):
         return _flows(arguments, out, all(flows))
+    for folder in arguments.runs:
+        _check_one_flow(folder)
     records = [load_run(folder) for folder in arguments.runs]
     dimensions = {run_scene(record).dimension for record in records}
     if len(dimensions) > 1:
@@ -105,6 +107,12 @@ def _check_objectives(records: list[JsonObject]) -> None:
         raise InvalidInput(f"--family: runs of one objective; these are of {words}")
     if len({is_by_chord(record) for record in records}) > 1:
         raise InvalidInput("--family: some runs are by the chord, some by D; draw them separately")
+
+
+def _check_one_flow(folder: str) -> None:
+    """Raise InvalidInput where a folder is that of several flows, as of a sweep."""
+    if found := sorted(path.parent.name for path in Path(folder).glob("*/flow.json")):
+        raise InvalidInput(f"{folder}: holds several flows; give them, as {folder}/{found[0]}")
 
 
 def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObject:

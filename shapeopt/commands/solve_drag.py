@@ -2,7 +2,7 @@
 
 python scripts/solve_drag.py --aspect 1 --reynolds 1,10,40
 python scripts/solve_drag.py --dimension 3 --aspect 2 --flatness 1.5 --reynolds 40
-python scripts/solve_drag.py --dimension 3 --aspect 0.5 --settling 2.65,1e-6,2e-4
+python scripts/solve_drag.py --dimension 3 --aspect 0.5 --particle 2.65,1e-6,2e-4
 python scripts/solve_drag.py --naca 0012 --incidence 10 --reynolds 20 --stream tunnel:8 --json
 python scripts/solve_drag.py --naca 2412 --incidence -4:12:5 --chord-reynolds 60 \\
     --reference chord --table polar.csv --plot polar.png
@@ -11,13 +11,10 @@ python scripts/solve_drag.py --naca 2412 --incidence -4:12:5 --chord-reynolds 60
 import argparse
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
 
 from shapeopt.commands.arguments import (
-    SINGLE_VALUED,
     add_body_arguments,
     body_record,
-    family_named,
     refusals_by_options,
     shape_of,
     shapes_of,
@@ -25,7 +22,7 @@ from shapeopt.commands.arguments import (
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.kept_flows import add_kept_arguments, kept_flows
 from shapeopt.commands.newtons import forces_line
-from shapeopt.commands.ranges import few_numbers
+from shapeopt.commands.particle import add_particle_argument, particle_line, particle_of
 from shapeopt.commands.reference import (
     CHORD,
     add_reference_argument,
@@ -40,14 +37,15 @@ from shapeopt.commands.reference import (
 )
 from shapeopt.commands.sweep import (
     Case,
+    add_sweep_arguments,
     check_converged,
     check_outputs,
+    polar_title,
     solve_cases,
     text_table,
     write_table,
 )
 from shapeopt.render.polar import plot_polar
-from surrogate.body.contour import naca_digits
 from surrogate.body.family import Family
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import FamilyShape, family_shape
@@ -56,7 +54,7 @@ from surrogate.errors import InvalidInput
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.discretise import fitted_domain
-from surrogate.flow.settling import RANGE, Particle, settle
+from surrogate.flow.settling import RANGE, settle
 from surrogate.flow.solution import Solution
 from surrogate.scene.fidelity import MOST_CELLS, read_fidelity
 from surrogate.scene.limits import check_reynolds, onset_of
@@ -67,7 +65,7 @@ from surrogate.scene.stream import parse_stream
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, solve the flow at every incidence and Reynolds number, and report."""
     arguments = _parser().parse_args(argv)
-    if arguments.settling is not None:
+    if arguments.particle is not None:
         _check_settling(arguments)
         return _settling(arguments)
     scene, cases = _cases(arguments)
@@ -82,17 +80,15 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             allow_unsteady=arguments.allow_unsteady,
         )
         about = moment_record(case.shape, arguments.moment_about, *solution.loads.tolist())
-        return by_reference(case.record | _row(solution) | about) | keep(case, solution)
+        row = by_reference(case.record | _row(solution) | about, case.shape)
+        return row | keep(case, solution)
 
     results = solve_cases(cases, solve, arguments.table)
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
-        plot_polar(results, _title(arguments, results[0]), arguments.plot)
-    solved = scene.record
-    if arguments.aspect is None:
-        del solved["family"]  # the body is none of a family
-    record = {"results": results, "scene": solved, "body": body_record(arguments)}
+        plot_polar(results, polar_title(arguments, results[0]), arguments.plot)
+    record = {"results": results, "scene": _record(scene), "body": body_record(arguments)}
     result = emit(record, arguments.json, _text(results))
     check_converged(results)
     return result
@@ -110,11 +106,8 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
         for incidence, shape in shapes.items()
         for value in reynolds
     ]
-    if arguments.gradient:
-        if any(shape.parameters is None for shape in shapes.values()):
-            raise InvalidInput("--gradient: needs a family body (--aspect)")
-        if arguments.reference == CHORD:
-            raise InvalidInput("--reference chord: goes without --gradient, which is by D")
+    if arguments.gradient and any(shape.parameters is None for shape in shapes.values()):
+        raise InvalidInput("--gradient: needs a family body (--aspect)")
     check_outputs(arguments.table, arguments.plot)
     if arguments.plot and len(cases) < 2:
         raise InvalidInput("--plot: needs several values of --incidence or --reynolds")
@@ -131,7 +124,7 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
 
 
 def _check_settling(arguments: argparse.Namespace) -> None:
-    """Raise InvalidInput if an option goes without --settling."""
+    """Raise InvalidInput if an option goes without --particle."""
     others = (
         "reynolds",
         "chord_reynolds",
@@ -140,19 +133,19 @@ def _check_settling(arguments: argparse.Namespace) -> None:
         "table",
         "plot",
         "out",
+        "overwrite",
         "fluid",
     )
     given = [name for name in others if getattr(arguments, name)]
     given += ["reference"] if arguments.reference == CHORD else []
     given += ["moment-about"] if arguments.moment_about is not None else []
     if given:
-        raise InvalidInput(f"--settling: goes without --{given[0].replace('_', '-')}")
+        raise InvalidInput(f"--particle: goes without --{given[0].replace('_', '-')}")
 
 
 def _settling(arguments: argparse.Namespace) -> JsonObject:
     """Report the terminal velocity of a particle, and its flow there."""
-    form = "density ratio,viscosity,size, as 2.65,1e-6,2e-4"
-    particle = Particle(*few_numbers(arguments.settling, "--settling", form, 3))
+    particle = particle_of(arguments.particle)
     scene, shape = _scene(arguments, RANGE), shape_of(arguments, arguments.dimension)
     settled = settle(Flow(scene), shape, particle)
     held = shape.incidence
@@ -162,10 +155,11 @@ def _settling(arguments: argparse.Namespace) -> JsonObject:
     turns = turns_when_free(shape)
     row |= {"settling_cd": drag, "flows": settled.flows, "turns_when_free": turns}
     row["drift"] = settled.drift
-    result = {"results": [row], "scene": scene.record, "body": body_record(arguments)}
+    result = {"results": [row], "scene": _record(scene), "body": body_record(arguments)}
     verb = "falls" if particle.density_ratio > 1 else "rises"
     way = f"{held:g} degrees off" if held else "along"
-    text = f"{verb} {way} its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
+    text = f"{particle_line(particle)}\n"
+    text += f"{verb} {way} its axis at {settled.velocity:.4g} m/s, Re {settled.reynolds:.3g}, "
     text += f"Cd {drag:.5g} ({settled.flows} flow{'' if settled.flows == 1 else 's'})\n{_line(row)}"
     if turns:
         kept = f"drifting {settled.drift:.1f} degrees from the vertical" if held else "vertical"
@@ -183,10 +177,15 @@ def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
     fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
         cells = whole_number("--cells", arguments.cells, 4, MOST_CELLS)
-        fidelity = dataclasses.replace(fidelity, cells=cells)
+        fidelity = dataclasses.replace(fidelity, cells=cells, refinement=1.0)
     stream = parse_stream(arguments.stream)
     family = Family(dimension=arguments.dimension)
     return Scene(stream, (min(reynolds), max(reynolds)), family, fidelity)
+
+
+def _record(scene: Scene) -> JsonObject:
+    """Return the record of a scene without its family, of which the body needs not be."""
+    return {name: value for name, value in scene.record.items() if name != "family"}
 
 
 def _row(s: Solution) -> JsonObject:
@@ -227,18 +226,6 @@ def _text(results: list[JsonObject]) -> str:
     return f"{reference_line(results[0])}\n{text}"
 
 
-def _title(arguments: argparse.Namespace, row: JsonObject) -> str:
-    """What a plot shows: the body, its chord, and the reference of the coefficients."""
-    name = Path(arguments.contour or "").stem
-    if arguments.naca:
-        name = f"NACA {naca_digits(arguments.naca)}"
-    if arguments.aspect is not None:
-        given = {n: v for n, v in family_named(arguments, SINGLE_VALUED).items() if v}
-        name = ", ".join(f"{n} {v:g}" for n, v in given.items())
-    by = f"coefficients by the {row['reference']}, bars: 95 % error bounds where known"
-    return f"{name}: chord {row['chord']:.3f} D, {by}"
-
-
 def _line(r: JsonObject) -> str:
     estimate, others = f"Cd {r['accuracy']}", ""
     for load, error in (("cl", r["estimated_lift_error"]), ("cm", r["estimated_moment_error"])):
@@ -273,26 +260,25 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     add_body_arguments(parser)
     add_kept_arguments(parser)
-    settling = (
-        "3-D: terminal velocity for RATIO,NU,D: density over the fluid's, kinematic viscosity "
-        "in m^2/s, diameter of the sphere of equal volume in m; gravity is 9.81 m/s^2"
-    )
     add = parser.add_argument
     add_reynolds_arguments(parser)
     add_reference_argument(parser)
-    add("--settling", help=settling)
+    add_particle_argument(parser, "3-D: terminal velocity for ")
     add("--dimension", type=int, choices=(2, 3), default=2, help="2-D or 3-D flow (2)")
     add("--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D")
     add("--fidelity", default="standard", help="draft, standard (default) or fine")
-    add("--cells", type=int, help=f"cells per D, 4 to {MOST_CELLS}, instead of the fidelity's")
+    cells = f"cells per D, 4 to {MOST_CELLS}, instead of those of the fidelity, which refines thin "
+    cells += "boundary layers"
+    add("--cells", type=int, help=cells)
     add(
         "--gradient",
         action="store_true",
         help="derivatives of Cd by parameters and Re; with camber or --incidence (0 too) those of "
-        "Cd, Cl and Cm, also by the incidence in degrees if it is given",
+        "Cd, Cl and Cm, also by the incidence in degrees if it is given; of the coefficients by "
+        "the --reference length",
     )
-    unsteady = "beyond the onset of instability: Re 47 of the cylinder, in 3-D 210"
+    unsteady = "answer beyond the body's estimated onset of instability too (that of the cylinder "
+    unsteady += "is at Re 47, that of the sphere at 210)"
     add("--allow-unsteady", action="store_true", help=unsteady)
-    add("--table", help="CSV file of the results, one row for each flow")
-    add("--plot", help="picture of the polar, .png, .svg or .pdf")
+    add_sweep_arguments(parser)
     return parser

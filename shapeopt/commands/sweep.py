@@ -1,5 +1,6 @@
 """Many flows past one body, at several incidences and Reynolds numbers: solved, as a table."""
 
+import argparse
 import csv
 import itertools
 import re
@@ -7,7 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from shapeopt.commands.arguments import SINGLE_VALUED, family_named
+from shapeopt.commands.cli import Parser
 from shapeopt.commands.reference import DIAMETER, reference_record
+from surrogate.body.contour import naca_digits
 from surrogate.body.shape import Shape
 from surrogate.errors import NotConverged
 from surrogate.files import JsonObject, check_file, whole_file
@@ -123,6 +127,24 @@ def _cell(value: object, form: str) -> str:
         return "-"
     text = format(value, form)
     return text.lstrip("-") if re.fullmatch(r"-0\.0*%?", text) else text
+
+
+def add_sweep_arguments(parser: Parser) -> None:
+    """Add the options of files that show all flows: --table and --plot."""
+    parser.add_argument("--table", help="CSV file of the results, one row for each flow")
+    parser.add_argument("--plot", help="picture of the polar, .png, .svg or .pdf")
+
+
+def polar_title(arguments: argparse.Namespace, row: JsonObject) -> str:
+    """Return what a plot shows: the body, its chord, and the reference of the coefficients."""
+    name = Path(getattr(arguments, "contour", None) or "").stem
+    if getattr(arguments, "naca", None):
+        name = f"NACA {naca_digits(arguments.naca)}"
+    if arguments.aspect is not None:
+        given = {n: v for n, v in family_named(arguments, SINGLE_VALUED).items() if v}
+        name = ", ".join(f"{n} {v:g}" for n, v in given.items())
+    by = f"coefficients by the {row['reference']}, bars: 95 % error bounds where known"
+    return f"{name}: chord {row['chord']:.3f} D, {by}"
 
 
 def check_outputs(table: str | None, plot: str | None) -> None:

@@ -1,7 +1,8 @@
 """Train a drag surrogate; the same command resumes an interrupted training, or says it is done.
 
 python scripts/train_surrogate.py --method sip --preset quick --out out/sip
-python scripts/train_surrogate.py --method hig --scene tunnel.toml --samples 64 --out out/hig --json
+python scripts/train_surrogate.py --method hig --scene scripts/tunnel.toml --samples 64 \\
+    --out out/hig --json
 python scripts/train_surrogate.py --method hig --preset full --devices 16 --out out/hig
 
 Methods:

@@ -20,7 +20,7 @@ from shapeopt.search.evaluated import (
 from shapeopt.search.memory import Memory
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate.arrays import AnyArray
-from surrogate.errors import NotConverged
+from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.flow import Flow
 
 ROUNDS = 4  # of SLSQP, each with a hundredth of the tolerance before
@@ -33,13 +33,17 @@ def design_directly(
 
     Raises:
       InvalidInput: no body satisfies the constraints.
-      NotConverged: the optimality condition does not hold at the end, or a flow did not converge.
+      NotConverged: the optimality condition does not hold at the end, a flow did not converge, or
+        the search came to a body that the grid does not resolve.
     """
     begin, memory = time.perf_counter(), Memory(flow, None)
     evaluated: list[EvaluatedDesign] = []
 
     def objective(variables):
-        evaluated.append(evaluate_design(problem, memory, variables))
+        try:
+            evaluated.append(evaluate_design(problem, memory, variables))
+        except InvalidInput as reason:  # as of a body that is too thin for the grid
+            raise NotConverged(f"SLSQP on the flow: {reason}") from None
         return evaluated[-1].value, evaluated[-1].gradient
 
     def load_constraints(variables):

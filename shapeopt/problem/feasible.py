@@ -13,22 +13,28 @@ from surrogate.arrays import AnyArray
 DRAWN = 2048
 ELLIPSES = 33  # of the drawn bodies
 REPAIRED = 64
-ENOUGH = 8  # feasible draws with which no repair is needed; a search starts from as many
+STARTS = 8  # bodies from which a search starts, or twice as many as variables if that is more
 INSIDE = 1e-6  # constraint value that a repaired body reaches, so that rounding cannot violate it
 
 
 def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies variables"]:
     """Return bodies from all over the feasible set; none where it is empty.
 
-    Where few draws are feasible, the least violating ones are moved until they are.
+    Where fewer draws are feasible than a search starts from, the least violating ones are moved
+    until they are.
     """
     drawn = drawn_bodies(limits)
     bodies = drawn[np.asarray(satisfied(drawn, limits))]
-    if len(bodies) < ENOUGH:
+    if len(bodies) < number_of_starts(len(limits.low)):
         repaired = np.asarray(repaired_bodies(drawn, limits))
         found = repaired[np.asarray(satisfied(repaired, limits))]
         bodies = np.concatenate([bodies, found])
     return bodies
+
+
+def number_of_starts(variables: int) -> int:
+    """Return from how many bodies a search over so many variables starts."""
+    return max(STARTS, 2 * variables)
 
 
 def drawn_bodies(limits: Limits) -> Float[np.ndarray, "bodies variables"]:

@@ -159,7 +159,7 @@ def numbers_of(name: str, values: object) -> tuple[float, ...]:
       InvalidInput: it is none.
     """
     expect(name, values, list | tuple | np.ndarray | jax.Array, "list of numbers")
-    if np.ndim(values) != 1:
+    if not isinstance(values, list | tuple) and np.ndim(values) != 1:
         raise InvalidInput(f"{name} {values!r}: a list of numbers is needed")
     return tuple(finite_number(name, one) for one in values)
 

@@ -5,6 +5,7 @@ import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from jaxtyping import Float
 
 from shapeopt.problem.problem import Problem
@@ -12,8 +13,7 @@ from shapeopt.search.optimality import KKT_ACCEPTED, Derivatives, multipliers
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
 from surrogate.body.parameters import PARAMETERS
-from surrogate.body.shape import family_shape
-from surrogate.scene.limits import onset_of
+from surrogate.flow.flow import Flow
 from surrogate.summary import aligned, listed, steady_text
 
 
@@ -182,14 +182,10 @@ class Design:
     def onset(self) -> float:
         """An estimate of the Re beyond which the steady flow past the body is unstable.
 
-        It is the least one over the incidences, where each case has its own.
+        It is the least one over the bodies of all cases, where these differ.
         """
-        scene = self.problem.scene
-        bodies = [self.parameters]
-        if self.problem.variables != scene.family.names:
-            bodies = self.problem.scenarios.bodies(self.variables)
-        named = map(scene.family.named, bodies)
-        return min(onset_of(family_shape(body, dimension=scene.dimension)) for body in named)
+        bodies = np.unique(self.problem.scenarios.bodies(self.variables), axis=0)
+        return float(Flow(self.problem.scene).bodies.check(bodies).onset.min())
 
     @property
     def converged(self) -> bool:

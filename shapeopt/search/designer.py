@@ -156,7 +156,7 @@ class Designer:
         """
         memory, failures, calls = self.memory, 0, 0
         if not problem.objective.fixed and memory.base is not None:
-            with contextlib.suppress(NotConverged):  # the flow may have an answer
+            with contextlib.suppress(InvalidInput, NotConverged):  # the flow may have an answer
                 (problem,), (proposal,) = follow_all([problem], memory.base)
                 calls = proposal.calls
         for _ in range(MAX_PROBLEMS):
@@ -189,7 +189,9 @@ class Designer:
                 proposal = _propose(problem, memory.model(tightness), evaluated)
             except NotConverged:
                 proposal, without = None, without + 1
-                if without == MAX_FAILURES and not _accepted(evaluated):
+                if without == MAX_FAILURES:
+                    if _accepted(evaluated):
+                        break
                     raise
             if proposal is not None:
                 calls, without = calls + proposal.calls, 0

@@ -55,6 +55,7 @@ def evaluate_design(
     """Return objective, gradient and KKT residual of a body, from flows and adjoints.
 
     Raises:
+      InvalidInput: the scene's grid does not resolve the body.
       NotConverged: a flow or adjoint did not converge.
     """
     scenarios, round_body = problem.scenarios, problem.scene.family.ellipse(1.0)

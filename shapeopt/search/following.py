@@ -54,15 +54,18 @@ def follow_all(
       NotConverged: as ``propose_all``; or there is no last problem.
     """
     problems, calls = list(problems), [0] * len(problems)
+    last: dict[int, Proposal] = {}
     for _ in range(MAX_PROBLEMS):
-        proposals = propose_all(problems, model, devices=devices)
-        calls = [one + proposal.calls for one, proposal in zip(calls, proposals, strict=True)]
-        pairs = zip(problems, proposals, strict=True)
-        found = [_following(model, problem, proposal) for problem, proposal in pairs]
-        if not any(found):
-            pairs = zip(proposals, calls, strict=True)
-            return problems, [proposal._replace(calls=count) for proposal, count in pairs]
-        problems = [new or old for new, old in zip(found, problems, strict=True)]
+        proposals = propose_all(problems, model, devices=devices)  # all, by one program
+        for k in sorted(set(range(len(problems))) - set(last)):
+            calls[k] += proposals[k].calls
+            found = _following(model, problems[k], proposals[k])
+            if found is None:
+                last[k] = proposals[k]._replace(calls=calls[k])
+            else:
+                problems[k] = found
+        if len(last) == len(problems):
+            return problems, [last[k] for k in range(len(problems))]
     raise not_followed()
 
 

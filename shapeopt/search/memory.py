@@ -1,5 +1,6 @@
 """Observations of the flow, loads with their slopes, kept between designs and in a file."""
 
+import dataclasses
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, strict_json, whole_file
 from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.flow import Flow
+from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.gaussian_process import Hyper
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Kriging, Observation, kriging, likeliest, uncorrected
@@ -30,8 +32,9 @@ REFIT = 1.3  # growth of the number of observations after which kriging's length
 class Memory:
     """A store of all observations of a scene's flow: a body that is known is not solved again.
 
-    ``flows`` and ``green_applications`` count the flows that were solved by this object, and the
-    convolutions with the Green's function (G) of these flows and their adjoints.
+    ``flows`` counts the flows that this object has solved, with their adjoints;
+    ``green_applications`` the convolutions with the Green's function (G) that they took, and those
+    that did not converge.
 
     Args:
       flow: of the scene.
@@ -59,6 +62,7 @@ class Memory:
         """Return the loads of a body and their slopes, by a flow and its adjoints unless known.
 
         Raises:
+          InvalidInput: the scene's grid does not resolve the body.
           NotConverged: the flow or its adjoint did not converge.
         """
         return self.evaluate_all([(parameters, reynolds)])[0]
@@ -69,6 +73,7 @@ class Memory:
         Flows that were solved are kept, also where another one does not converge.
 
         Raises:
+          InvalidInput: the scene's grid does not resolve a body.
           NotConverged: a flow or its adjoint did not converge.
         """
         wanted = {_key(*query): query for query in queries}
@@ -147,10 +152,15 @@ class Memory:
         with FileLock(f"{self.file}.lock"):
             self.refresh()
             flows = [[np.asarray(part).tolist() for part in seen] for seen in self.observations]
-            record = {"kind": KIND, "scene": self.flow.scene.record, "sha256": json_digest(flows)}
+            record = {"kind": KIND, **_origin(self.flow), "sha256": json_digest(flows)}
             record["flows"] = flows
             with whole_file(self.file) as part:
                 part.write_text(json.dumps(record) + "\n")
+
+
+def _origin(flow):
+    """Return the scene and the solver's settings, which all flows of a file share."""
+    return {"scene": flow.scene.record, "settings": dataclasses.asdict(flow.settings)}
 
 
 def _key(parameters, reynolds):
@@ -161,20 +171,23 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
     """Return the observations of a file.
 
     Raises:
-      InvalidInput: it is damaged, of another program, or of another scene.
+      InvalidInput: it is damaged, of another program, or of another scene or solver setting.
     """
     try:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        of_another_scene = record["scene"] != flow.scene.record
-        rows = [] if of_another_scene else _rows(record, flow)
+        usual = dataclasses.asdict(NewtonSettings())  # of files without settings, as were written
+        origin = {"scene": record["scene"], "settings": record.get("settings", usual)}
+        other = [name for name, value in _origin(flow).items() if origin[name] != value]
+        rows = [] if other else _rows(record, flow)
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InvalidInput(f"{file}: damaged, or no {KIND}; name another file") from None
-    if of_another_scene:
-        raise InvalidInput(f"{file}: is of another scene; name another file")
+    if other:
+        what = "scene" if "scene" in other else "setting of the solver"
+        raise InvalidInput(f"{file}: is of another {what}; name another file")
     return rows
 
 

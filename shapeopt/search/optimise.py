@@ -28,7 +28,8 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
       problem: objective and constraints.
       model: a surrogate of the problem's scene, or the scene's flow.
       until: ``"surrogate"`` ends at the surrogate's own optimum (default with a surrogate);
-        ``"flow"`` goes on to an optimum of the flow (default with a flow), as ``Designer`` does.
+        ``"flow"`` goes on to an optimum of the flow (default with a flow), as ``Designer`` does,
+        which also keeps the flows for later designs, in a file or not.
 
     Raises:
       InvalidInput: no body satisfies the constraints, or the model is of another scene.
@@ -46,14 +47,14 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
 
 
 def optimise_all(
-    problems: Sequence[Problem], surrogate: Surrogate | Flow, devices: int | None = None
+    problems: Sequence[Problem], surrogate: Surrogate, devices: int | None = None
 ) -> list[Design]:
     """Return the surrogate's own optimum of every problem, all in one compiled call.
 
     Args:
       problems: of the surrogate's scene, all or none ``by_chord``; objectives and constraints may
         be of different kinds. All are padded to the most scenarios, stations and bounds among them.
-      surrogate: the model; a flow is refused, a ``Designer`` answers its problems.
+      surrogate: the model; of a flow a ``Designer`` finds the optima.
       devices: number of devices that the problems are spread over (1).
 
     Returns:

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from shapeopt.problem.conflicts import candidates
 from shapeopt.problem.constraints import FEASIBLE, Limits, satisfied
-from shapeopt.problem.feasible import drawn_bodies
+from shapeopt.problem.feasible import drawn_bodies, number_of_starts
 from shapeopt.problem.problem import Problem
 from shapeopt.problem.scenarios import (
     LEAST_OBJECTIVE,
@@ -30,7 +30,6 @@ from surrogate.errors import InvalidInput, NotConverged
 RANKED = 1024  # draws whose objectives are compared
 # Parts of a search's end whose last axis is that of the variables.
 OVER_VARIABLES = ("variables", "gradient", "by_loads", "path")
-STARTS = 8  # searches from the best of them, or twice as many as variables if that is more
 
 Bodies = Sequence[Float[AnyArray, " variables"]]
 
@@ -167,7 +166,7 @@ def best_draws(
       The draws of least objective, with a penalty on violated bounds on loads, best first; where
       too few are feasible, the last ones are not. Then the number of feasible draws.
     """
-    count = max(STARTS, 2 * drawn.shape[-1])
+    count = number_of_starts(drawn.shape[-1])
 
     def one(case):
         drawn, limits, scenarios = case
@@ -222,7 +221,7 @@ def minimise_from_all(
 def _failure(problem, model, end):
     """Return why no search of a problem succeeded: a load out of reach, or none converged."""
     values = end.of_loads
-    if not len(values) or np.min(values) >= FEASIBLE:
+    if not (len(values) and np.isfinite(values).all() and np.min(values) < FEASIBLE):
         return "optimise: none of the starts reached an optimum"
     loads = model_loads(model, end.variables, problem.scenarios)[0]
     k, case = divmod(int(np.argmin(values)), len(loads))

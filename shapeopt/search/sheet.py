@@ -1,6 +1,6 @@
 """Optima of many problems, and those over Reynolds number and length with what each bound costs."""
 
-import math
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -123,7 +123,9 @@ def designs_over(
     problems = [
         Problem(model.scene, re, length, **bounds) for length in (*lengths, None) for re in reynolds
     ]
+    begin = time.perf_counter()
     found = optima(problems, model, progress)
+    seconds = time.perf_counter() - begin
     expect_one(found[-len(reynolds) :])
     rows = [row_of(*pair) for pair in zip(problems, found, strict=True)]
     unbounded = {row["reynolds"]: row["cd"] for row in rows[-len(reynolds) :]}
@@ -131,9 +133,4 @@ def designs_over(
         known = row["cd"], unbounded[row["reynolds"]]
         excess = None if None in known else known[0] / known[1] - 1
         row |= {"max_length": problem.max_length, "excess": excess}
-    return rows, wall_seconds(found)
-
-
-def wall_seconds(found: Sequence[Design | NotConverged]) -> float:
-    """Return the wall seconds of the designs that were found."""
-    return math.fsum(one.seconds for one in found if isinstance(one, Design))
+    return rows, seconds

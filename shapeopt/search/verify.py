@@ -1,7 +1,7 @@
 """Verification: the objective of a body by the flow, with error estimates."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,7 @@ from surrogate.flow.flow import Flow
 from surrogate.flow.solution import Solution
 
 NOTICED = 1e-4  # of Cd, violation of a bound on a load that is worth a word
+ROUNDING = 1e-9  # relative, of a parameter that an objective holds
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -135,7 +136,7 @@ def verify(problem: Problem, variables: Body) -> Verified:
     """
     expect("verify", problem, Problem, "Problem")
     flow, scenarios = Flow(problem.scene), problem.scenarios
-    variables = _checked(problem, variables)
+    variables = checked_variables(problem, variables)
     known = drags_of_round_body(problem)
     queries = map(problem.reference.query, scenarios.bodies(variables), scenarios.reynolds)
     solutions = tuple(flow.solve(*query, allow_unsteady=True) for query in queries)
@@ -149,11 +150,26 @@ def verify(problem: Problem, variables: Body) -> Verified:
     return Verified(float(own), float(others), solutions, known)
 
 
-def _checked(problem, variables):
-    """Return the variables of a design as floats."""
+def checked_variables(problem: Problem, variables: Body) -> Float[AnyArray, " variables"]:
+    """Return the variables of a design as floats, with the parameters that its objective holds.
+
+    Args:
+      problem: of the design.
+      variables: in the order of ``problem.variables``, or the body's parameters by name.
+
+    Raises:
+      InvalidInput: they describe no body of the family, or one that the objective excludes.
+    """
     family, wanted = problem.scene.family, problem.variables
     if wanted == family.names:
-        return family.check(variables)
+        held = problem.objective.fixed_parameters(problem.scene)
+        body = family.check(held | variables if isinstance(variables, Mapping) else variables)
+        for name, value in family.named(body).items():
+            if abs(value - held.get(name, value)) > ROUNDING * max(1.0, abs(value)):
+                raise InvalidInput(
+                    f"verify: {name} {value:g}; this objective holds it at {held[name]:g}"
+                )
+        return body
     values = real_numbers(variables)
     if values is None or values.shape != (len(wanted),):
         raise InvalidInput(f"verify: one number for each of {', '.join(wanted)} is needed")

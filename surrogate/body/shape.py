@@ -136,6 +136,12 @@ class FamilyShape(Shape):
         """Chord in D: length from nose to tail along x at zero incidence."""
         return float(self.body_class.length(self.values))
 
+    @property
+    def chord_slopes(self) -> dict[str, float]:
+        """Derivatives of the chord in D by the parameters."""
+        slopes = np.asarray(jax.grad(self.body_class.length)(self.values)).tolist()
+        return dict(zip(self.parameters, slopes, strict=True))
+
     @functools.cached_property
     def extent(self) -> Float[np.ndarray, " axes"]:
         """Sides in D of a box, centred at the origin, that holds the body as it lies."""

@@ -28,7 +28,7 @@ def export(
     to: str = "c",
     *,
     precision: str = "double",
-    prefix: str = PREFIX,
+    prefix: str | None = None,
 ) -> Path:
     """Write a surrogate to one file in another language, with weights, derivatives and ranges.
 
@@ -44,7 +44,7 @@ def export(
       to: "c" (C99), "fortran" (2003), "numpy" or "onnx".
       precision: "double" or "single".
       prefix: begins the names of functions in C and names the module in Fortran and the graph in
-        ONNX; NumPy files have none.
+        ONNX, "surrogate" by default; NumPy files have none.
 
     Returns:
       The path.
@@ -53,6 +53,9 @@ def export(
       InvalidInput: an argument is invalid, the file cannot be written, or onnx is not installed.
     """
     expect("export", surrogate, Surrogate, "Surrogate, as load() returns")
+    if to == "numpy" and prefix is not None:
+        raise InvalidInput("prefix: goes with C, Fortran and ONNX; leave it out")
+    prefix = PREFIX if prefix is None else prefix
     for name, text in {"to": to, "precision": precision, "prefix": prefix}.items():
         expect(name, text, str, "string")
     if to not in TARGETS:

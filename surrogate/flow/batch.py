@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float, Int
 from surrogate.arrays import AnyArray
 from surrogate.body.family import Family
 from surrogate.compilation import same_options
-from surrogate.devices import Devices
 from surrogate.flow.derivatives import LoadsAndGradients, loads_and_gradients
 from surrogate.flow.discrete import DiscreteBodies
 from surrogate.flow.loads import load_values
@@ -43,7 +42,7 @@ def estimated_cost(
 
 @functools.cache
 def batch_solver(
-    bodies: DiscreteBodies, devices: Devices, gradients: bool = False
+    bodies: DiscreteBodies, gradients: bool = False
 ) -> Callable[[Partition, AnyArray, AnyArray], FlowBatch | LoadsAndGradients]:
     """Return a compiled function of (partition, parameters, reynolds) that solves many flows.
 

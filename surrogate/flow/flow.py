@@ -243,7 +243,7 @@ class Flow:
         partition = partition_bodies(
             devices, estimated_cost(self.scene.family, parameters, reynolds)
         )
-        solve = batch_solver(self.bodies, devices, gradients)
+        solve = batch_solver(self.bodies, gradients)
         found = solve(*devices.place((partition, parameters, reynolds)))
         found = jax.tree.map(np.asarray, found)
         if not partial and (missing := int(np.sum(~found.converged))):

@@ -14,6 +14,7 @@ from surrogate.body.chord_line import chord_point, moment_about
 from surrogate.body.shape import Shape
 from surrogate.checks import finite_number, whole_number
 from surrogate.errors import InvalidInput
+from surrogate.files import JsonObject
 from surrogate.flow.check.error_estimate import accuracy_text
 from surrogate.flow.fields import Fields, fields_of, polygon_of
 from surrogate.flow.forces import Conditions, Forces, forces_of
@@ -231,11 +232,15 @@ class Solution:
         coefficients = {name: getattr(self, name) for name in names}
         return forces_of(coefficients, conditions, self.shape.dimension)
 
-    def write(self, folder: str | Path) -> Path:
+    def write(self, folder: str | Path, notes: JsonObject | None = None) -> Path:
         """Write contour with Cp and Cf, fields (.vti, .npz), a picture and a record to a folder.
 
         The contour is that of the body as it lies, turned by its incidence. The folder, which is
-        returned, must be new, empty or of an earlier flow; other files in it stay.
+        returned, must be new, empty or of an earlier flow, which is replaced; other files stay.
+
+        Args:
+          folder: to be written.
+          notes: further entries of the record, ``flow.json``.
 
         Raises:
           InvalidInput: the folder holds something else, or is not writable.
@@ -243,7 +248,7 @@ class Solution:
         # pyvista and matplotlib take a second to import, which only files and pictures need
         from surrogate.flow.output.folder import write_flow
 
-        return write_flow(self, folder)
+        return write_flow(self, folder, notes)
 
     def mesh(self) -> "pv.ImageData":
         """Return the fields as a pyvista mesh whose points are the cells' centres."""

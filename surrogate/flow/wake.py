@@ -6,9 +6,9 @@ speed u_r of all reverse flow, weighted with itself,
 
     onset = Re (Re_c / Re)^outline (u_c / u_r)^wake,   u_c = speed Re^-fall,
 
-where u_c is the u_r that a body typically has at its onset. Reverse flow lets disturbances grow where
-they are, in place of being swept away; a wake sheds vortices where the region in which they do is
-long and strong enough (Huerre and Monkewitz 1990). The formula itself is empirical.
+where u_c is the u_r that a body typically has at its onset. Reverse flow lets disturbances grow
+where they are, in place of being swept away; a wake sheds vortices where the region in which they
+do is long and strong enough (Huerre and Monkewitz 1990). The formula itself is empirical.
 """
 
 import math

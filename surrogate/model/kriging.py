@@ -16,6 +16,7 @@ from scipy.optimize import minimize
 
 from surrogate.arrays import AnyArray
 from surrogate.compilation import compiled
+from surrogate.errors import NotConverged
 from surrogate.model.gaussian_process import (
     AMPLITUDE,
     BOUNDS,
@@ -97,6 +98,9 @@ def kriging(
 
     Returns:
       The fitted model.
+
+    Raises:
+      NotConverged: the covariance matrix is not positive definite to rounding.
     """
     data, mean = _data(observations, inputs, base), _mean(observations, base)
     hyper = likeliest(observations, inputs, base) if hyper is None else hyper
@@ -106,6 +110,8 @@ def kriging(
         )
         for k in range(len(mean))
     ]
+    if not np.isfinite(coefficients).all():
+        raise NotConverged("kriging: the covariance of these observations is singular to rounding")
     return Kriging(base, inputs, data, hyper, mean, np.array(coefficients))
 
 

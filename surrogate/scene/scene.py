@@ -179,11 +179,11 @@ class Scene:
             raise InvalidInput(f"Reynolds number {value:g}: the scene covers {low:g} to {high:g}")
         return value
 
-    def explain(self, bodies: int = 512) -> str:
+    def explain(self, bodies: int = 64) -> str:
         """Return in words what is modelled, what is left out, and what long work will cost.
 
         Args:
-          bodies: number of bodies of a training.
+          bodies: number of bodies of a training, by default that of ``train``.
 
         Raises:
           InvalidInput: ``bodies`` is no number of them, or memory is likely too small for the grid.

@@ -88,11 +88,10 @@ STUDIES = {
         [Table(cases(objective=OBJECTIVES), design, show)],
         f"Led by `{NAME}`. A KKT residual above {KKT_TOLERANCE:g} is accepted up to "
         f"{KKT_ACCEPTED:g} where flows lead to no better body. The body of least mean drag over "
-        "all orientations that was found is nearly the sphere; prolate bodies have an aspect of 1.5 "
-        "at least. Where an incidence "
-        "is given the body is held there, as by a torque from outside; at 90 degrees the axis is "
-        "across the stream. The value is Cd, its mean over all orientations, or, at the Re where "
-        "the force balances the weight (Archimedes number "
+        "all orientations that was found is nearly the sphere; prolate bodies have an aspect of "
+        "1.5 at least. Where an incidence is given the body is held there, as by a torque from "
+        "outside; at 90 degrees the axis is across the stream. The value is Cd, its mean over all "
+        "orientations, or, at the Re where the force balances the weight (Archimedes number "
         f"{ARCHIMEDES:g}), sqrt(Cd² + Cl²): there the velocities of design and sphere are as their "
         f"Re. Bodies of least mean drag are drawn at {SHOWN:g} degrees.",
         draw=draw,

@@ -151,17 +151,30 @@ def march(
     return jax.lax.scan(one, velocity, length=steps)
 
 
-def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float:
+def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float | None:
     """Return the Strouhal number f D / U from the lift's interpolated upward zero crossings.
 
-    NaN with fewer than three crossings. ``step`` is the time between the values, in D / U.
+    None with fewer than three crossings. ``step`` is the time between the values, in D / U.
     """
     lift = np.asarray(lift) - np.mean(lift)
     index = np.flatnonzero((lift[:-1] < 0) & (lift[1:] >= 0))
     if len(index) < 3:
-        return float("nan")
+        return None
     crossing = index + lift[index] / (lift[index] - lift[index + 1])
     return float((len(crossing) - 1) / ((crossing[-1] - crossing[0]) * step))
+
+
+def growth_rate(lift: Float[AnyArray, " steps"], step: float) -> float | None:
+    """Return the rate at which the lift's oscillation grows, in U / D; None with too few periods.
+
+    It is that of the amplitude, between the third and the last quarter of the time; each must have
+    three upward zero crossings. ``step`` is the time between the values, in D / U.
+    """
+    third, last = np.array_split(np.asarray(lift), 4)[2:]
+    if strouhal(third, step) is None or strouhal(last, step) is None:
+        return None
+    duration = step * len(lift) / 4
+    return float(np.log(np.ptp(last) / np.ptp(third)) / duration)
 
 
 def _navier_stokes(box, reynolds):

@@ -1,6 +1,5 @@
 """The folder of a solved flow: record, contour with Cp and Cf, fields and a picture."""
 
-import dataclasses
 import json
 import zlib
 from pathlib import Path
@@ -25,6 +24,7 @@ from surrogate.flow.output.meshes import compact, fields_mesh, pv, surface_mesh
 from surrogate.flow.output.picture import Picture, draw_flows
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
+from surrogate.repeats import check_settings
 
 RECORD = "flow.json"
 # What damaged files raise, .npz files those of the last line.
@@ -61,8 +61,26 @@ def check_flow_folder(folder: str | Path) -> None:
     check_target(folder, RECORD, KEYS)
 
 
-def write_flow(solution: Solution, folder: str | Path) -> Path:
+def check_stored_flow(folder: str | Path, asked: JsonObject | None) -> None:
+    """Raise InvalidInput unless a flow may be written to the folder, and replaces its equal alone.
+
+    Args:
+      folder: to be written.
+      asked: entry "settings" that a flow in it must have; None accepts every flow.
+    """
+    check_flow_folder(folder)
+    if asked is not None and is_flow(folder):
+        stored = strict_json((path_of(folder) / RECORD).read_text(encoding="utf-8"))
+        check_settings(folder, "flow", stored.get("settings"), asked)
+
+
+def write_flow(solution: Solution, folder: str | Path, notes: JsonObject | None = None) -> Path:
     """Write a solved flow into a folder, whole or not at all, and return its path.
+
+    Args:
+      solution: the flow.
+      folder: to be written.
+      notes: further entries of the record.
 
     Raises:
       InvalidInput: the folder holds something else, or is not writable.
@@ -76,7 +94,7 @@ def write_flow(solution: Solution, folder: str | Path) -> Path:
         np.savez_compressed(part / "fields.npz", **named)
         fields_mesh(stored.fields).save(part / "fields.vti")
         draw_flows([stored.picture], part / "flow.png")
-        record = stored.record | {"files_sha256": file_digests(part)}
+        record = stored.record | (notes or {}) | {"files_sha256": file_digests(part)}
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
     return Path(folder)
 
@@ -195,5 +213,6 @@ def _record(s: Solution) -> JsonObject:
         "parameters": body,
         "incidence": s.shape.incidence,
         "tunnel_height": s.domain.height,
-        "cells": dataclasses.astuple(s.domain.lattice.unfolded)[0],
+        "cells": s.fidelity.cells,
+        "grid": list(s.domain.lattice.unfolded.shape),
     }

@@ -112,7 +112,8 @@ def _draw_eddies(axis: Axes, plane: _Plane, contour: np.ndarray, view: tuple) ->
         places = np.argwhere(reversed_flow & (sense * plane.vorticity > 0))
         if len(places) < 4:
             continue
-        column = places[places[:, 0] == int(np.median(places[:, 0]))][::-sense]  # mirror images
+        middle = places[len(places) // 2, 0]  # argwhere sorts by columns
+        column = places[places[:, 0] == middle][::-sense]  # mirror images
         chosen = column[np.unique(np.linspace(0, len(column) - 1, 3).astype(int))]
         seeds = np.column_stack([plane.x[chosen[:, 0]], plane.y[chosen[:, 1]]])
         keep = (plane.x >= view[0]) & (plane.x <= view[1])
