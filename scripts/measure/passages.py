@@ -197,7 +197,7 @@ def _shipped():
 
     each = "; ".join(map(errors, SHIPPED))
     return (
-        "The surrogates against the flow, mean (Cd/Cl/Cm) and largest error of any load on their "
+        "The surrogates against the flow, mean (Cd/Cl/Cm) and largest error on their "
         f"held-out bodies, in % of Cd: {each}."
     )
 
