@@ -1,5 +1,7 @@
 """Settings and fixtures of all tests: array shapes and types are checked at run time."""
 
+import contextlib
+import functools
 import gc
 import importlib.metadata
 import os
@@ -7,6 +9,9 @@ import sys
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # NumPy's threads spin on the other's core
+# Each operation of a program would carry its line of Python, for a tenth of the tests' time.
+os.environ.setdefault("JAX_TRACEBACK_IN_LOCATIONS_LIMIT", "0")
+os.environ.setdefault("JAX_INCLUDE_FULL_TRACEBACKS_IN_LOCATIONS", "0")
 
 from jaxtyping import config, install_import_hook
 
@@ -22,7 +27,7 @@ import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
-from surrogate import Family, Fidelity, Scene, Unbounded  # noqa: E402
+from surrogate import Family, Fidelity, Scene, Unbounded, load  # noqa: E402
 from surrogate.flow.grid.domain_2d import Domain2D  # noqa: E402
 
 TESTS = Path(__file__).parent
@@ -32,14 +37,25 @@ sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
 SECTIONS = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
-MOST_MAPS = 35_000  # memory maps of a process, of 65530
+MOST_MAPS = 50_000  # memory maps of a process, of 65530
 COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
 def pytest_collection_modifyitems(items):
-    """Let the tests that clear JAX's caches come last: their files, and they in them."""
+    """Let the files that clear JAX's caches come first, and the tests that do so last in them."""
     clearing = {item.path for item in items if "compiled" in item.fixturenames}
-    items.sort(key=lambda item: (item.path in clearing, item.path, "compiled" in item.fixturenames))
+    order = [(i.path not in clearing, i.path, "compiled" in i.fixturenames) for i in items]
+    items[:] = [items[k] for k in sorted(range(len(items)), key=lambda k: (order[k], k))]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item, nextitem):
+    """Between files drop compiled code before its memory maps are too many."""
+    if nextitem is None or nextitem.path == item.path:
+        return
+    maps = Path("/proc/self/maps")
+    if not maps.exists() or maps.read_text().count("\n") > MOST_MAPS:
+        jax.clear_caches()
 
 
 @pytest.fixture(scope="session")
@@ -52,20 +68,12 @@ def cylinder_domain():
     return Domain2D.make(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def memory_maps():
-    """Drop compiled code before its memory maps are too many: a solver takes hundreds."""
-    yield
-    maps = Path("/proc/self/maps")
-    if not maps.exists() or maps.read_text().count("\n") > MOST_MAPS:
-        jax.clear_caches()
-
-
 @pytest.fixture(scope="session", autouse=True)
 def no_lowered_files():
     """Lowered programs stay in memory: tests replace constants on which these depend."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("surrogate.program_files.folder", lambda: None)
+        patch.setattr("surrogate.compilation.MOST_MAPS", 0.85)  # beyond that of the tests
         yield
 
 
@@ -74,10 +82,27 @@ def generator() -> np.random.Generator:
     return np.random.default_rng(0)
 
 
-@pytest.fixture
-def no_estimates(monkeypatch):
+@contextlib.contextmanager
+def without_estimates():
     """Solve flows without estimates of their errors, which take two more grids."""
-    monkeypatch.setattr("surrogate.flow.flow.with_estimate", lambda scene, settings, found: found)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("surrogate.flow.flow.with_estimate", lambda scene, settings, found: found)
+        yield
+
+
+@pytest.fixture
+def no_estimates():
+    with without_estimates():
+        yield
+
+
+shipped = functools.cache(load)  # the preparation of error bounds takes seconds
+
+
+@pytest.fixture
+def shipped_once(monkeypatch):
+    """Let predict_drag.py load every shipped surrogate once."""
+    monkeypatch.setattr("shapeopt.commands.predict_drag.load", shipped)
 
 
 @pytest.fixture

@@ -145,6 +145,14 @@ def used_page(name):
 
 
 @functools.cache
+def opened_page(name):
+    """Return the first state of a page in the browser, before anything is clicked."""
+    if not browser.BROWSER:
+        pytest.skip(f"none of {', '.join(browser.NAMES)} is installed to open the page")
+    return browser.visit(page(surrogate_of(name)), {}, "null")["states"]["opened"]
+
+
+@functools.cache
 def computed(name):
     """What the page's model says of the cases, in the browser or else in node."""
     if browser.BROWSER:

@@ -260,12 +260,10 @@ def test_the_onset_of_traced_bodies_is_that_of_shapes():
 def test_the_box_of_a_family_holds_its_bodies():
     bodies = np.asarray(FAMILY.sample(jax.random.key(0), 200))
     box = np.array(FAMILY.extent)
-    for body in bodies:
-        shape = family_shape(FAMILY.named(body), dimension=3)
-        assert np.all(shape.extent <= box * (1 + 1e-9)), (body, shape.extent, box)
-    assert box.max() < 1.5 * max(
-        family_shape(FAMILY.named(body), dimension=3).extent.max() for body in bodies
-    )
+    extents = [family_shape(FAMILY.named(body), dimension=3).extent for body in bodies]
+    for body, extent in zip(bodies, extents, strict=True):
+        assert np.all(extent <= box * (1 + 1e-9)), (body, extent, box)
+    assert box.max() < 1.5 * np.max(extents)
 
 
 def test_fields_know_the_turned_body():

@@ -62,7 +62,7 @@ def test_loads_and_slopes_by_the_chord_are_those_of_the_model():
 
     def by_inputs(model, reynolds):
         inputs = jnp.append(body, jnp.log(reynolds))
-        return jax.jacobian(lambda x: model.loads(x[:-1], jnp.exp(x[-1])))(inputs)
+        return jax.jit(jax.jacobian(lambda x: model.loads(x[:-1], jnp.exp(x[-1]))))(inputs)
 
     slopes = reference.slopes(body, by_diameter, by_inputs(net.network, query[1]))
     np.testing.assert_allclose(slopes, by_inputs(model, reynolds), rtol=1e-9, atol=1e-12)
@@ -183,7 +183,7 @@ def test_rows_of_sheets_have_both_reynolds_numbers(designed, tmp_path):
     assert [np.ptp(one[:, 0]) for one in drawn] == pytest.approx([2.0, np.sqrt(1.6)], rel=1e-3)
 
 
-def test_commands_say_what_is_over_the_chord(designed, tmp_path, capsys):
+def test_commands_say_what_is_over_the_chord(designed, tmp_path, capsys, no_estimates):
     scene, out = tmp_path / "scene.toml", tmp_path / "run"
     SCENE.write(scene)
     words = ["--surrogate", "none", "--scene", str(scene), "--chord-reynolds", "15"]

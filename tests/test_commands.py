@@ -176,7 +176,7 @@ def test_solve_drag_of_contours(capsys, tmp_path, no_estimates):
     assert contour["cl"] > 0.3
 
 
-def test_train_predict_optimise_render(capsys, trained, tmp_path):
+def test_train_predict_optimise_render(capsys, trained, tmp_path, no_estimates):
     """A scene of one's own from its file to a picture: a tunnel, bounds, a verified optimum."""
     record = json.loads((trained / "surrogate.json").read_text())
     for key in ("scene", "method", "seed", "versions", "drag_error_mean", "command"):
@@ -276,7 +276,7 @@ def test_a_training_into_the_folder_of_one(capsys, monkeypatch, scene, tmp_path)
     assert (tmp_path / "sip" / "notes.txt").read_text() == "mine"
 
 
-def test_a_design_into_the_folder_of_one(capsys, monkeypatch, trained, tmp_path):
+def test_a_design_into_the_folder_of_one(capsys, monkeypatch, trained, tmp_path, no_estimates):
     out = tmp_path / "run"
     arguments = ["optimize_shape", "--surrogate", trained, "--out", out, "--reynolds"]
     first = answer(capsys, *arguments, "20", "--max-length", "1.5")
@@ -301,7 +301,9 @@ def test_a_design_into_the_folder_of_one(capsys, monkeypatch, trained, tmp_path)
     assert (out / "body.stl").is_file()
 
 
-def test_a_design_by_weights_that_changed_is_another_one(capsys, monkeypatch, trained, tmp_path):
+def test_a_design_by_weights_that_changed_is_another_one(
+    capsys, monkeypatch, trained, tmp_path, no_estimates
+):
     folder, run = shutil.copytree(trained, tmp_path / "net"), tmp_path / "run"
     arguments = ["optimize_shape", "--surrogate", folder, "--reynolds", "20", "--out", run]
     answer(capsys, *arguments)
@@ -311,7 +313,9 @@ def test_a_design_by_weights_that_changed_is_another_one(capsys, monkeypatch, tr
     refused_in_one_line(capsys, monkeypatch, "holds another design (surrogate sip", *arguments)
 
 
-def test_commands_say_in_one_line_that_a_surrogate_is_inaccurate(capsys, trained, tmp_path):
+def test_commands_say_in_one_line_that_a_surrogate_is_inaccurate(
+    capsys, trained, tmp_path, no_estimates
+):
     folder = shutil.copytree(trained, tmp_path / "rough")
     record = json.loads((folder / "surrogate.json").read_text())
     errors = {"drag_error_mean": 0.064, "drag_error_max": 0.2}
@@ -369,7 +373,7 @@ def test_a_memory_makes_the_same_design_nearly_free(capsys, trained, tmp_path):
     assert again["cd_verified"] == pytest.approx(first["cd_verified"], rel=1e-4)
 
 
-def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path):
+def test_optimise_directly_in_a_scene_of_a_file(capsys, scene, tmp_path, no_estimates):
     arguments = ["--surrogate", "none", "--scene", scene, "--reynolds", "40"]
     result = answer(capsys, "optimize_shape", *arguments, "--out", tmp_path / "direct")
     assert result["cd_verified"] < 0.85 * result["cd_start"]

@@ -1,19 +1,18 @@
 """The bounds that a surrogate states for its errors."""
 
 import dataclasses
-import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import shipped
 
-from surrogate import Flow, load
+from surrogate import Family, Flow, load
 from surrogate.errors import InvalidInput
 from surrogate.model.confidence import Novelty, coverage, error_scales
 from surrogate.scene.samples import held_out_samples
-
-shipped = functools.cache(load)  # what the bounds are computed from is prepared once
+from surrogate.training.history import load_errors
 
 
 def test_scales_are_the_conformal_quantile():
@@ -42,7 +41,7 @@ def test_exact_novelty_is_the_deviation_of_the_linearised_model(count):
 
         return jax.grad(log_drag)(net.load_weights)
 
-    rows = np.asarray(jax.vmap(gradient)(*samples))
+    rows = np.asarray(jax.jit(jax.vmap(gradient))(*samples))
     known, others = rows[:count], rows[count:]
     ridge = ridge_over_mean_square * np.mean(np.sum(known**2, axis=1))
     matrix = known.T @ known / ridge + np.eye(known.shape[1])
@@ -69,10 +68,28 @@ def test_bounds_grow_towards_the_ends_of_the_ranges(name):
     assert np.all(near < far)
 
 
-def test_bounds_hold_for_bodies_drawn_anew():
+@pytest.fixture(scope="module")
+def unseen():
+    """Two sets of bodies, and their drags by the flow, of one batch."""
+    scene = shipped("pretrained").scene
+    both = held_out_samples(scene, 5, 32), held_out_samples(scene, 987, 12)
+    bodies, reynolds = map(np.concatenate, zip(*both, strict=True))
+    drags = Flow(scene).solve_all(bodies, reynolds, allow_unsteady=True).drag
+    return (both[0], drags[:32]), (both[1], drags[32:])
+
+
+def test_golden_pretrained_surrogate_on_unseen_bodies(unseen):
+    """A handful of the acceptance test: mean error below 0.05 %, none above 0.3 %."""
+    net, (samples, drags) = shipped("pretrained"), unseen[1]
+    errors = load_errors(net.network, samples, jnp.asarray(drags)[:, None])[:, 0]
+    assert float(errors.mean()) < 0.0005, errors
+    assert float(errors.max()) < 0.003, errors
+    assert net.scene.family == Family()
+
+
+def test_bounds_hold_for_bodies_drawn_anew(unseen):
     net = shipped("pretrained")
-    samples = held_out_samples(net.scene, 5, 32)
-    drags = Flow(net.scene).solve_all(*samples, allow_unsteady=True).loads[:, 0]
+    samples, drags = unseen[0]
     errors = np.abs(np.asarray(net.drag(*samples) / drags) - 1)
     # at a coverage of 95 %, fewer than 26 of 32 have a chance below 1e-4
     bounds = net.error_bounds(*samples)[:, 0]

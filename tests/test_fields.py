@@ -95,10 +95,16 @@ def test_pressure_agrees_with_the_surface_and_with_bernoulli(cylinder):
     assert found(ahead)[0] == pytest.approx(1 - speed[0] ** 2, abs=0.01)
 
 
-def test_pressure_of_slow_flow_is_that_of_stokes():
+@pytest.fixture(scope="module")
+def sphere():
+    """The flow past a sphere at Re 0.01."""
+    body = family_shape({"aspect": 1.0}, dimension=3)
+    return Flow(Scene(dimension=3, fidelity=ROUGH_3D)).solve(body, 0.01, estimate=False)
+
+
+def test_pressure_of_slow_flow_is_that_of_stokes(sphere):
     """Past a sphere p = -3 x / (4 Re r^3), where the head is far from the stream's."""
-    sphere = family_shape({"aspect": 1.0}, dimension=3)
-    s = Flow(Scene(dimension=3, fidelity=ROUGH_3D)).solve(sphere, 0.01, estimate=False)
+    s = sphere
     found = RegularGridInterpolator((s.x, s.y, s.z), s.p)
     for x in (-1.4, -1.1, 1.1, 1.4):
         point = np.array([[x, 0.3, -0.2]])
@@ -295,12 +301,12 @@ def test_an_eddy_in_two_strips_is_drawn():
     assert axis.collections
 
 
-def test_forces_in_newtons(cylinder, ellipsoid):
+def test_forces_in_newtons(cylinder, sphere):
     air = {"speed": 0.3, "diameter": 1e-3, "density": 1.2}
     forces = cylinder.forces(**air, viscosity=1.5e-5)
     assert forces.drag == pytest.approx(cylinder.drag * 0.5 * 1.2 * 0.3**2 * 1e-3)
-    drag = ellipsoid.forces(**air).drag
-    assert drag == pytest.approx(ellipsoid.drag * 0.5 * 1.2 * 0.3**2 * np.pi / 4 * 1e-6)
+    drag = sphere.forces(**air).drag
+    assert drag == pytest.approx(sphere.drag * 0.5 * 1.2 * 0.3**2 * np.pi / 4 * 1e-6)
     with pytest.raises(InvalidInput, match="U D / nu = 10"):
         cylinder.forces(**air, viscosity=3e-5)
     for wrong in (0.0, 1e200, 1e-200):

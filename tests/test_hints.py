@@ -24,6 +24,7 @@ from surrogate import (
     naca4,
 )
 
+pytestmark = pytest.mark.usefixtures("shipped_once")
 BODY = [2.0, 0.1, 0.0, 0.0]
 
 

@@ -33,7 +33,7 @@ class Regression(LabelRegression):
 @pytest.fixture(scope="module")
 def setup():
     scene = Scene(family=SECTIONS, fidelity=TINY, reynolds=(5, 20))
-    return make_setup(make_plan(scene, "sip", "quick", samples=COUNT, held_out=4))
+    return make_setup(make_plan(scene, "sip", "quick", samples=COUNT, held_out=COUNT))
 
 
 def evaluated(setup, inversion):

@@ -60,7 +60,7 @@ def test_gradients_over_several_lifts_are_those_of_the_flow():
     assert np.all(rates > 1.9), rates
 
 
-def test_a_section_for_several_lifts_is_an_optimum_of_the_flow(tmp_path):
+def test_a_section_for_several_lifts_is_an_optimum_of_the_flow(tmp_path, no_estimates):
     """An ellipse of one aspect has at each lift the incidence that it has for this lift alone."""
     designer, within = Designer(Flow(SCENE)), {"aspect": (2.0, 2.0)}
     within |= dict.fromkeys(CURVES, (0.0, 0.0))

@@ -1,6 +1,7 @@
 """Sections: the chord, Reynolds numbers and coefficients by it, ranges, polars, refusals."""
 
 import csv
+import dataclasses
 import functools
 import importlib
 import json
@@ -38,6 +39,7 @@ from surrogate.body.measures import moments
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.solver.newton import NewtonSettings
 
+pytestmark = pytest.mark.usefixtures("shipped_once")
 THICK = ["--naca", "2430", "--fidelity", "draft", "--cells", "8"]  # resolved by few cells
 ENDS = st.floats(-1e6, 1e6)
 ABOVE_ZERO = st.floats(1e-6, 1e6)
@@ -291,7 +293,20 @@ def test_gradients_by_the_chord_are_those_of_the_coefficients_by_it():
     assert alone == found["gradient"]["cd"]
 
 
-def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path):
+def estimated_at_once(scene, settings, found):
+    """Return a flow with made-up estimates of its errors, for which no flow is solved."""
+    return dataclasses.replace(
+        found,
+        status="accurate",
+        expected_error=4e-3,
+        estimated_error=8e-3,
+        estimated_lift_error=5e-3,
+        estimated_moment_error=2e-3,
+    )
+
+
+def test_a_polar_is_the_same_as_json_table_and_single_flows(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr("surrogate.flow.flow.with_estimate", estimated_at_once)
     table, plot = tmp_path / "polar.csv", tmp_path / "polar.png"
     arguments = ["solve_drag", *THICK, "--incidence", "-4:0:2,4", "--reynolds", "5:10:2"]
     arguments += ["--reference", "chord", "--table", table, "--plot", plot]

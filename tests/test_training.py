@@ -372,7 +372,8 @@ def test_another_training_into_the_folder_of_one_must_be_asked_for(
 
 def test_more_held_out_bodies_measure_a_finished_training_anew(plan, stored, monkeypatch):
     surrogate, out = stored
-    more = dataclasses.replace(plan, held_out=plan.held_out + 3)
+    monkeypatch.setattr("surrogate.training.held_out.AT_ONCE", plan.held_out)  # in two parts
+    more = dataclasses.replace(plan, held_out=2 * plan.held_out)
     monkeypatch.setattr(training, "run_training", refuse_to_work)
     again = train_plan(more, out, progress=False)
     assert np.array_equal(again.network.weights, surrogate.network.weights)

@@ -62,15 +62,15 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     for k in (0, PLAIN[preset] - 1):
         check_run_folder(out / f"run-{k}")
     scene = Scene.read(arguments.scene) if arguments.scene else Scene()
-    queries = plain_queries(scene, PLAIN[preset])
     count = QUERIES[preset] if arguments.queries is None else arguments.queries
-    if count < len(queries):
-        raise InvalidInput(f"--queries {count}: at least {len(queries)}")
-    queries += query_stream(scene, arguments.seed, count - len(queries))
+    if count < PLAIN[preset]:
+        raise InvalidInput(f"--queries {count}: at least {PLAIN[preset]}")
     settings = _settings(arguments, scene, seeds, count)
     if (stored := _stored(out, settings, arguments.overwrite)) is not None:
         print_message(f"{out}: this payoff is done already; --overwrite repeats it")
         return _emit(stored, arguments.json)
+    queries = plain_queries(scene, PLAIN[preset])
+    queries += query_stream(scene, arguments.seed, count - len(queries))
     plans = [_plans(arguments, scene, arguments.seed + k) for k in range(seeds)]
     print_message(scene.explain(arguments.samples or PRESETS[preset].samples))
     start = time.perf_counter()

@@ -1,6 +1,5 @@
 """Observations of the flow, loads with their slopes, kept between designs and in a file."""
 
-import dataclasses
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -160,7 +159,7 @@ class Memory:
 
 def _origin(flow):
     """Return the scene and the solver's settings, which all flows of a file share."""
-    return {"scene": flow.scene.record, "settings": dataclasses.asdict(flow.settings)}
+    return {"scene": flow.scene.record, "settings": flow.settings._asdict()}
 
 
 def _key(parameters, reynolds):
@@ -177,7 +176,7 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        usual = dataclasses.asdict(NewtonSettings())  # of files without settings, as were written
+        usual = NewtonSettings()._asdict()  # of files without settings, as were written
         origin = {"scene": record["scene"], "settings": record.get("settings", usual)}
         other = [name for name, value in _origin(flow).items() if origin[name] != value]
         rows = [] if other else _rows(record, flow)

@@ -106,7 +106,7 @@ class Step(NamedTuple):
 def first_state(method: Method, network: LoadNetwork, physics: Physics) -> LearnerState:
     """Return the state before the first step."""
     devices = physics.partition.devices
-    optimiser, labels = jax.jit(method.init)(devices.place(network), physics)
+    optimiser, labels = _init(method)(devices.place(network), physics)
     velocities = physics.partition.zeros(
         physics.velocity_shape if method.evaluator.warm_starts else (1,)
     )
@@ -127,15 +127,9 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
     chunk = devices.place(next(partition.chunks(batch, np.zeros(physics.count, bool))))
     stored = start.velocities
 
-    def lowered(function, arguments, results, donated=()):
-        mapped = devices.shard_map(function, arguments, results)
-        return jax.jit(mapped, donate_argnums=donated).lower(*arguments)
-
-    def take_all(partition, batch, stores):
-        return tuple(partition.take_local(batch, store) for store in stores)
-
+    take, put = _copies(devices)
     both = physics.operators, stored
-    fetch = lowered(take_all, (partition, chunk, both), both).compile()
+    fetch = take.lower(partition, chunk, both).compile()
     operators, velocities = fetch(partition, chunk, both)
 
     fetched = dataclasses.replace(physics, operators=operators)
@@ -143,13 +137,43 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
     dimension = physics.domain.lattice.dimension
     evaluate = _evaluation(method.evaluator, devices, dimension).lower(*arguments).compile()
 
-    arguments = partition, chunk, stored, velocities
-    put_back = lowered(Partition.put_local, arguments, stored, donated=(2,)).compile()
+    put_back = put.lower(partition, chunk, stored, velocities).compile()
 
     labels, samples = devices.local((start.labels, physics.samples))
     arguments = start.network, start.optimiser, labels, samples, batch, np.asarray(0.0)
-    update = jax.jit(method.update).lower(*arguments).compile()
+    update = _update(method).lower(*arguments).compile()
     return Step(physics, fetch, evaluate, put_back, update)
+
+
+# The programs below are kept, so that a training like an earlier one of a process compiles none.
+
+
+@functools.lru_cache(maxsize=PROGRAMS)
+def _init(method: Method):
+    """The program of a method's first state."""
+    return jax.jit(method.init)
+
+
+@functools.lru_cache(maxsize=PROGRAMS)
+def _update(method: Method):
+    """The program of a method's step from its labels."""
+    return jax.jit(method.update)
+
+
+@functools.lru_cache(maxsize=PROGRAMS)
+def _copies(devices: Devices):
+    """The programs that take the stored operators and velocities of a chunk, and put these back."""
+
+    def take_all(partition, batch, stores):
+        return tuple(partition.take_local(batch, store) for store in stores)
+
+    def take(*arguments):
+        return devices.shard_map(take_all, arguments, arguments[2])(*arguments)
+
+    def put(*arguments):
+        return devices.shard_map(Partition.put_local, arguments, arguments[2])(*arguments)
+
+    return jax.jit(take), jax.jit(put, donate_argnums=(2,))
 
 
 @functools.lru_cache(maxsize=PROGRAMS)
