@@ -46,6 +46,7 @@ from surrogate.model.surrogate import Surrogate
 TOLERANCE = 1e-8  # relative, of the integration in time
 SAMPLES = 400  # in time, that a fall is reported at
 SLOWEST = 1e-30  # Re, for which a body at rest is taken
+SLOW = 1.0  # Re, the least of a surrogate below which a fall may end by Oseen's correction
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -100,7 +101,8 @@ def fall(
       The motion at ``SAMPLES`` times from 0 to ``seconds``, evenly spaced.
 
     Raises:
-      InvalidInput: an argument is invalid, or the body becomes faster than the trained range.
+      InvalidInput: an argument is invalid, the body becomes faster than the trained range, or it
+        ends below that range, which begins above Re 1.
       NotConverged: the integration in time fails.
     """
     body = checked_body(surrogate, parameters)
@@ -139,6 +141,12 @@ def fall(
     if not found.success:
         raise NotConverged(f"fall: the integration in time failed: {found.message}")
     velocity = np.asarray(_velocity(constants, found.y)).T
+    last = float(np.hypot(*velocity[-1]))
+    if last < surrogate.scene.reynolds[0] > SLOW:
+        raise InvalidInput(
+            f"fall: it ends at Re {last:.3g}, below Re {surrogate.scene.reynolds[0]:g}, from which "
+            f"the surrogate was trained; Oseen's correction goes on from Re {SLOW:g} at most"
+        )
     angle = np.arctan2(velocity[:, 1], velocity[:, 0]) - found.y[2]
     angle[0] = angle[1]  # at rest there is none
     return Fall(

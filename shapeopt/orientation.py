@@ -122,6 +122,8 @@ def small_swings(surrogate: Surrogate, parameters: Body, particle: Particle, fou
     change = np.asarray(jax.jacobian(lambda y: rates(body, constants, y)[2:])(state))[:, 2:]
     roots = np.linalg.eigvals(change) * particle.viscosity / particle.size**2
     swings = roots[np.abs(roots.imag) > REAL * np.abs(roots)]
-    slowest = max(swings if len(swings) else roots, key=lambda root: root.real)
-    frequency = abs(slowest.imag) / (2 * math.pi) if len(swings) else None
+    growing = roots[roots.real > 0]  # the fall is unstable, whether or not it swings as well
+    shown = growing if len(growing) else swings if len(swings) else roots
+    slowest = max(shown, key=lambda root: root.real)
+    frequency = abs(slowest.imag) / (2 * math.pi) if slowest in swings else None
     return Swing(frequency, float(-slowest.real))

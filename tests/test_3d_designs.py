@@ -1,7 +1,6 @@
 """3-D surrogates, their designs of least drag, and the files and pictures of a run."""
 
 import itertools
-from typing import NamedTuple
 
 import imageio.v3 as imageio
 import matplotlib as mpl
@@ -16,16 +15,17 @@ from shapeopt.render.bodies_3d import FRICTION, PRESSURE, TURNS, render_bodies, 
 from shapeopt.render.pictures import Panel
 from shapeopt.search import following as following_module
 from shapeopt.search.following import following
+from shapeopt.search.propose import Proposal
 from surrogate import Family, Flow, InvalidInput, Scene, load, train
 from surrogate.flow.output.meshes import pv
 
 FAMILY = Family(dimension=3)
 
 
-class Calls(NamedTuple):
-    """A proposal of which nothing is known but its work."""
-
-    calls: int
+# A proposal of a body with five parameters, of which nothing is known but its work.
+PROPOSAL = Proposal(
+    np.ones(5), 1.0, np.zeros(5), np.zeros(0), np.zeros((0, 5)), 0.0, 1.0, np.ones((1, 5)), 7
+)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_problems_that_do_not_follow_count_one_search(monkeypatch):
     problems = [Problem(scene, 20.0), Problem(scene, Settling(300.0))]
 
     def proposed(problems, model, devices):
-        return [Calls(7) for _ in problems]
+        return [PROPOSAL for _ in problems]
 
     def next_one(model, problem, proposal):
         reynolds = next(begin, None) if not problem.objective.fixed else None
@@ -102,7 +102,7 @@ def test_problems_that_do_not_follow_count_one_search(monkeypatch):
 
     monkeypatch.setattr(following_module, "propose_all", proposed)
     monkeypatch.setattr(following_module, "_following", next_one)
-    last, found = following_module.follow_all(problems, None)
+    last, found = following_module.follow_all(problems, load("pretrained:space").network)
     assert last[0] == problems[0]
     assert last[1].objective.reynolds == 8
     assert [one.calls for one in found] == [7, 21]

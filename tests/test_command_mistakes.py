@@ -146,7 +146,7 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 40 --devices 0": "--devices 0",
     f"{OPTIMISE} --reynolds 40 --devices 1": "--devices: goes with --until flow",
     f"{OPTIMISE} --until flow --reynolds 40 --devices 2": "--devices: the cases of an objective",
-    "export_surrogate --to numpy --prefix drag --out {folder}/x.py": "--prefix: goes with C",
+    "export_surrogate --to numpy --prefix drag --out {folder}/x.py": "prefix: goes with C",
     "payoff --devices 0 --out {missing}": "--devices 0",
     "design_sheet --reynolds 400 --max-length 2 --out {missing}.png": "Reynolds",
     "design_sheet --reynolds 4 --max-length 0.1 --out {missing}.png": "length",

@@ -212,6 +212,22 @@ def test_every_incidence_is_one_of_the_first_quarter(body, same, image):
     assert distances.min(axis=1).max() < 1e-9
 
 
+def test_a_growing_disturbance_is_not_hidden_by_swings_that_decay(monkeypatch):
+    found = fall(surrogate(1.0), SPINDLE, SMALL, 1e-4)
+    roots = np.array([14.0, -40 + 7j, -40 - 7j, -83.0])
+    monkeypatch.setattr(np.linalg, "eigvals", lambda matrix: roots)
+    frequency, decay = small_swings(surrogate(1.0), SPINDLE, SMALL, found)
+    assert frequency is None
+    assert decay == pytest.approx(-14 * SMALL.viscosity / SMALL.size**2)
+
+
+def test_falls_that_end_below_a_range_that_begins_high_are_refused():
+    """Oseen's correction of a drag at Re 5 would be wrong by a fifth."""
+    high = dataclasses.replace(surrogate(), scene=dataclasses.replace(SCENE, reynolds=(5, 100)))
+    with pytest.raises(InvalidInput, match=r"ends at Re .*, below Re 5, from which"):
+        fall(high, SPINDLE, SMALL, 1e-4)
+
+
 def test_what_cannot_fall_is_refused():
     with pytest.raises(InvalidInput, match="3-D bodies at incidences from 0 to 90"):
         fall(load("pretrained:space"), SPINDLE, SMALL, 1.0)

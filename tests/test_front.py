@@ -17,8 +17,9 @@ from shapeopt import Problem, optimise
 from surrogate import Flow, InvalidInput, Scene, load
 
 NAMES = """
-    FIDELITIES Family Fidelity Flow InvalidInput NotConverged Particle Scene Shape Solution
-    Surrogate Tunnel Unbounded __version__ contour_shape export family_shape load naca4 read_contour
+    FIDELITIES Family Fidelity Flow FlowBatch Forces InvalidInput LoadsAndGradients NewtonSettings
+    NotConverged Particle Scene Settled Shape Solution Surrogate Tunnel
+    Unbounded __version__ contour_shape export family_shape load naca4 read_contour
     save settle train
 """
 FLOW = Flow(Scene(fidelity=TINY))

@@ -126,6 +126,8 @@ def test_a_tunnel_too_coarse_for_the_estimate_alone_is_answered():
 def test_exact_nose_of_an_ellipse(aspect):
     shape = family_shape({"aspect": aspect})
     assert shape.nose == pytest.approx(1 / (2 * shape.chord**3), rel=1e-4)
+    small = contour_shape(0.3 * shape.draw(400), keep_size=True)
+    assert small.nose == pytest.approx(0.3 * shape.nose, rel=1e-2)
 
 
 @pytest.mark.parametrize("turns", [1, -1])
@@ -191,6 +193,24 @@ def test_networks_have_the_traction_modes_of_the_grid(scene):
     """Also where boundary layers are so thin that the grid has more of them."""
     network = blank_network(scene, (4,), jax.random.key(0))
     assert network.modes == Flow(scene).domain.modes
+
+
+def test_bodies_fit_the_domain_downstream_too():
+    short = Flow(Scene(fidelity=Fidelity("short", 9, 6, 2.5, 8)))
+    with pytest.raises(InvalidInput, match="short domain, which holds 2 D along the stream"):
+        short.solve(family_shape({"aspect": 6.0}), 10.0)
+
+
+@pytest.mark.parametrize(
+    ("dimension", "sides", "most"),
+    [(2, (40, 12, 8), (32, 64, 96)), (2, (6, 70, 8), (32, 64, 96)), (3, (3, 20, 4), (8, 16, 24))],
+)
+def test_domains_larger_than_the_first_lattice_of_the_far_field_are_refused(dimension, sides, most):
+    """There its response would be extrapolated."""
+    scene = Scene(dimension=dimension, fidelity=Fidelity("long", 6, *sides, wake=0.0))
+    words = "at most {} D upstream, {} D downstream and {} D across".format(*most)
+    with pytest.raises(InvalidInput, match=words):
+        Flow(scene).solve(family_shape({"aspect": 1.0}, dimension=dimension), 10.0)
 
 
 def test_bodies_too_large_are_told_what_the_domain_holds():

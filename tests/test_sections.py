@@ -431,7 +431,6 @@ REFUSED = {
     f"{NACA} --reynolds 9 --table {{folder}}/p.txt": "must name a file that ends in .csv",
     f"{NACA} --reynolds 5 --incidence 0,90 --stream tunnel:4": "--incidence 90: tunnel:4 leaves",
     f"{NACA} --reynolds 5 --incidence 0,90 --cells 9": "--incidence 0: body: its mean thickness",
-    "solve_drag --aspect 2 --reynolds 9 --gradient --reference chord": "goes without --gradient",
     "solve_drag --aspect 2 --reynolds 9 --dimension 3 --reference chord": "is for 2-D bodies",
     "solve_drag --aspect 2 --dimension 3 --particle 2,1e-6,1e-4 --table t.csv": "without --table",
     "solve_drag --aspect 2 --reynolds 40 --incidence 0,90": "--incidence 90: Reynolds number 40:",

@@ -173,7 +173,7 @@ def test_queries_that_one_strategy_does_not_answer_are_left_out_of_all(pretraine
         comparable(rivals(queries, Flow(pretrained.scene)))
 
 
-def test_a_payoff_is_kept_where_its_pictures_fail(pretrained, monkeypatch, tmp_path):
+def test_a_payoff_is_kept_where_its_pictures_fail(pretrained, monkeypatch, tmp_path, capsys):
     """And pictures of an earlier one do not pass for its own."""
 
     def fail(*_):
@@ -186,7 +186,7 @@ def test_a_payoff_is_kept_where_its_pictures_fail(pretrained, monkeypatch, tmp_p
         "rivals": lambda *_: [direct, kriging],
         "trained": lambda *_: sip,
         "trained_with_memory": lambda *_: dataclasses.replace(sip, name="sip, and kriging"),
-        "_robust": lambda _: {},
+        "_robust": lambda _: {"calls": 3, "seconds": 0.1},
         "_draw": fail,
     }.items():
         monkeypatch.setattr(payoff_command, name, value)
@@ -195,6 +195,7 @@ def test_a_payoff_is_kept_where_its_pictures_fail(pretrained, monkeypatch, tmp_p
     (tmp_path / "payoff.png").write_bytes(b"old")
     with pytest.raises(OSError, match="no display"):
         payoff_command.main(["--queries", "2", "--out", str(tmp_path), "--overwrite"])
+    assert "Robust design by the network alone: 3 drags" in capsys.readouterr().out
     record = json.loads((tmp_path / "payoff.json").read_text())
     assert [row["method"] for row in record["payoff"]][:2] == ["direct", "kriging with memory"]
     assert record["plot"] == str(tmp_path / "payoff.png")
@@ -347,7 +348,7 @@ def test_a_run_that_is_not_verified_has_the_surrogates_drag_and_no_flow(tmp_path
     net = load("pretrained:lift")
     problem, body = Problem(net.scene, Glide(np.float32(40)), max_length=2.0), np.zeros(7)
     body[[0, -1]] = 2.0, 4.0
-    loads = net.loads(body, 40.0).tolist()
+    loads = tuple(net.loads(body, 40.0).tolist())
     cost = (0, 0, 0, 1.0)
     design = Design(problem, body, -loads[1] / loads[0], loads, 1e-4, 2.0, body[None], *cost)
     monkeypatch.setattr(Flow, "solve", None)

@@ -6,8 +6,8 @@ python scripts/march_flow.py --aspect 1 --reynolds 100 --time 160 --out out/marc
 From 0.7 of the estimated onset of shedding on, the flow starts with a vortex that breaks its
 symmetry, and the lift tells whether disturbances grow: sheds is true where its oscillation grows or
 keeps its amplitude, false where it decays or the flow lies below these Re; growth_rate is that of
-the amplitude in U / D, between the third and the last quarter of the time. Both are null where too
-few periods lie in them. cd is the mean over the later half where the flow sheds, else the last one.
+the amplitude in U / D, in the later half of the time. Both are null where it has too few periods.
+cd is the mean over the later half where the flow sheds, else the last one.
 """
 
 import contextlib

@@ -58,7 +58,6 @@ from shapeopt.commands.sweep import (
     write_table,
 )
 from shapeopt.commands.verification import beside_the_flow
-from shapeopt.render.polar import ERRORS, plot_polar
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import Shape, family_shape
 from surrogate.compilation import compiled
@@ -116,6 +115,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 def _plot(arguments: argparse.Namespace, rows: list[JsonObject]) -> None:
     """Plot the polar, with the bounds of the surrogate's errors as bars."""
+    from shapeopt.render.polar import ERRORS, plot_polar  # matplotlib takes half a second to import
+
     bars = dict(zip(ERRORS.values(), (f"{load}_error_bound" for load in LOADS), strict=True))
     known = [row | {bar: row[bound] for bar, bound in bars.items()} for row in rows]
     plot_polar(known, polar_title(arguments, rows[0]), arguments.plot)

@@ -47,14 +47,14 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
 
 
 def optimise_all(
-    problems: Sequence[Problem], surrogate: Surrogate, devices: int | None = None
+    problems: Sequence[Problem], surrogate: Surrogate | Flow, devices: int | None = None
 ) -> list[Design]:
     """Return the surrogate's own optimum of every problem, all in one compiled call.
 
     Args:
       problems: of the surrogate's scene, all or none ``by_chord``; objectives and constraints may
         be of different kinds. All are padded to the most scenarios, stations and bounds among them.
-      surrogate: the model; of a flow a ``Designer`` finds the optima.
+      surrogate: the model; a flow is refused, a ``Designer`` answers its problems.
       devices: number of devices that the problems are spread over (1).
 
     Returns:

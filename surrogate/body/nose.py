@@ -1,7 +1,11 @@
 """The nose of a body: the radius of curvature that its thinnest boundary layer follows."""
 
+import math
+
 import numpy as np
 from jaxtyping import Float
+
+from surrogate.body.measures import moments
 
 SHARPEST_ARC = 1.0  # radian, by which the arc turns whose radius of curvature is that of a nose
 # A sharp nose counts as one of three times its radius, since less of the layer is thin (fitted to
@@ -10,21 +14,22 @@ SHARP_NOSE = 3.0
 CORNER = 0.004  # D: the markers of a flow round what is sharper
 
 
-def nose_of_ellipse(chord: float) -> float:
-    """Return the radius of curvature in D at the nose of an ellipse of area pi/4.
+def nose_of_ellipse(chord: float, area: float = math.pi / 4) -> float:
+    """Return the radius of curvature in D at the nose of an ellipse.
 
     Args:
       chord: its axis along the stream at zero incidence, in D.
+      area: in D^2, by default that of all bodies whose size is not their own.
     """
-    return 1 / (2 * chord**3)
+    return 8 * area**2 / (math.pi**2 * chord**3)
 
 
 def nose_of_contour(contour: Float[np.ndarray, "nodes 2"], chord: float) -> float:
     """Return the radius of curvature in D that the thinnest boundary layer of a body follows.
 
-    It is that of the nose of an ellipse of this chord and of area pi/4, or three times that of the
-    body's own nose if that is smaller: the length of the shortest arc upstream of the centroid that
-    turns by a radian. Corners count as noses of 0.004 D.
+    It is that of the nose of an ellipse of this chord and of the same area, or three times that of
+    the body's own nose if that is smaller: the length of the shortest arc upstream of the centroid
+    that turns by a radian. Corners count as noses of 0.004 D.
 
     Args:
       contour: x and y in D once around, centroid at 0, by many nodes.
@@ -42,4 +47,5 @@ def nose_of_contour(contour: Float[np.ndarray, "nodes 2"], chord: float) -> floa
     convex = (turned >= furthest)[: len(contour)]
     upstream = contour[:, 0] + steps[:, 0] / 2 < 0
     sharpest = float(arcs[: len(contour)][convex & upstream].min()) / SHARPEST_ARC
-    return min(nose_of_ellipse(chord), SHARP_NOSE * max(sharpest, CORNER))
+    area = abs(float(moments(contour)[0]))
+    return min(nose_of_ellipse(chord, area), SHARP_NOSE * max(sharpest, CORNER))

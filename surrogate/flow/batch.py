@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -18,7 +19,10 @@ from surrogate.partition import Partition
 
 
 class FlowBatch(NamedTuple):
-    """Solved flows of many bodies: traction modes, loads, convolutions with G, and convergence."""
+    """Solved flows of many bodies: traction modes, loads, convolutions with G, and convergence.
+
+    Loads are Cd and, of bodies with lift, Cl and Cm; NaN where a flow did not converge.
+    """
 
     amplitude: Float[AnyArray, "bodies modes"]
     loads: Float[AnyArray, "bodies loads"]
@@ -53,7 +57,8 @@ def batch_solver(
         operators, state, info = bodies.solved(*body)
         spent = info.convolutions + bodies.domain.assembly_cost
         loads = load_values(bodies.domain.modes, bodies.loads, state.amplitude, operators.markers)
-        return FlowBatch(state.amplitude, loads, spent, info.converged)
+        known = jnp.where(info.converged, 1.0, jnp.nan)
+        return FlowBatch(state.amplitude, known * loads, spent, info.converged)
 
     def gradient(body):
         return loads_and_gradients(bodies, *body)

@@ -17,7 +17,7 @@ BALANCED = 1e-4  # relative difference of drag and weight
 MAX_FLOWS = 12
 HOPELESS = 10  # times the onset: where the sphere settles so fast, the flattest disc is too fast
 RANGE = REYNOLDS[3][0], ONSET_OF_INSTABILITY[3]  # of Re, in which bodies are solved
-LOG_RE = -160.0, 160.0  # between which the sphere's correlation is inverted; of all particles
+LOG_RE = -200.0, 200.0  # between which the sphere's correlation is inverted; of all particles
 
 
 @dataclasses.dataclass(frozen=True)

@@ -96,5 +96,6 @@ def with_estimate(scene: Scene, settings: NewtonSettings, solution: Solution) ->
         nose=shape.nose,
         onset=onset_of(shape),
         fewest=fewest_cells(shape),
+        flatness=(shape.parameters or {}).get("flatness", 1.0),
     )
     return dataclasses.replace(solution, **error._asdict())

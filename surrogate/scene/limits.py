@@ -190,9 +190,10 @@ def check_stream(
       clearance: D that accuracy needs between this box and the domain's edges, along and across.
     """
     along, across = extent[0] / 2 + clearance[0], np.max(extent[1:]) / 2 + clearance[1]
-    if along > fidelity.upstream or across > fidelity.height / 2:
+    room = min(fidelity.upstream, fidelity.downstream)
+    if along > room or across > fidelity.height / 2:
         sides = " x ".join(f"{side:g}" for side in extent)
-        most = 2 * (fidelity.upstream - clearance[0]), fidelity.height - 2 * clearance[1]
+        most = max(2 * (room - clearance[0]), 0), max(fidelity.height - 2 * clearance[1], 0)
         raise InvalidInput(
             f"body: {sides} D is too large for the {fidelity.name} domain, which holds "
             f"{most[0]:g} D along the stream and {most[1]:g} D across; bodies are best scaled to "

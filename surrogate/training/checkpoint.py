@@ -12,7 +12,7 @@ from surrogate.devices import is_sharded
 from surrogate.errors import InvalidInput
 from surrogate.leaves import leaves_digest, read_header, read_leaves, write_leaves
 from surrogate.partition import Partition
-from surrogate.processes import broadcast_from_first, first, gather_to_host
+from surrogate.processes import broadcast_from_first, broadcast_json, first, gather_to_host
 from surrogate.repeats import differences
 from surrogate.training.plan import Plan
 
@@ -83,20 +83,30 @@ def load_checkpoint(path: Path, plan: Plan, like: PyTree, partition: Partition) 
     shapes = jax.eval_shape(
         lambda state: _map_sharded(state, lambda rows: rows[partition.places]), like
     )
+    saved, problem = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes), None
     if first():
-        if found := checkpoint_differences(path, plan):
-            raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
-        saved = read_leaves(path, shapes, "checkpoint", "; remove it")
-        if leaves_digest(saved) != read_header(path, "checkpoint").get(DIGEST):
-            raise InvalidInput(f"checkpoint {path}: damaged, not what was saved; remove it")
-    else:
-        saved = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
+        try:
+            saved = _read(path, plan, shapes)
+        except InvalidInput as error:
+            problem = str(error)
+    if problem := broadcast_json(problem):  # else the other processes would wait
+        raise InvalidInput(problem)
     saved = broadcast_from_first(saved)
 
     def scatter(node, rows):
         return partition.scatter(rows) if is_sharded(node) else rows
 
     return jax.tree.map(scatter, like, saved, is_leaf=is_sharded)
+
+
+def _read(path, plan, shapes):
+    """Return the saved state of a checkpoint, checked."""
+    if found := checkpoint_differences(path, plan):
+        raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
+    saved = read_leaves(path, shapes, "checkpoint", "; remove it")
+    if leaves_digest(saved) != read_header(path, "checkpoint").get(DIGEST):
+        raise InvalidInput(f"checkpoint {path}: damaged, not what was saved; remove it")
+    return saved
 
 
 def checkpoint_differences(path: Path, plan: Plan) -> str:

@@ -66,20 +66,11 @@ def _read(plan, folder, overwrite):
         with contextlib.suppress(InvalidInput):  # of another training: stays
             if not checkpoint_differences(checkpoint, plan):
                 checkpoint.unlink()  # the process was killed after saving
-    elif overwrite:
-        if _is_other(checkpoint, plan):
-            checkpoint.unlink()
     elif different := checkpoint_differences(checkpoint, plan):
-        raise InvalidInput(refusal(checkpoint, "training, interrupted", different))
+        if not overwrite:
+            raise InvalidInput(refusal(checkpoint, "training, interrupted", different))
+        checkpoint.unlink()
     return found
-
-
-def _is_other(checkpoint, plan):
-    """Return whether a checkpoint is damaged, or of another training or version."""
-    try:
-        return bool(checkpoint_differences(checkpoint, plan))
-    except InvalidInput:
-        return True
 
 
 def _finished(plan, folder, overwrite):

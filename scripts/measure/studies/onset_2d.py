@@ -13,7 +13,6 @@ from elements import continuation, ngsolve
 from lifting_elements import raise_reynolds, section_at_rest
 from meshes import Elements
 from onset_bodies import cases, shape_of, unseen_bodies
-from scipy.signal import find_peaks
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 from studies.onset import critical
@@ -22,7 +21,7 @@ from tools import name_of
 from weak_forms import CORNERS
 
 from surrogate import Fidelity, Flow, NotConverged, Scene, Shape, family_shape
-from surrogate.flow.check.march import Box, make_marcher, march, start
+from surrogate.flow.check.march import Box, growth_rate, make_marcher, march, start
 from surrogate.flow.wake import NEAR, WakeRule, onset_by_wake
 from surrogate.scene.limits import REYNOLDS, onset_of
 
@@ -206,15 +205,8 @@ def marched(run: Run, body: str, parameters: Mapping[str, float], share: float) 
     box, steps = run.pick((TINY_BOX, 400), (BOX, round(DURATION / BOX.step)))
     marcher = make_marcher(box, shape.draw(200), reynolds)
     _, force = march(box, marcher, start(box, KICK), steps)
-    rate = envelope_rate(np.asarray(force.lift), box.step)
+    rate = growth_rate(np.asarray(force.lift), box.step)
     return {"reynolds": reynolds, "by_elements": by_elements, "marched": rate}
-
-
-def envelope_rate(lift: np.ndarray, step: float) -> float:
-    """Return the rate at which the extremes of an oscillation grow, in its later half."""
-    late = np.abs(lift[len(lift) // 2 :])
-    peaks, _ = find_peaks(late)
-    return float(np.polyfit(step * peaks, np.log(late[peaks]), 1)[0])
 
 
 def against_rule(rows: Sequence[Row]) -> list[Row]:

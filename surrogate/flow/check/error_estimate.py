@@ -12,13 +12,17 @@ from typing import Literal, NamedTuple
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.flow.check.error_model import ASYMPTOTIC_CELLS, ERROR_MODELS, Loads
 from surrogate.scene.fidelity import NAMED, Fidelity
+from surrogate.scene.limits import ROUNDING
 
 LOAD_TOLERANCE = 2.5  # tolerance of errors of Cl and Cm over Cd, as a multiple of that of Cd
 NO_LIFT = 1e-5  # Cl and Cm over Cd up to which a flow is symmetric, but for the solver's tolerance
 COARSE = "no coarser grid resolves the body's flow"
 ELSEWHERE = "the body's flow was not found in the other domain of the estimate"
 NO_NUMBER = "its estimated error is no finite number"
+TOO_LARGE = "the body is too large for the other domain of the estimate"
 TALL = "taller than the bodies of its tests"
+FLAT = "flatter than the bodies of its tests"  # in 3-D, wider than high or higher than wide
+FLATTEST = 2.0  # ratio of width and height, or of height and width, in these tests
 
 
 class ErrorEstimate(NamedTuple):
@@ -28,7 +32,7 @@ class ErrorEstimate(NamedTuple):
       status: "unknown" where no estimate was asked for; "accurate" where the drag's expected error
         is within the fidelity's tolerance, and those of Cl and Cm are within 2.5 times it, over Cd;
         "degraded" where they are not, where no coarser flow could be solved, or where the body is
-        taller than any that the tolerance was tested on.
+        taller or flatter than any that the tolerance was tested on.
       expected_error: relative error of the drag that is expected, in 3-D with a margin; None where
         no coarser flow exists.
       estimated_error: relative bound of the drag's error, made to cover 95 % of the errors.
@@ -38,7 +42,7 @@ class ErrorEstimate(NamedTuple):
       extrapolated_drag: limit of the two grids' drags (Richardson 1911), by the fitted share of
         the grid's error; None where the coarser grid has less than 16 cells per D.
       cause: of a degraded flow: which load is expected to err by too much, that the body is too
-        tall, or which of the two flows of the estimate was not found.
+        tall or too flat, or which of the two flows of the estimate was not found.
     """
 
     status: Literal["accurate", "degraded", "unknown"] = "unknown"
@@ -61,6 +65,7 @@ def estimate_error(
     nose: float,
     onset: float,
     fewest: int = 0,
+    flatness: float = 1.0,
 ) -> ErrorEstimate:
     """Estimate the errors of the loads on a body, from two more flows on a coarser grid.
 
@@ -76,6 +81,8 @@ def estimate_error(
       nose: radius of curvature in D that its boundary layers follow (``Shape.nose``).
       onset: Re of the body's onset of instability in an unbounded stream.
       fewest: cells per D that resolve the body; grids that are not coarser have no estimate.
+      flatness: width over height of a 3-D body; modes around it that are left out have the same
+        error on all grids.
     """
     model = ERROR_MODELS[dimension]
     whole = dataclasses.replace(fidelity, wake=0.0, refinement=1.0)  # they have been applied
@@ -84,8 +91,9 @@ def estimate_error(
         coarser = whole.coarser(model.COARSER, fewest)
         rough, missing = solve(coarser), ELSEWHERE
         other = solve(coarser.scaled(model.OTHER_DOMAIN))
-    except (InvalidInput, NotConverged):
-        return ErrorEstimate("degraded", cause=missing)
+    except (InvalidInput, NotConverged) as problem:
+        large = missing == ELSEWHERE and isinstance(problem, InvalidInput)
+        return ErrorEstimate("degraded", cause=TOO_LARGE if large else missing)
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1
     of_grid = [(a - b) / growth / loads.drag for a, b in zip(rough, loads, strict=True)]
@@ -110,6 +118,8 @@ def estimate_error(
     known = expected.drag, bounds[0], *(size * bound for bound in bounds[1:])
     if height > model.TALLEST:
         return ErrorEstimate("degraded", *known, None, limit, TALL)
+    if max(flatness, 1 / flatness) > FLATTEST * (1 + ROUNDING):
+        return ErrorEstimate("degraded", *known, None, limit, FLAT)
     tolerances = load_tolerances(fidelity.tolerance)
     if not lifting:
         tolerances = tolerances._replace(lift=math.inf, moment=math.inf)

@@ -23,6 +23,7 @@ from jax_cfd.base import (
     time_stepping,
 )
 from jaxtyping import Array, Float
+from scipy.signal import find_peaks
 
 from surrogate.arrays import AnyArray
 from surrogate.flow.grid.domain import box_around
@@ -34,6 +35,7 @@ from surrogate.flow.loads import drag, lift
 from surrogate.flow.solver.steady import NULL_MODE_COMPLIANCE
 
 MIDPOINT = time_stepping.midpoint_rk2
+EXTREMES = 8  # of the lift, from which the rate of its growth is known
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,16 +167,18 @@ def strouhal(lift: Float[AnyArray, " steps"], step: float) -> float | None:
 
 
 def growth_rate(lift: Float[AnyArray, " steps"], step: float) -> float | None:
-    """Return the rate at which the lift's oscillation grows, in U / D; None with too few periods.
+    """Return the rate in U / D at which the lift's oscillation grows; None with too few periods.
 
-    It is that of the amplitude, between the third and the last quarter of the time; each must have
-    three upward zero crossings. ``step`` is the time between the values, in D / U.
+    It is the slope of the logarithm of the differences between one extreme and the next in the
+    later half of the time, in which there must be ``EXTREMES``. ``step`` is the time between the
+    values, in D / U.
     """
-    third, last = np.array_split(np.asarray(lift), 4)[2:]
-    if strouhal(third, step) is None or strouhal(last, step) is None:
+    late = np.asarray(lift)[len(lift) // 2 :]
+    extremes = np.sort(np.concatenate([find_peaks(late)[0], find_peaks(-late)[0]]))
+    if len(extremes) < EXTREMES:
         return None
-    duration = step * len(lift) / 4
-    return float(np.log(np.ptp(last) / np.ptp(third)) / duration)
+    swings, middles = np.abs(np.diff(late[extremes])), (extremes[1:] + extremes[:-1]) / 2
+    return float(np.polyfit(step * middles, np.log(swings), 1)[0])
 
 
 def _navier_stokes(box, reynolds):

@@ -14,11 +14,13 @@ from jaxtyping import Array, Float
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.body.skin import SkinNodes
+from surrogate.errors import InvalidInput
 from surrogate.flow.grid.immersed import Markers, Spreading, Wall
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.modes_3d import Modes3D
 from surrogate.scene.fidelity import Fidelity
+from surrogate.scene.limits import ROUNDING
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Stream
 
@@ -204,6 +206,29 @@ def too_thin(cells: float, needed: float, step: float) -> str:
         f"body: its mean thickness is {math.floor(100 * cells) / 100:g} cells and at least "
         f"{needed:g} are needed; {math.ceil(needed / cells / step)} cells per D would resolve it"
     )
+
+
+def check_far_field(lattice: Lattice, nearest: Lattice) -> None:
+    """Raise InvalidInput unless a domain lies within the first lattice of its far field.
+
+    Beyond, the far field would be extrapolated.
+
+    Args:
+      lattice: of the domain.
+      nearest: the first lattice of the far field.
+    """
+    own, most = map(_sides, (lattice, nearest))
+    if any(side > limit * (1 + ROUNDING) for side, limit in zip(own, most, strict=True)):
+        words = "{:g} D upstream, {:g} D downstream and {:g} D across"
+        raise InvalidInput(
+            f"fidelity: a domain of {words.format(*own)}; at most {words.format(*most)}"
+        )
+
+
+def _sides(lattice):
+    """Return how far a lattice reaches upstream and downstream, and its side across, in D."""
+    step, (columns, *_, rows) = lattice.step, lattice.unfolded.shape
+    return lattice.inlet * step[0], (columns - lattice.inlet) * step[0], rows * step[-1]
 
 
 def box_around(extent: tuple[float, ...], cells: int) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
-from surrogate.flow.grid.domain import SPLINE_CELLS, Domain, box_around
+from surrogate.flow.grid.domain import SPLINE_CELLS, Domain, box_around, check_far_field
 from surrogate.flow.grid.immersed import Spreading, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
@@ -29,6 +29,7 @@ FAR_LEVELS = ((2.0, 96), (0.25, 384))  # cells per D and extent in D of the far 
 # added. Convection is felt at distances of order 1 / Re: without them Cd of the cylinder is 0.8 %
 # too high at Re 0.001 (study ``low_reynolds``).
 FAR_REYNOLDS, FAR_STEP = 100.0, 8
+WIDE = 3  # heights of a tunnel, beyond which its walls have ended the far field
 # Orders of the far field's momentum flux in the body's force. The third takes 2 convolutions, and 7
 # with lift, where it changes Cd half as much (study ``far_field``).
 FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
@@ -129,6 +130,7 @@ class Domain2D(Domain):
             grid(size // 3, size - size // 3, min(size, height or size), per_d)
             for per_d, size in _far_levels(height, reynolds)
         )
+        check_far_field(lattice, far[0])
         box = box_around(extent, cells)
         if box[1] > lattice.unfolded.shape[1]:
             needed = math.ceil((2 * SPLINE_CELLS + 2) / (width - extent[1]))
@@ -186,10 +188,10 @@ class Domain2D(Domain):
 
 def _far_levels(height, reynolds):
     """Return cells per D and extents in D of the far field's lattices, for Re from ``reynolds``."""
-    if height is not None:
-        return FAR_LEVELS if height > FAR_LEVELS[0][1] else FAR_LEVELS[:1]
-    levels = list(FAR_LEVELS)
-    while levels[-1][1] * reynolds < FAR_REYNOLDS:
+    if height is not None and height <= FAR_LEVELS[0][1]:
+        return FAR_LEVELS[:1]
+    levels, enough = list(FAR_LEVELS), WIDE * height if height is not None else math.inf
+    while levels[-1][1] < min(enough, FAR_REYNOLDS / reynolds):
         cells, extent = levels[-1]
         levels.append((cells / FAR_STEP, FAR_STEP * extent))
     return tuple(levels)

@@ -14,7 +14,7 @@ from surrogate.arrays import AnyArray
 from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
 from surrogate.body.skin import HALVES, QUARTERS, Skin, SkinNodes
-from surrogate.flow.grid.domain import Domain, box_around
+from surrogate.flow.grid.domain import Domain, box_around, check_far_field
 from surrogate.flow.grid.immersed import Spreading, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import FORCE_UNIT, Modes3D
@@ -95,6 +95,7 @@ class Domain3D(Domain):
         lattice = grid(fidelity.upstream, fidelity.downstream, fidelity.height, cells)
         check_cells(fidelity, lattice.shape, modes.symmetric)
         far = tuple(grid(size // 3, size - size // 3, size, per_d) for per_d, size in FAR_LEVELS)
+        check_far_field(lattice, far[0])
         along, across = (
             largest * math.pi * cells / MARKER_SPACING for largest in (max(extent), max(extent[1:]))
         )
