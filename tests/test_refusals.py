@@ -152,7 +152,7 @@ WRONG_TYPES = {
     "fidelity": lambda net: Fidelity(None, 8, 3, 4, 4),
     "range of aspect": lambda net: Family(aspect=np.array(5)),
     "Reynolds range": lambda net: Scene(reynolds=np.array(40)),
-    "Reynolds number": lambda net: Weighted([10, [20, 30]], [1, 1]),
+    "one number, and these": lambda net: Weighted([10, [20, 30]], [1, 1]),
     "a list of numbers": lambda net: Weighted(np.array(5.0), np.array(1.0)),
     "preset": lambda net: train(preset=[]),
     "dimension array": lambda net: Scene(dimension=np.array([2, 3])),
