@@ -119,20 +119,23 @@ def test_the_cache_is_on_by_default_and_is_turned_off_by_jax(tmp_path, enabled):
 
 
 SETTINGS = """
-import jax, surrogate
+import os, jax, surrogate
 print(jax.config.jax_compilation_cache_dir, jax.config.jax_persistent_cache_min_compile_time_secs)
+print(os.environ["OPENBLAS_THREAD_TIMEOUT"])
 """
 
 
 @pytest.mark.parametrize(("seconds", "kept"), [(None, "0.1"), ("5", "5.0")])
 def test_a_moved_cache_keeps_short_programs_too(tmp_path, seconds, kept):
+    """And the user's own time-out of OpenBLAS's idle threads stays."""
     home = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(tmp_path)}
+    home["OPENBLAS_THREAD_TIMEOUT"] = "9"
     if seconds:
         home["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = seconds
     ran = subprocess.run(
         [sys.executable, "-c", SETTINGS], env=home, check=True, stdout=subprocess.PIPE
     )
-    assert ran.stdout.decode().split() == [str(tmp_path), kept]
+    assert ran.stdout.decode().split() == [str(tmp_path), kept, "9"]
 
 
 def test_the_cache_that_a_user_has_set_stays(tmp_path):
