@@ -30,7 +30,7 @@ COARSE = Elements(order=2, box=10.0, wall=0.2, near=0.5)
 START = 0.867, 0.8  # 1 / Re times the guess: Re 1.15 and 1.25 times the guess, where modes grow
 MOST = 330.0  # Re of a guess
 CLOSE = 0.0067  # of 1 / Re, times the guess; secants lose an error of 1 % in one step
-PULSATION = 0.74  # omega h / U near the onset, about; h is the height across the stream
+PULSATION = 0.74  # omega H / U near the onset, about; H is the height across the stream
 AROUND = 0.9, 1.15  # of it, where the mode is sought at first
 GROWTH = 0.12  # of the pulsation, of those shifts: the modes that decay are farther from them
 MODES, KRYLOV = 3, 20
@@ -270,7 +270,7 @@ def _spread(errors):
 USES = {True: "fitted", False: "not fitted", None: "extrapolated"}
 COLUMNS = columns(
     "body {body} | length {length:.2f} | height {height:.2f} | critical Re {onset:.1f}"
-    " | omega h / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%}"
+    " | omega H / U {pulsation:.3f} | rule {rule:.1f} | error {error:+.1%}"
     " | by a flow at the rule's Re {by_wake[0]:+.1%} | "
     f"at {NEAR[0]:g} of it "
     + "{by_wake[1]:+.1%} | "

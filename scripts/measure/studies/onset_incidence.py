@@ -47,6 +47,7 @@ HALF_SPACE = Part(
     MESH,
 )
 NORMALS = {"flank": "y", "floor": "z"}  # of the mirror planes
+ANTISYMMETRIC = {"flank": "y = 0", "floor": "z = 0", "none": "neither"}  # as tables name them
 START = 1.04, 0.96  # 1 / Re times the rule's onset
 CLOSE = 0.024  # of 1 / Re, times the rule's onset; secants lose an error of 3 % in one step
 FLOW_TOLERANCE = 1e-4  # of the steady flow
@@ -211,7 +212,7 @@ def _described(flow: Disturbances, parameters: Mapping[str, float]) -> Row:
 
 
 SIDES = "body {body} | length {length:.2f} | width {width:.2f} | height {height:.2f}"
-MODE = " | omega D / U {pulsation:.2f} | odd about the {plane} | mesh {mesh}, {unknowns} unknowns"
+MODE = " | omega D / U {pulsation:.2f} | antisymmetric about {plane} | mesh {mesh}, {unknowns} unknowns"
 ONSETS = columns(
     f"{SIDES} | critical Re {{onset:.1f}}{MODE} | rule {{rule:.1f}} | error {{error:+.1%}}"
 )
@@ -248,7 +249,12 @@ def _cases(bodies):
 def _shown(rows):
     """The rows with what the rule says; where no mode was found there is no frequency."""
     return [
-        row | {"pulsation": row["pulsation"] if row["plane"] else None} for row in with_rule(rows)
+        row
+        | {
+            "pulsation": row["pulsation"] if row["plane"] else None,
+            "plane": ANTISYMMETRIC.get(row["plane"], row["plane"]),
+        }
+        for row in with_rule(rows)
     ]
 
 
