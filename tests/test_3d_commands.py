@@ -5,8 +5,10 @@ import json
 import pytest
 from correlations import ellipsoid, oberbeck
 
+from shapeopt import Settling
 from shapeopt.commands import optimize_shape, solve_drag
-from surrogate import InvalidInput
+from shapeopt.commands.problem_arguments import problem_of
+from surrogate import InvalidInput, Particle, load
 
 # so few cells per D that there is no coarser grid for an error estimate: quicker
 BODY = ["--dimension", "3", "--aspect", "1.5", "--flatness", "1.4", "--cells", "5"]
@@ -51,6 +53,8 @@ def test_solve_drag_refuses_what_makes_no_sense_in_3d(words, message):
         ("", "--reynolds: give it, or --chord-reynolds; only --objective settling"),
         ("--objective settling", "goes with --objective settling, which needs it"),
         ("--reynolds 20 --archimedes 100", "goes with --objective settling"),
+        ("--reynolds 20 --particle 1.2,1e-6,4e-4", "goes with --objective settling"),
+        ("--objective settling --archimedes 9 --particle 1.2,1e-6,4e-4", "give one of them, not"),
         ("--objective settling --archimedes 100 --reynolds 20", "finds its Reynolds number"),
         ("--objective settling --archimedes 100 --spread 0.1", "--spread: --objective settling"),
         ("--objective settling --archimedes 100 --surrogate pretrained", "3-D bodies"),
@@ -62,6 +66,13 @@ def test_optimize_shape_refuses_what_cannot_settle(words, message, tmp_path):
             ["--surrogate", "pretrained:particle", *words.split(), "--out", str(tmp_path / "x")]
         )
     assert not list(tmp_path.iterdir())
+
+
+def test_a_particle_has_the_objective_of_its_archimedes_number():
+    words = ["--objective", "settling", "--particle", "1.2,1e-6,4e-4,9.0", "--out", "x"]
+    arguments = optimize_shape._parser().parse_args(words)
+    problem = problem_of(arguments, load("pretrained:particle"))
+    assert problem.objective == Settling(Particle(1.2, 1e-6, 4e-4, 9.0).archimedes)
 
 
 def test_a_scene_file_with_a_flatness_outside_its_family_is_refused(tmp_path):

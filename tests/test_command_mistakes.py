@@ -46,7 +46,7 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 9 --spread 0.1 --lift 0.1,0.2": "--lift: several go with --objective",
     f"{OPTIMISE} --chord-reynolds 9 --lift 0.1,0.2": "--lift: several go with --objective drag",
     f"{OPTIMISE} --objective settling --archimedes 9 --lift 0.1,0.2": "--lift: several go with",
-    f"{OPTIMISE} --reynolds 9 --archimedes 9 --lift 0.1,0.2": "--archimedes: goes with",
+    f"{OPTIMISE} --reynolds 9 --archimedes 9 --lift 0.1,0.2": "--archimedes, --particle: one of",
     f"{OPTIMISE} --reynolds 9 --lift 0.1 --weights 1,2": "several Reynolds numbers or lifts, as",
     f"{OPTIMISE} --reynolds 9 --lift 1e6,2e6": "lifts: coefficients below",
     f"{OPTIMISE} --reynolds 9 --lift 0.1,0.1": "lifts: two or more different lower bounds",

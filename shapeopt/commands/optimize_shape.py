@@ -39,6 +39,7 @@ import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
+from shapeopt.commands.particle import particle_line, particle_of
 from shapeopt.commands.problem_arguments import (
     MEMORY_HELP,
     UNTIL_HELP,
@@ -94,8 +95,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         design = _design(arguments, problem, surrogate, on_flow, devices)
         record = save_run(arguments.out, design, surrogate, arguments.surrogate, settings=settings)
     result = {key: value for key, value in record.items() if key not in HIDDEN}
-    result["warning"] = surrogate and surrogate.inaccuracy
-    return emit(result, arguments.json, _text(record, problem, arguments.out))
+    result["warning"], text = surrogate and surrogate.inaccuracy, []
+    if arguments.particle is not None:
+        particle = particle_of(arguments.particle)
+        result["velocity"] = particle.velocity(record["reynolds"])
+        text = [f"  {particle_line(particle)}: {result['velocity']:.4g} m/s along its path"]
+    return emit(result, arguments.json, "\n".join([_text(record, problem, arguments.out), *text]))
 
 
 def _design(

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from shapeopt.commands.arguments import REYNOLDS_HELP, SURROGATES_HELP
 from shapeopt.commands.cli import Parser
+from shapeopt.commands.particle import add_particle_argument, particle_of
 from shapeopt.commands.ranges import numbers
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.multipoint import MultiPoint
@@ -52,6 +53,7 @@ def add_problem_arguments(parser: Parser) -> None:
     objective += "terminal velocity of a particle of --archimedes, held at its incidence"
     add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
     add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
+    add_particle_argument(parser, "for settling, in place of --archimedes: ")
     lifts = "lower bound on Cl; several, as 0.2,0.5,0.8: least mean Cd of one section over them, "
     lifts += "each at an incidence of its own, for --objective drag by D (none); "
     lifts += "design_sheet.py --lifts finds a section for each"
@@ -145,9 +147,11 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
     given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
     without = {"spread": 0.0, "tolerance": 0.0}  # as if the option were not given
     uncertain = [n for n, value in given.items() if value not in (None, without.get(n))]
-    settles = arguments.objective == SETTLING
-    if settles != (arguments.archimedes is not None):
-        raise InvalidInput("--archimedes: goes with --objective settling, which needs it")
+    settles, archimedes = arguments.objective == SETTLING, _archimedes(arguments)
+    if settles != (archimedes is not None):
+        raise InvalidInput(
+            "--archimedes, --particle: one of them goes with --objective settling, which needs it"
+        )
     if len(lifts) > 1:
         return _multipoint(arguments, lifts, uncertain)
     if settles:
@@ -157,7 +161,7 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
             words = "finds its Reynolds number, a certain one"
             name = [*others, *uncertain][0].replace("_", "-")
             raise InvalidInput(f"--{name}: --objective {SETTLING} {words}")
-        return Settling(arguments.archimedes)
+        return Settling(archimedes)
     if arguments.chord_reynolds is not None:
         reynolds = numbers(arguments.chord_reynolds, "--chord-reynolds")
     elif arguments.reynolds is not None:
@@ -197,6 +201,15 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
         seed=given["seed"] or 0,
         glide=glides,
     )
+
+
+def _archimedes(arguments: argparse.Namespace) -> float | None:
+    """Return the Archimedes number of --archimedes or --particle; None where neither is given."""
+    if arguments.particle is None:
+        return arguments.archimedes
+    if arguments.archimedes is not None:
+        raise InvalidInput("--archimedes, --particle: give one of them, not both")
+    return particle_of(arguments.particle).archimedes
 
 
 def _lifts(text: str | None) -> list[float]:

@@ -212,7 +212,8 @@ def _described(flow: Disturbances, parameters: Mapping[str, float]) -> Row:
 
 
 SIDES = "body {body} | length {length:.2f} | width {width:.2f} | height {height:.2f}"
-MODE = " | omega D / U {pulsation:.2f} | antisymmetric about {plane} | mesh {mesh}, {unknowns} unknowns"
+MODE = " | omega D / U {pulsation:.2f} | antisymmetric about {plane}"
+MODE += " | mesh {mesh}, {unknowns} unknowns"
 ONSETS = columns(
     f"{SIDES} | critical Re {{onset:.1f}}{MODE} | rule {{rule:.1f}} | error {{error:+.1%}}"
 )
