@@ -203,6 +203,8 @@ def march_text(result: Result) -> str:
         if row["cd_steady"]:
             form = "- Re {reynolds:g}: Cd {cd:.4f} at the end; the steady flow has {cd_steady:.4f}"
             form, gap = form + " ({gap:+.2%})", row["cd"] / row["cd_steady"] - 1
+        if row.get("growth_rate") is not None:
+            form += ", the lift's amplitude changes at the rate {growth_rate:+.4f} U / D"
         lines.append(words(form, gap=gap, **row))
     return "\n".join(lines)
 
@@ -238,5 +240,5 @@ STUDIES = {
             Table(SPHEROIDS, far_precision, FAR_PRECISION, key="far"),
         ]
     ),
-    "march": Study([Table(cases(reynolds=[20.0, 100.0]), marched)], march_text),
+    "march": Study([Table(cases(reynolds=[20.0, 40.0, 100.0]), marched)], march_text),
 }
