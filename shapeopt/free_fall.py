@@ -94,8 +94,8 @@ def fall(
       surrogate: of 3-D bodies at incidences from 0 to 90 degrees.
       parameters: of the body, in the order of ``surrogate.scene.family.names``, or by name.
       particle: density ratio, viscosity, size and gravity.
-      seconds: duration.
-      tilt: of the axis above the horizontal at the start, from -360 to 360 degrees.
+      seconds: duration (1).
+      tilt: of the axis above the horizontal at the start, from -360 to 360 degrees (45).
 
     Returns:
       The motion at ``SAMPLES`` times from 0 to ``seconds``, evenly spaced.

@@ -15,6 +15,8 @@ from matplotlib.figure import Figure
 from pictures import pixels
 from scipy.interpolate import RegularGridInterpolator
 
+from shapeopt.commands import solve_drag as command
+from shapeopt.commands.arguments import body_settings
 from shapeopt.commands.cli import run
 from surrogate import Fidelity, Flow, InvalidInput, Scene, contour_shape, family_shape, load, naca4
 from surrogate.flow.grid.lattice import Lattice
@@ -357,7 +359,10 @@ def test_flows_by_the_commands(tmp_path, capsys, no_estimates):
     assert run(solve_drag.main, words) == 0  # the same flows again
     other = ["2" if word == "1.5" else word for word in words]
     assert run(solve_drag.main, other) == 2
-    assert "another flow (body parameters aspect 2" not in capsys.readouterr().out
+    said = "holds another flow (body parameters aspect 1.5, not 2); overwrite (--overwrite)"
+    assert said in capsys.readouterr().err
+    assert run(solve_drag.main, [*words, "--dimension", "3"]) == 2
+    assert "holds another flow (dimension 2, not 3)" in capsys.readouterr().err
     assert run(solve_drag.main, [*other, "--overwrite"]) == 0
     assert json.loads((out / "re20" / "flow.json").read_text())["parameters"]["aspect"] == 2
     assert run(render_shapes.main, ["--runs", str(out), "--out", str(sheet)]) == 2
@@ -374,3 +379,13 @@ def test_flows_by_the_commands(tmp_path, capsys, no_estimates):
     wrong = ["--aspect", "1", "--reynolds", "5", "--fluid", "0.3,0.001,1.2,1.5e-5"]
     assert run(solve_drag.main, wrong) == 2
     assert "U D / nu = 20" in capsys.readouterr().err
+
+
+def test_a_contour_is_known_again_by_its_points(tmp_path):
+    file = tmp_path / "c.csv"
+    arguments = command._parser().parse_args(["--contour", str(file), "--reynolds", "5"])
+    found = []
+    for aspect in (1.0, 1.0, 2.0):
+        np.savetxt(file, family_shape({"aspect": aspect}).draw(60), delimiter=",")
+        found.append(body_settings(arguments))
+    assert found[0] == found[1] != found[2]

@@ -210,7 +210,8 @@ def test_both_spellings_are_understood(capsys, monkeypatch):
     assert ended.value.code == 0
     printed = capsys.readouterr().out  # of the program that is installed, without the scripts
     assert "drag-surrogates optimise --reynolds" in printed
-    assert "scripts/optimize_shape.py" not in printed
+    assert "drag-surrogates sheet --lifts" in printed
+    assert "shape.py" not in printed
 
 
 @pytest.mark.parametrize("main", [entry.main, lambda: solve_drag.main(["--version"])])

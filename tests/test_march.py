@@ -38,6 +38,7 @@ def test_exact_growth_rate_of_a_known_signal(rate):
     lift = 0.3 + np.exp(rate * time) * np.sin(2 * np.pi * 0.17 * time)
     assert growth_rate(lift, 0.01) == pytest.approx(rate, rel=1e-3, abs=1e-6)
     assert growth_rate(lift[:3000], 0.01) is None  # too few periods
+    assert growth_rate(1e-9 * lift, 0.01) is None  # rounding
 
 
 @pytest.mark.slow

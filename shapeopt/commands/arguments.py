@@ -4,6 +4,7 @@ import argparse
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.ranges import numbers
@@ -14,7 +15,7 @@ from surrogate.body.incidence import check_incidence
 from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject
+from surrogate.files import JsonObject, file_digest
 from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS
 
@@ -122,6 +123,12 @@ def body_record(arguments: argparse.Namespace) -> JsonObject:
     if arguments.contour is not None:
         return {"contour": arguments.contour, "keep_size": arguments.keep_size}
     return {"parameters": family_named(arguments, SINGLE_VALUED)}
+
+
+def body_settings(arguments: argparse.Namespace) -> JsonObject:
+    """Return ``body_record``, and of a contour the digest of its file, to know a body again."""
+    given = body_record(arguments)
+    return given | {"sha256": file_digest(Path(arguments.contour))} if arguments.contour else given
 
 
 @contextmanager

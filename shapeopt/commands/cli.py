@@ -40,16 +40,15 @@ BY_DIAMETER = (
     "Cm / c^2 with c in D"
 )
 OF_SCENE = "is the scene's: that of the surrogate, or of --scene FILE where the command takes one"
+IN_SCENE = "--dimension", "--stream", "--cells", "--fidelity"  # where a command has a surrogate
 ABSENT = {  # options that a command lacks for a reason
-    **dict.fromkeys(("--dimension", "--stream", "--cells", "--fidelity"), OF_SCENE),
-    "--scene": "the body's options and --stream say what is solved, or the surrogate has a scene",
     "--thickness": "--aspect is length over thickness, 1 / (t/c); designs have --min-thickness",
     "--lift": "optimize_shape.py --lift bounds Cl, design_sheet.py --lifts finds a body for each",
     "--lifts": "--lift 0.2,0.5 is one section for several, design_sheet.py --lifts one for each",
     "--verify": "predict_drag.py --verify solves the flow too; designs are always verified",
     "--fluid": "solve_drag.py and predict_drag.py --fluid give forces in N",
     "--particle": "solve_drag.py --particle settles a body, free_fall.py lets it fall",
-    "--settling": "--particle RATIO,NU,D",
+    "--settling": "solve_drag.py --particle RATIO,NU,D settles a body",
     "--reference": BY_DIAMETER,
     "--moment-about": "moments here are about the centroid; solve_drag.py knows other points",
     "--chord-reynolds": "--reynolds is U D / nu, D the equivalent diameter: U c / nu over c / D",
@@ -77,8 +76,6 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, docstring: str):
         title, _, examples = docstring.partition("\n")
-        if sys.argv[0].startswith(PROGRAM):  # installed, without the folder scripts
-            examples = re.sub(r"python scripts/\w+\.py", sys.argv[0], examples)
         super().__init__(
             description=title,
             epilog=f"{examples.strip()}\n\n{STATUSES}\nwords and symbols: {GLOSSARY}",
@@ -109,15 +106,34 @@ class Parser(argparse.ArgumentParser):
             known = [name for action in self._actions for name in action.option_strings]
             word = wrong[1].lower()
             other = OTHER_WORDS.get(word)
-            hint = did_you_mean(other if other in known else word, known, ALIKE)
-            hint = f"; {ABSENT[word]}" if word in ABSENT else hint
+            begin = next((name for name in known if name.startswith(word)), None)
+            hint = did_you_mean(other if other in known else begin or word, known, ALIKE)
+            if word in ABSENT:
+                hint = f"; {ABSENT[word]}"
+            elif word in IN_SCENE and "--surrogate" in known:
+                hint = f"; {OF_SCENE}"
         elif wrong := re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message):
             hint = did_you_mean(wrong[1], re.findall(r"[\w-]+", wrong[2]))
         elif wrong := re.search(r"argument (--[\w-]+): invalid (float|int) value: (.*)", message):
             kind = "one number, without a unit" if wrong[2] == "float" else "one whole number"
             message = f"{wrong[1]} {wrong[3]}: must be {kind}"
             hint = f"; {SEVERAL[wrong[1]]}" if "," in wrong[3] and wrong[1] in SEVERAL else ""
-        raise InvalidInput(message + hint)
+        raise InvalidInput(_as_installed(message + hint))
+
+    def format_help(self) -> str:
+        """Return the help, of the installed program without the names of scripts."""
+        return _as_installed(super().format_help())
+
+
+def _as_installed(text: str) -> str:
+    """Return a text with the installed program's commands in place of scripts, if it is running."""
+    if not sys.argv[0].startswith(PROGRAM):
+        return text
+    from shapeopt.commands.entry import COMMANDS  # which imports this module
+
+    names = {module.removesuffix("_command"): word for word, (module, _) in COMMANDS.items()}
+    script = rf"(?:python )?(?:scripts/)?\b({'|'.join(names)})\.py"
+    return re.sub(script, lambda found: f"{PROGRAM} {names[found[1]]}", text)
 
 
 FULL = (

@@ -5,7 +5,7 @@ import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
-from shapeopt.commands.arguments import body_record
+from shapeopt.commands.arguments import body_settings
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.newtons import add_fluid_argument, conditions_of, force_entries
 from shapeopt.commands.sweep import Case
@@ -34,6 +34,8 @@ def kept_flows(
       InvalidInput: a folder holds something else or, without --overwrite, another flow; or U D / nu
         is not the Reynolds number.
     """
+    if arguments.overwrite and arguments.out is None:
+        raise InvalidInput("--overwrite: goes with --out")
     conditions, folders = conditions_of(arguments.fluid), {}
     for case in cases if conditions else ():
         conditions.check(case.reynolds)
@@ -63,8 +65,8 @@ def kept_flows(
 def _settings(arguments: argparse.Namespace, case: Case) -> JsonObject:
     """Return what a flow is asked for, by which a stored one is known to be the same."""
     solver = {name: getattr(arguments, name) for name in ("stream", "fidelity", "cells")}
-    body = body_record(arguments) | {"incidence": case.incidence}
-    return {"body": body, "reynolds": case.reynolds} | solver
+    body = body_settings(arguments) | {"incidence": case.incidence}
+    return {"body": body, "dimension": case.shape.dimension, "reynolds": case.reynolds} | solver
 
 
 def flow_folder(out: str, case: Case, cases: list[Case]) -> Path:

@@ -5,9 +5,9 @@ python scripts/march_flow.py --aspect 1 --reynolds 100 --time 160 --out out/marc
 
 From 0.7 of the estimated onset of shedding on, the flow starts with a vortex that breaks its
 symmetry, and the lift tells whether disturbances grow: sheds is true where its oscillation grows or
-keeps its amplitude, false where it decays or the flow lies below these Re; growth_rate is that of
-the amplitude in U / D, in the later half of the time. Both are null where it has too few periods.
-cd is the mean over the later half where the flow sheds, else the last one.
+keeps its amplitude, false where it decays or the flow lies below these Re, null where the time is
+too short to tell; growth_rate is that of the amplitude in U / D, in the later half of the time. cd
+is the mean over the later half where the flow sheds, else the last one.
 """
 
 import contextlib
@@ -17,7 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from shapeopt.commands.arguments import add_body_arguments, body_record, shape_of
+from shapeopt.commands.arguments import (
+    add_body_arguments,
+    body_record,
+    body_settings,
+    shape_of,
+)
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.reference import add_reynolds_arguments, reference_record, reynolds_of
 from shapeopt.commands.sweep import check_outputs, write_table
@@ -41,7 +46,10 @@ LONGEST = 4.0  # body in D, so that markers are closer than cells
 LEAST_REYNOLDS = 1.0  # the stable time step falls with Re
 NEAR = 0.7  # Re over the estimated onset from which it is asked whether the flow sheds
 KICK = 0.5  # velocity of the vortex that breaks the symmetry, over U
-SLOWEST = -0.002  # growth rate in U / D above which an oscillation is said to keep its amplitude
+# Growth rates in U / D: above the first an oscillation keeps its amplitude, below the second it
+# decays; between them it may still fall towards that of vortices shed just above the onset.
+SLOWEST, DECAYING = -0.002, -0.006
+SILENT = 1e-4  # amplitude of Cl below which nothing sheds
 RECORD = "march.json"
 
 
@@ -74,19 +82,23 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D and "
             f"from {Domain2D.MIN_THICKNESS:g} cells thick can be marched"
         )
-    asked = {"body": body_record(arguments), "incidence": shape.incidence, "reynolds": re}
+    asked = {"body": body_settings(arguments), "incidence": shape.incidence, "reynolds": re}
     asked |= {"height": arguments.height, "time": duration}
     _check_folder(out, asked, arguments.overwrite)
     steps = max(1, round(duration / box.step / FRAMES))  # of a frame
     duration = FRAMES * steps * box.step
     drag, lift, frames = _march(box, markers, re, steps, kick=KICK if near else 0.0)
     result = {
-        **asked,
+        "body": body_record(arguments),
+        "incidence": shape.incidence,
         **reference_record(re, shape),
+        "height": arguments.height,
+        "time": duration,
         "blockage": float(height / arguments.height),
         **_findings(drag, lift, box.step, near),
         "cd_steady": None,
         "gif": str(out / "march.gif"),
+        "settings": asked,
     }
     if shape.symmetric and result["sheds"] is False:  # the same blockage, between slip walls
         tunnel = Flow(Scene(Tunnel(box.height), (re, re)))
@@ -128,15 +140,19 @@ def _findings(drag: np.ndarray, lift: np.ndarray, step: float, near: bool) -> Js
     """Return the coefficients of a march, whether it sheds vortices, and how fast these grow."""
     late = slice(len(drag) // 2, None)
     mean, rate = float(drag[late].mean()), growth_rate(lift, step) if near else None
-    sheds = rate > SLOWEST if rate is not None else (None if near else False)
+    amplitude = float(np.ptp(lift[late]) / 2)
+    if not near or amplitude < SILENT or (rate is not None and rate < DECAYING):
+        sheds = False
+    else:
+        sheds = True if rate is not None and rate > SLOWEST else None
     return {
         "cd": mean if sheds else float(drag[-1]),
         "cd_mean": mean,
         "cl_mean": float(lift[late].mean()),
-        "cl_amplitude": float(np.ptp(lift[late]) / 2),
+        "cl_amplitude": amplitude,
         "growth_rate": rate,
         "sheds": sheds,
-        "strouhal": strouhal(lift[late], step) if near else None,
+        "strouhal": strouhal(lift[late], step) if sheds else None,
     }
 
 
@@ -145,7 +161,7 @@ def _check_folder(out: Path, asked: JsonObject, overwrite: bool) -> None:
     check_target(out, RECORD, ("blockage", "gif"), others=("march.gif",))
     if not overwrite and (out / RECORD).is_file():
         stored = strict_json((out / RECORD).read_text(encoding="utf-8"))
-        check_settings(out, "march", {name: stored.get(name) for name in asked}, asked)
+        check_settings(out, "march", stored.get("settings"), asked)
 
 
 def _text(r: JsonObject) -> str:
@@ -154,7 +170,8 @@ def _text(r: JsonObject) -> str:
         lift = f"Cl {r['cl_mean']:.3f} +- {r['cl_amplitude']:.3f}"
         line += f" on average, {lift}, Strouhal number {r['strouhal']:.4f}"
     if r["growth_rate"] is not None:
-        grows = "sheds vortices" if r["sheds"] else "does not shed"
+        grows = {True: "sheds vortices", False: "does not shed", None: "sheds or not: more --time"}
+        grows = grows[r["sheds"]]
         line += f"; {grows}: the lift's amplitude changes at the rate {r['growth_rate']:+.4f} U / D"
     if r["cd_steady"] is not None:
         gap = 100 * (r["cd"] / r["cd_steady"] - 1)

@@ -177,7 +177,7 @@ def _scene(arguments: argparse.Namespace, reynolds: Sequence[float]) -> Scene:
     fidelity = read_fidelity(arguments.fidelity, arguments.dimension)
     if arguments.cells is not None:
         cells = whole_number("--cells", arguments.cells, 4, MOST_CELLS)
-        fidelity = dataclasses.replace(fidelity, cells=cells, refinement=1.0)
+        fidelity = dataclasses.replace(fidelity, cells=cells)
     stream = parse_stream(arguments.stream)
     family = Family(dimension=arguments.dimension)
     return Scene(stream, (min(reynolds), max(reynolds)), family, fidelity)
@@ -267,8 +267,8 @@ def _parser() -> Parser:
     add("--dimension", type=int, choices=(2, 3), default=2, help="2-D or 3-D flow (2)")
     add("--stream", default="unbounded", help="unbounded (default) or tunnel:H, H in D")
     add("--fidelity", default="standard", help="draft, standard (default) or fine")
-    cells = f"cells per D, 4 to {MOST_CELLS}, instead of those of the fidelity, which refines thin "
-    cells += "boundary layers"
+    cells = f"cells per D, 4 to {MOST_CELLS}, instead of the fidelity's; thin boundary layers get "
+    cells += "up to 3 times as many"
     add("--cells", type=int, help=cells)
     add(
         "--gradient",

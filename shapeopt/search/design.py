@@ -13,7 +13,8 @@ from shapeopt.search.optimality import KKT_ACCEPTED, Derivatives, multipliers
 from shapeopt.search.verify import Verified, verify
 from surrogate.arrays import AnyArray
 from surrogate.body.parameters import PARAMETERS
-from surrogate.flow.flow import Flow
+from surrogate.body.shape import family_shape
+from surrogate.scene.limits import onset_of
 from surrogate.summary import aligned, listed, steady_text
 
 
@@ -184,8 +185,10 @@ class Design:
 
         It is the least one over the bodies of all cases, where these differ.
         """
+        scene = self.problem.scene
         bodies = np.unique(self.problem.scenarios.bodies(self.variables), axis=0)
-        return float(Flow(self.problem.scene).bodies.check(bodies).onset.min())
+        named = map(scene.family.named, bodies)
+        return min(onset_of(family_shape(body, dimension=scene.dimension)) for body in named)
 
     @property
     def converged(self) -> bool:

@@ -159,7 +159,11 @@ class Memory:
 
 def _origin(flow):
     """Return the scene and the solver's settings, which all flows of a file share."""
-    return {"scene": flow.scene.record, "settings": flow.settings._asdict()}
+    return {"scene": flow.scene.record, "settings": _numbers(flow.settings)}
+
+
+def _numbers(settings):
+    return {name: float(value) for name, value in settings._asdict().items()}
 
 
 def _key(parameters, reynolds):
@@ -176,7 +180,7 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        usual = NewtonSettings()._asdict()  # of files without settings, as were written
+        usual = _numbers(NewtonSettings())  # of files without settings, as were written
         origin = {"scene": record["scene"], "settings": record.get("settings", usual)}
         other = [name for name, value in _origin(flow).items() if origin[name] != value]
         rows = [] if other else _rows(record, flow)

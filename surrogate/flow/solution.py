@@ -240,10 +240,10 @@ class Solution:
 
         Args:
           folder: to be written.
-          notes: further entries of the record, ``flow.json``.
+          notes: further entries of the record, ``flow.json``, values of JSON by name.
 
         Raises:
-          InvalidInput: the folder holds something else, or is not writable.
+          InvalidInput: the folder holds something else, or is not writable, or a note is none.
         """
         # pyvista and matplotlib take a second to import, which only files and pictures need
         from surrogate.flow.output.folder import write_flow

@@ -189,7 +189,7 @@ class Fidelity:
     def scaled(self, share: float) -> "Fidelity":
         """Return the fidelity with all lengths of the domain multiplied by ``share``.
 
-        Each is at most 80 D.
+        Each is at most 80 D; grids take less (``check_far_field``).
         """
         sizes = ("upstream", "downstream", "height")
         scaled = {name: min(share * getattr(self, name), LONGEST) for name in sizes}

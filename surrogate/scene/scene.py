@@ -24,7 +24,7 @@ from surrogate.body.nose import nose_of_ellipse
 from surrogate.body.registry import check_dimension
 from surrogate.checks import did_you_mean, interval, whole_number
 from surrogate.errors import InvalidInput
-from surrogate.files import path_of, whole_file
+from surrogate.files import make_folder, path_of, target_of, whole_file
 from surrogate.scene.explain import explain_scene
 from surrogate.scene.fidelity import NAMED, Fidelity, read_fidelity
 from surrogate.scene.limits import ROUNDING, check_reynolds
@@ -147,6 +147,7 @@ class Scene:
         """
         if path_of(path).is_dir():
             raise InvalidInput(f"{path}: is a folder; a file is needed")
+        make_folder(target_of(path).parent)
         plain = self.record
         if NAMED[self.dimension].get(self.fidelity.name) == self.fidelity:
             plain["fidelity"] = self.fidelity.name

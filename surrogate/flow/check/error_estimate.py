@@ -92,7 +92,7 @@ def estimate_error(
         rough, missing = solve(coarser), ELSEWHERE
         other = solve(coarser.scaled(model.OTHER_DOMAIN))
     except (InvalidInput, NotConverged) as problem:
-        large = missing == ELSEWHERE and isinstance(problem, InvalidInput)
+        large = missing == ELSEWHERE and "body" in str(problem) and "too large" in str(problem)
         return ErrorEstimate("degraded", cause=TOO_LARGE if large else missing)
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1

@@ -35,7 +35,9 @@ from surrogate.flow.loads import drag, lift
 from surrogate.flow.solver.steady import NULL_MODE_COMPLIANCE
 
 MIDPOINT = time_stepping.midpoint_rk2
-EXTREMES = 8  # of the lift, from which the rate of its growth is known
+# Differences of extremes of the lift from which the rate of its growth is known; smaller ones may
+# be of rounding.
+EXTREMES, LEAST_SWING = 8, 1e-7
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,14 +172,15 @@ def growth_rate(lift: Float[AnyArray, " steps"], step: float) -> float | None:
     """Return the rate in U / D at which the lift's oscillation grows; None with too few periods.
 
     It is the slope of the logarithm of the differences between one extreme and the next in the
-    later half of the time, in which there must be ``EXTREMES``. ``step`` is the time between the
-    values, in D / U.
+    later half of the time, of which there must be ``EXTREMES`` above ``LEAST_SWING``. ``step`` is
+    the time between the values, in D / U.
     """
     late = np.asarray(lift)[len(lift) // 2 :]
     extremes = np.sort(np.concatenate([find_peaks(late)[0], find_peaks(-late)[0]]))
-    if len(extremes) < EXTREMES:
-        return None
     swings, middles = np.abs(np.diff(late[extremes])), (extremes[1:] + extremes[:-1]) / 2
+    swings, middles = swings[swings > LEAST_SWING], middles[swings > LEAST_SWING]
+    if len(swings) < EXTREMES:
+        return None
     return float(np.polyfit(step * middles, np.log(swings), 1)[0])
 
 

@@ -106,7 +106,7 @@ class Domain2D(Domain):
 
         Raises:
           InvalidInput: the box does not fit between the tunnel's walls, or the grid has more cells
-            than memory is likely to hold.
+            than memory is likely to hold, or is larger than the first lattice of the far field.
         """
         cells, height = fidelity.cells, stream.height if isinstance(stream, Tunnel) else None
         width = domain_height(stream, fidelity.height)

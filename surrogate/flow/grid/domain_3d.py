@@ -83,7 +83,8 @@ class Domain3D(Domain):
         """Discretise an unbounded stream around bodies that fit a box of ``extent`` D.
 
         Raises:
-          InvalidInput: there are more cells than memory is likely to hold.
+          InvalidInput: there are more cells than memory is likely to hold, or the domain is larger
+            than the first lattice of the far field.
         """
         cells, folded = fidelity.cells, (1, 2) if modes.symmetric else (1,)
 

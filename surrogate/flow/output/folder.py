@@ -83,10 +83,13 @@ def write_flow(solution: Solution, folder: str | Path, notes: JsonObject | None 
       notes: further entries of the record.
 
     Raises:
-      InvalidInput: the folder holds something else, or is not writable.
+      InvalidInput: the folder holds something else, or is not writable, or a note is no value of
+        JSON or has the name of an entry of the record.
     """
     check_flow_folder(folder)
-    stored = flow_as_stored(solution)
+    stored, notes = flow_as_stored(solution), _checked_notes(notes)
+    if taken := sorted(set(notes) & set(stored.record)):
+        raise InvalidInput(f"notes: the record of a flow has its own {taken[0]}")
     with whole_files(folder, RECORD) as part:
         np.savetxt(part / "contour.csv", stored.contour, "%.9g", ",", header=HEADER, comments="")
         surface_mesh(solution).save(part / "contour.vtp")
@@ -94,9 +97,17 @@ def write_flow(solution: Solution, folder: str | Path, notes: JsonObject | None 
         np.savez_compressed(part / "fields.npz", **named)
         fields_mesh(stored.fields).save(part / "fields.vti")
         draw_flows([stored.picture], part / "flow.png")
-        record = stored.record | (notes or {}) | {"files_sha256": file_digests(part)}
+        record = stored.record | notes | {"files_sha256": file_digests(part)}
         (part / RECORD).write_text(json.dumps(record, indent=1) + "\n")
     return Path(folder)
+
+
+def _checked_notes(notes):
+    """Return the notes, which must be of JSON."""
+    try:
+        return json.loads(json.dumps(notes or {}, allow_nan=False))
+    except (TypeError, ValueError) as problem:
+        raise InvalidInput(f"notes: must be values of JSON ({problem})") from None
 
 
 def flow_as_stored(solution: Solution) -> StoredFlow:
