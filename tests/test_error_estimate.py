@@ -141,7 +141,7 @@ def test_a_body_too_thin_for_the_coarser_grid_has_no_estimate():
 
 def test_the_flow_that_an_estimate_lacks_is_named():
     for problem, words in (
-        (InvalidInput("the body leaves the domain"), "the body is too large for the other domain"),
+        (InvalidInput("body: 9 x 2 D is too large"), "the body is too large for the other domain"),
         (NotConverged("no flow"), "the body's flow was not found in the other domain"),
     ):
 

@@ -1,6 +1,8 @@
 """Options of bodies, which several commands share."""
 
 import argparse
+import functools
+import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -132,25 +134,33 @@ def body_settings(arguments: argparse.Namespace) -> JsonObject:
 
 
 @contextmanager
-def refusals_by_options(keep_size: bool, prefix: str = "") -> Iterator[None]:
+def refusals_by_options(
+    keep_size: bool, prefix: str = "", refinement: float = 1.0
+) -> Iterator[None]:
     """Rewrite a grid's error about a body so that it names the options that would help.
 
     The library's messages say how many cells per D would do, which is ``--cells`` here; where
-    ``--keep-size`` is the cause, it is named. ``prefix`` is put before the message.
+    ``--keep-size`` is the cause, it is named.
+
+    Args:
+      keep_size: whether that option is given.
+      prefix: is put before the message.
+      refinement: cells of the flow over those of ``--cells``, for thin boundary layers.
     """
     try:
         yield
     except InvalidInput as error:
-        message = re.sub(r"(\d+) cells per D", _name_cells, str(error))
+        named = functools.partial(_name_cells, refinement)
+        message = re.sub(r"(\d+) cells per D", named, str(error))
         if keep_size and "too large" in message:
             message += "; without --keep-size it is"
         raise InvalidInput(f"{prefix}{message}") from None
 
 
-def _name_cells(cells: re.Match[str]) -> str:
+def _name_cells(refinement: float, cells: re.Match[str]) -> str:
     """Return the option for a number of cells per D, or that the option does not take it."""
     if int(cells[1]) <= MOST_CELLS:
-        return f"--cells {cells[1]}"
+        return f"--cells {math.ceil(int(cells[1]) / refinement)}"
     return f"{cells[0]}, more than --cells takes ({MOST_CELLS}),"
 
 

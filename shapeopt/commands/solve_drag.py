@@ -114,10 +114,12 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     scene = _scene(arguments, reynolds)
     for incidence, shape in shapes.items():
         which = f"--incidence {incidence:g}: " if len(shapes) > 1 else ""
-        with refusals_by_options(arguments.keep_size, which):
-            onset = onset_of(shape)
-            solved = shape.differentiable() if arguments.gradient else shape
-            for value in scene.reynolds:
+        onset = onset_of(shape)
+        solved = shape.differentiable() if arguments.gradient else shape
+        for value in scene.reynolds:
+            refined = scene.fidelity.for_body(value, shape.height, shape.nose).cells
+            more = refined / scene.fidelity.cells
+            with refusals_by_options(arguments.keep_size, which, more):
                 check_reynolds(value, unsteady, dimension, onset)
                 fitted_domain(scene.stream, scene.fidelity, solved, value)
     return scene, cases
