@@ -67,21 +67,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     re, out = reynolds[0], Path(arguments.out)
     near = re > NEAR * onset_of(shape)
     duration = (160.0 if near else 60.0) if arguments.time is None else arguments.time
-    if re < LEAST_REYNOLDS:
-        raise InvalidInput(f"--reynolds {re:g}: from 1, below which time steps are too small")
     if not 5 <= duration <= 2000:
         raise InvalidInput(f"--time {duration:g}: from 5 to 2000 D / U")
-    if not 6 <= arguments.height <= 64:
-        raise InvalidInput(f"--height {arguments.height:g}: from 6 to 64 D")
-    box = Box(height=arguments.height, step=min(0.02, 0.2 * re / 12**2))
     markers = shape.draw(NODES)
-    length, height = np.ptp(markers, axis=0)
-    cells = float(mean_thickness(markers)) * box.cells
-    if max(length, 2 * height) > LONGEST or cells < Domain2D.MIN_THICKNESS:
-        raise InvalidInput(
-            f"body: {length:.3g} x {height:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D and "
-            f"from {Domain2D.MIN_THICKNESS:g} cells thick can be marched"
-        )
+    box = _box_for(markers, re, arguments.height)
     asked = {"body": body_settings(arguments), "incidence": shape.incidence, "reynolds": re}
     asked |= {"height": arguments.height, "time": duration}
     _check_folder(out, asked, arguments.overwrite)
@@ -94,7 +83,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         **reference_record(re, shape),
         "height": arguments.height,
         "time": duration,
-        "blockage": float(height / arguments.height),
+        "blockage": float(np.ptp(markers[:, 1]) / arguments.height),
         **_findings(drag, lift, box.step, near),
         "cd_steady": None,
         "gif": str(out / "march.gif"),
@@ -107,14 +96,34 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
             result["cd_steady"] = steady.drag
     captions = [f"Re {re:g}, t = {duration * (k + 1) / FRAMES:.1f} D / U" for k in range(FRAMES)]
     if arguments.table:
-        columns = box.step * np.arange(1, len(drag) + 1), drag, lift
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        named = [dict(zip(("time", "cd", "cl"), row, strict=True)) for row in rows]
-        write_table(named, arguments.table)
+        times = (box.step * np.arange(1, len(drag) + 1)).tolist()
+        columns = zip(times, drag.tolist(), lift.tolist(), strict=True)
+        write_table([{"time": t, "cd": cd, "cl": cl} for t, cd, cl in columns], arguments.table)
     with whole_files(out, RECORD) as part:
         render_march(box.lattice, markers, frames, captions, part / "march.gif")
         (part / RECORD).write_text(json.dumps(result, indent=1) + "\n")
     return emit(result, arguments.json, _text(result))
+
+
+def _box_for(markers: AnyArray, re: float, height: float) -> Box:
+    """Return the box in which a body is marched.
+
+    Raises:
+      InvalidInput: the body, the Reynolds number or the height cannot be marched.
+    """
+    if re < LEAST_REYNOLDS:
+        raise InvalidInput(f"--reynolds {re:g}: from 1, below which time steps are too small")
+    if not 6 <= height <= 64:
+        raise InvalidInput(f"--height {height:g}: from 6 to 64 D")
+    box = Box(height=height, step=min(0.02, 0.2 * re / 12**2))
+    long, high = np.ptp(markers, axis=0)
+    cells = float(mean_thickness(markers)) * box.cells
+    if max(long, 2 * high) > LONGEST or cells < Domain2D.MIN_THICKNESS:
+        raise InvalidInput(
+            f"body: {long:.3g} x {high:.3g} D; up to {LONGEST:g} x {LONGEST / 2:g} D and from "
+            f"{Domain2D.MIN_THICKNESS:g} cells thick can be marched"
+        )
+    return box
 
 
 def _march(
