@@ -1,10 +1,11 @@
 """Repeated work: how the settings of a stored result differ from those that are asked for."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from surrogate.checks import shown
 from surrogate.errors import InvalidInput
-from surrogate.files import JsonObject
+from surrogate.files import JsonObject, strict_json
 
 MOST_NAMED = 3  # differences in a message
 
@@ -48,6 +49,19 @@ def check_settings(folder: object, what: str, stored: object, asked: JsonObject)
     found = differences(stored, asked) if isinstance(stored, dict) else "of unknown settings"
     if found:
         raise InvalidInput(refusal(folder, what, found))
+
+
+def check_record(record: Path, what: str, asked: JsonObject) -> None:
+    """Raise InvalidInput if a record's file, where there is one, is of other settings than asked.
+
+    Args:
+      record: JSON file of a result, with the entry "settings".
+      what: kind of result, as "flow".
+      asked: settings of what is asked for.
+    """
+    if record.is_file():
+        stored = strict_json(record.read_text(encoding="utf-8"))
+        check_settings(record.parent, what, stored.get("settings"), asked)
 
 
 def _flat(table: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:

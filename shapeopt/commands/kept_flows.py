@@ -36,7 +36,7 @@ def kept_flows(
     """
     if arguments.overwrite and arguments.out is None:
         raise InvalidInput("--overwrite: goes with --out")
-    conditions, folders = conditions_of(arguments.fluid), {}
+    conditions, folders, settings = conditions_of(arguments.fluid), {}, {}
     for case in cases if conditions else ():
         conditions.check(case.reynolds)
     if arguments.out is not None:
@@ -45,9 +45,9 @@ def kept_flows(
         folders = {id(case): flow_folder(arguments.out, case, cases) for case in cases}
         if len(set(folders.values())) < len(cases):
             raise InvalidInput("--out: two of the flows are the same to nine digits; leave one out")
-        for case in cases:
-            asked = None if arguments.overwrite else _settings(arguments, case)
-            check_stored_flow(folders[id(case)], asked)
+        settings = {id(case): _settings(arguments, case) for case in cases}
+        for key, folder in folders.items():
+            check_stored_flow(folder, None if arguments.overwrite else settings[key])
 
     def keep(case: Case, solution: Solution) -> JsonObject:
         gained: JsonObject = {}
@@ -55,7 +55,7 @@ def kept_flows(
             forces = solution.forces(**dataclasses.asdict(conditions))
             gained |= force_entries(forces, conditions, case.reynolds, case.shape.dimension)
         if folders:
-            notes = gained | {"settings": _settings(arguments, case), "command": command_line()}
+            notes = gained | {"settings": settings[id(case)], "command": command_line()}
             gained["out"] = str(solution.write(folders[id(case)], notes))
         return gained
 

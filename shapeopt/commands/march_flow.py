@@ -30,12 +30,12 @@ from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import JsonObject, check_target, strict_json, whole_files
+from surrogate.files import JsonObject, check_target, whole_files
 from surrogate.flow.check.march import Box, growth_rate, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.progress import progress_bar
-from surrogate.repeats import check_settings
+from surrogate.repeats import check_record
 from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
@@ -168,9 +168,8 @@ def _findings(drag: np.ndarray, lift: np.ndarray, step: float, near: bool) -> Js
 def _check_folder(out: Path, asked: JsonObject, overwrite: bool) -> None:
     """Raise InvalidInput unless the march may be written to a folder, replacing only its equal."""
     check_target(out, RECORD, ("blockage", "gif"), others=("march.gif",))
-    if not overwrite and (out / RECORD).is_file():
-        stored = strict_json((out / RECORD).read_text(encoding="utf-8"))
-        check_settings(out, "march", stored.get("settings"), asked)
+    if not overwrite:
+        check_record(out / RECORD, "march", asked)
 
 
 def _text(r: JsonObject) -> str:

@@ -33,7 +33,7 @@ def feasible_bodies(limits: Limits) -> Float[np.ndarray, "bodies variables"]:
 
 
 def number_of_starts(variables: int) -> int:
-    """Return from how many bodies a search over so many variables starts."""
+    """Return the number of initial bodies of a search in this many variables."""
     return max(STARTS, 2 * variables)
 
 

@@ -24,7 +24,7 @@ from surrogate.flow.output.meshes import compact, fields_mesh, pv, surface_mesh
 from surrogate.flow.output.picture import Picture, draw_flows
 from surrogate.flow.solution import Solution
 from surrogate.flow.surface.surface import SURFACE_POINTS
-from surrogate.repeats import check_settings
+from surrogate.repeats import check_record
 
 RECORD = "flow.json"
 # What damaged files raise, .npz files those of the last line.
@@ -69,9 +69,8 @@ def check_stored_flow(folder: str | Path, asked: JsonObject | None) -> None:
       asked: entry "settings" that a flow in it must have; None accepts every flow.
     """
     check_flow_folder(folder)
-    if asked is not None and is_flow(folder):
-        stored = strict_json((path_of(folder) / RECORD).read_text(encoding="utf-8"))
-        check_settings(folder, "flow", stored.get("settings"), asked)
+    if asked is not None:
+        check_record(path_of(folder) / RECORD, "flow", asked)
 
 
 def write_flow(solution: Solution, folder: str | Path, notes: JsonObject | None = None) -> Path:
