@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import ROUGH_3D
 from correlations import Ellipsoid, ellipsoid, oberbeck
+from correlations_at_incidence import moment_by_inertia
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
 from surrogate.body.skin import HALVES, SkinNodes
@@ -138,7 +139,7 @@ def test_a_turn_the_other_way_mirrors_lift_and_moment():
     ("aspect", "turn"), [pytest.param(0.5, 30.0, marks=pytest.mark.slow), (2.0, 45.0)]
 )
 def test_golden_spheroids_in_stokes_flow(aspect, turn):
-    """Oberbeck 1876: drags along and across the axis superpose, and there is no torque."""
+    """Oberbeck 1876: drags along and across the axis superpose; the moment is by inertia alone."""
     body, re = ellipsoid(aspect), 1e-3
     along, across = oberbeck(body, re), oberbeck(Ellipsoid(body[1], body[0], body[2]), re)
     c, s = np.cos(np.deg2rad(turn)), np.sin(np.deg2rad(turn))
@@ -147,7 +148,20 @@ def test_golden_spheroids_in_stokes_flow(aspect, turn):
     assert found.drag == pytest.approx(drag, rel=0.01)
     # an oblate body's short axis is along the stream: nose up its lift points down
     assert found.lift == pytest.approx(lift, abs=0.005 * drag)
-    assert abs(found.moment) < 0.003 * drag
+    assert found.moment == pytest.approx(moment_by_inertia(aspect, turn), rel=0.07)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aspect", [0.5, 2.0])
+def test_order_of_convergence_to_the_exact_moment_by_inertia(aspect):
+    """Dabade, Marath, Subramanian 2015: on draft, standard and fine, at better than first order."""
+    exact, body = moment_by_inertia(aspect, 45.0), {"aspect": aspect, "incidence": 45.0}
+    levels = [NAMED[3][name] for name in ("draft", "standard", "fine")]
+    flows = [Flow(Scene(dimension=3, fidelity=level)) for level in levels]
+    errors = [abs(solved(body, 1e-3, flow).moment / exact - 1) for flow in flows]
+    cells = [level.cells for level in levels]
+    assert errors[-1] < 0.005
+    assert np.all(np.diff(np.log(errors)) < -1.5 * np.diff(np.log(cells)))
 
 
 @pytest.mark.slow

@@ -16,15 +16,20 @@ from correlations_at_incidence import (
     froehlich,
     ganser,
     hoelzer_sommerfeld,
+    oblate_factor,
+    ouchene,
+    prolate_factor,
     stokes_factors,
     zastawny,
 )
+from falls_by_correlations import accelerations, small_swings_by_correlations, stokes_resistances
 from studies.exports import compile_c
+from studies.falls import AIR, broadside
 from studies.particle_codes import BY_SPHERICITY, SOURCE
 
 from shapeopt import Problem, Tumbling, optimise, verify
 from shapeopt.free_fall import fall
-from shapeopt.orientation import moment_is_known, orientations
+from shapeopt.orientation import moment_is_known, orientations, small_swings
 from shapeopt.problem.scenarios import model_objective
 from shapeopt.search.verify import checked_variables
 from surrogate import Family, Flow, InvalidInput, Particle, Scene, export, load
@@ -118,8 +123,8 @@ def test_eggs_tend_to_an_orientation_of_their_own(net):
     assert [abs(o.incidence - 90) < 30 and abs(o.incidence - 90) > 1 for o in egg if o.stable]
 
 
-def test_golden_correlation_of_prolate_spheroids(net):
-    """Froehlich et al. fitted flows of their own: Cd within 4 % of ours, Cl within 1 % of Cd."""
+def test_golden_correlations_of_spheroids(net):
+    """Of others' flows: Froehlich's Cd within 4 % of ours, Cl within 1 % of Cd; Ouchene's Cm."""
     for aspect, degrees, re in ((2.0, 45.0, 10.0), (3.0, 60.0, 30.0), (1.5, 30.0, 2.0)):
         found, theirs = (
             net.loads([aspect, 1.0, 0.0, degrees], re),
@@ -128,6 +133,13 @@ def test_golden_correlation_of_prolate_spheroids(net):
         assert theirs.cd == pytest.approx(float(found[0]), rel=0.04)
         for ours, other in zip(found[1:], theirs[1:], strict=True):
             assert other == pytest.approx(float(ours), abs=0.01 * float(found[0]))
+    for aspect, degrees, re in ((0.3, 45.0, 5.0), (0.5, 60.0, 20.0), (0.75, 30.0, 50.0)):
+        moment = float(net.loads([aspect, 1.0, 0.0, degrees], re)[2])
+        theirs = ouchene(Inclined(aspect, incidence=degrees), re)
+        assert theirs.cm == pytest.approx(moment, rel=0.06)
+        assert theirs.cd is theirs.cl is None
+    along = float(net.loads([0.4, 1.0, 0.0, 0.0], 10.0)[0])
+    assert ouchene(Inclined(0.4), 10.0).cd == pytest.approx(along, rel=0.05)
     across = float(net.loads([2.5, 1.0, 0.0, 90.0], 50.0)[0])
     assert zastawny(Inclined(2.5, incidence=90.0), 50.0).cd == pytest.approx(across, rel=0.12)
 
@@ -141,11 +153,37 @@ def test_exact_stokes_factors_are_oberbecks(aspect):
     assert factors == pytest.approx(exact, rel=1e-6)
 
 
+def test_exact_moments_by_inertia_of_nearly_spheres_are_opposite():
+    assert oblate_factor(1 / 1.02) == pytest.approx(-prolate_factor(1.02), rel=0.02)
+    assert abs(oblate_factor(1 / 1.1)) > 4 * abs(oblate_factor(1 / 1.02))
+
+
+@pytest.mark.parametrize("aspect", [0.5, 2.0])
+def test_golden_swings_of_a_published_model(net, aspect):
+    """Re, frequency and decay of small swings in air by correlations of others' flows."""
+    body, tilt = [aspect, 1.0, 0.0, 0.0], broadside(aspect) - 60.0
+    found = fall(net, body, AIR, 0.5, tilt=tilt)
+    ours = found.reynolds[-1], *small_swings(net, body, AIR, found)
+    theirs = small_swings_by_correlations(aspect, AIR)
+    for value, other, most in zip(ours, theirs, (0.04, 0.08, 0.03), strict=True):
+        assert other == pytest.approx(value, rel=most)
+
+
+@pytest.mark.parametrize("aspect", [0.5, 2.0])
+def test_exact_steady_fall_of_a_published_model_has_no_acceleration(aspect):
+    along, across = stokes_resistances(aspect)
+    weight = 1.3 * (across if aspect > 1 else along) * 2.0  # 30 % of the drag is by inertia
+    state = jnp.array([0.0, -2.0, 0.0 if aspect > 1 else np.pi / 2, 0.0])
+    rates = accelerations(state, aspect, 1000.0, weight, 2.0, 0.3)
+    assert np.abs(rates).max() < 1e-15 * weight
+
+
 def test_correlations_answer_in_their_ranges_only():
     at = {"incidence": 40.0}
     assert froehlich(Inclined(0.5, **at), 20.0) is zastawny(Inclined(2.0, **at), 20.0) is None
     assert froehlich(Inclined(2.0, **at), 0.5) is zastawny(Inclined(2.5, 1.2, **at), 20.0) is None
     assert froehlich(Inclined(2.0, beta2=0.1, **at), 20.0) is None
+    assert ouchene(Inclined(2.0, **at), 20.0) is ouchene(Inclined(0.5, **at), 0.5) is None
     sphere = 24 / 20 * (1 + 0.15 * 20**0.687)
     assert hoelzer_sommerfeld(Inclined(1.0, **at), 20.0).cd == pytest.approx(sphere, rel=0.15)
     broad, edge = (hoelzer_sommerfeld(Inclined(0.3, incidence=turn), 50.0).cd for turn in (0, 90))

@@ -153,7 +153,13 @@ def constraint_values_and_jacobian(
     variables: Float[AnyArray, " variables"], limits: Limits
 ) -> tuple[Float[Array, " constraints"], Float[Array, "constraints variables"]]:
     """Return c(p) and its derivative in the variables."""
-    return constraint_values(variables, limits), jax.jacfwd(constraint_values)(variables, limits)
+
+    def twice(variables):
+        values = constraint_values(variables, limits)
+        return values, values
+
+    jacobian, values = jax.jacfwd(twice, has_aux=True)(variables)
+    return values, jacobian
 
 
 @jax.jit

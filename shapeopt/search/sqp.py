@@ -173,8 +173,12 @@ def model_values(
     model: LoadModel, body: Float[AnyArray, " variables"], scenarios: Scenarios
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return the objective and its gradient, and the load constraints and their Jacobian."""
-    values = objective_and_constraints(model, body, scenarios)
-    gradients = jax.jacrev(objective_and_constraints, argnums=1)(model, body, scenarios)
+
+    def twice(body):
+        values = objective_and_constraints(model, body, scenarios)
+        return values, values
+
+    gradients, values = jax.jacrev(twice, has_aux=True)(body)
     return tuple(zip(values, gradients, strict=True))
 
 

@@ -124,7 +124,7 @@ def text(result: Result) -> str:
         {"by": name, "kind": kind} | _mean_and_largest(group, name)
         for name in ("surrogate", *AT_INCIDENCE)
         for kind, group in groups.items()
-        if any(row[name]["cd"] is not None for row in group)
+        if any(_is_answered(row, name) for row in group)
     ]
     by_reynolds = [_over_themselves_between(rows, *ends) for ends in itertools.pairwise(ENDS)]
     means = [
@@ -133,7 +133,7 @@ def text(result: Result) -> str:
     ]
     parts = [
         f"The tables of Cd, Cl and Cm and the picture are polars at Re {POLAR_REYNOLDS:g}. Of "
-        "oblate spheroids no correlation here has lift or torque. Over random orientations the "
+        "oblate spheroids no correlation here has lift. Over random orientations the "
         f"surrogate errs by {means[0]}, Bagheri and Bonadonna's correlation by {means[1]}.",
         "Errors over Cd by the flow, mean and largest, of bodies that no training has seen, each "
         "correlation within its range:",
@@ -147,12 +147,17 @@ def text(result: Result) -> str:
 
 def _mean_and_largest(rows, name):
     """Mean and largest errors over Cd of a model or correlation, and of how many bodies."""
-    found = {"bodies": sum(row[name]["cd"] is not None for row in rows)}
+    found = {"bodies": sum(_is_answered(row, name) for row in rows)}
     for key in LOADS:
         errors = [row[name][key] for row in rows if row[name][key] is not None]
         mean, most = mean_and_most(errors) if errors else (None, None)
         found |= {key: mean, f"{key}_most": most}
     return found
+
+
+def _is_answered(row, name):
+    """Whether a model or correlation answers any load of a body."""
+    return any(error is not None for error in row[name].values())
 
 
 def _over_themselves_between(rows, low, high):
