@@ -81,6 +81,7 @@ LONG = {
     "swings",
     "three_loads",
     "three_loads_lift",
+    "torque",
     "training",
     "training_space",
     "trainings_on_devices",

@@ -72,6 +72,7 @@ MODULES = {  # the studies of every module
     "speed": "speed network",
     "speed_3d": "space_speed space_rival",
     "three_loads": "three_loads three_loads_lift",
+    "torque": "torque",
     "training": "training training_space",
     "trust": "trust trust_space",
     "wide_bodies": "wide_bodies",
