@@ -56,8 +56,8 @@ def payoff(result: Callable[[str], Result]) -> str:
     """Return the table of strategies, with the errors of rivals that are fitted to flows."""
     form = (
         "Means of {count} designs, local optima of the flow (`{worst}` up to {far:.2f} % above "
-        "the least drag found, others {gap:.2f} %); trainings on {bodies} bodies unless said; in "
-        "brackets 95 % intervals. By "
+        "the least drag found, others {gap:.2f} %); trainings on {bodies} bodies unless said; "
+        "brackets: 95 % intervals. By "
         "wall clock `hig` pays against `direct` after {after[hig]:.0f} designs, `hig, 64 bodies` "
         "after {after[hig, 64 bodies]:.0f}. Fitted to as many flows, kriging errs by "
         "{off[gradient-enhanced kriging]} with gradients, {off[kriging]} without, a polynomial by "

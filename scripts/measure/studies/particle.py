@@ -198,13 +198,16 @@ def in_short(result: Result) -> str:
         for row in theirs
     ]
     lift = mean_and_most([each["cl"] for each in as_in_code])[0]
+    oblate = [row for row in rows if row["Ouchene"]["cm"] is not None]
+    moments = [mean_and_most([r[n]["cm"] for r in oblate])[0] for n in ("surrogate", "Ouchene")]
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
         f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` is off this flow by "
-        f"{means('surrogate', theirs)} %, the closest published correlation tried, Froehlich's "
-        f"(of another solver), by {means('Froehlich', theirs)} % (of Cl {100 * lift:.2f} % by "
-        f"the authors' code). Below Re 1 its Cm errs by {100 * np.median(slow):.0f} % of itself "
-        f"in the median, {100 * max(slow):.0f} % at most."
+        f"{means('surrogate', theirs)} %, Froehlich's correlation (of another solver) by "
+        f"{means('Froehlich', theirs)} % (Cl by the authors' code {100 * lift:.2f} %); on Cm of "
+        f"{len(oblate)} oblate ones by {100 * moments[0]:.2f} %, Ouchene's by "
+        f"{100 * moments[1]:.2f} %. Below Re 1 its Cm errs by {100 * np.median(slow):.0f} % of "
+        f"itself (median), {100 * max(slow):.0f} % at most."
     )
 
 
