@@ -173,7 +173,7 @@ def _check_folder(out: Path, asked: JsonObject, overwrite: bool) -> None:
 
 
 def _text(r: JsonObject) -> str:
-    line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd_mean']:.4f}"
+    line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd']:.4f}"
     if r["strouhal"] is not None:
         lift = f"Cl {r['cl_mean']:.3f} +- {r['cl_amplitude']:.3f}"
         line += f" on average, {lift}, Strouhal number {r['strouhal']:.4f}"
@@ -181,11 +181,11 @@ def _text(r: JsonObject) -> str:
         grows = {True: "sheds vortices", False: "does not shed", None: "sheds or not: more --time"}
         grows = grows[r["sheds"]]
         line += f"; {grows}: the lift's amplitude changes at the rate {r['growth_rate']:+.4f} U / D"
+    elif r["sheds"] is None:
+        line += "; sheds or not: undecided without a growth rate of the lift, more --time"
     if r["cd_steady"] is not None:
         gap = 100 * (r["cd"] / r["cd_steady"] - 1)
-        line += (
-            f", {r['cd']:.4f} at the end; the steady flow has {r['cd_steady']:.4f} ({gap:+.2f} %)"
-        )
+        line += f"; the steady flow has {r['cd_steady']:.4f} ({gap:+.2f} %)"
     return f"{line} -> {r['gif']}"
 
 
