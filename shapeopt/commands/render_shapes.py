@@ -23,6 +23,7 @@ import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.records import (
+    RECORD,
     is_by_chord,
     load_run,
     reynolds_text,
@@ -110,7 +111,9 @@ def _check_objectives(records: list[JsonObject]) -> None:
 
 
 def _check_one_flow(folder: str) -> None:
-    """Raise InvalidInput where a folder is that of several flows, as of a sweep."""
+    """Raise InvalidInput where a folder is no run but that of several flows, as of a sweep."""
+    if (Path(folder) / RECORD).is_file():
+        return
     if found := sorted(path.parent.name for path in Path(folder).glob("*/flow.json")):
         raise InvalidInput(f"{folder}: holds several flows; give them, as {folder}/{found[0]}")
 
