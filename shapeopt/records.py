@@ -15,6 +15,7 @@ from surrogate.scene.scene import Scene
 
 RECORD = "run.json"
 LONGEST_RECORD = 1 << 24  # bytes
+NO_SURROGATE, UNNAMED = "none", "unnamed"  # in place of a surrogate's name
 DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
 
 
@@ -60,6 +61,11 @@ def run_scene(record: dict[str, Any]) -> Scene:
 def run_body(record: dict[str, Any]) -> np.ndarray:
     """Return the parameters of the body that a run found."""
     return run_scene(record).family.parameters(record["parameters"])
+
+
+def surrogate_name(record: dict[str, Any]) -> str | None:
+    """Return the name by which a run's surrogate can be loaded; None where it has none."""
+    return None if record["surrogate"] in (NO_SURROGATE, UNNAMED) else record["surrogate"]
 
 
 def is_by_chord(record: dict[str, Any]) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 
 from shapeopt.problem.objective import scenarios_of
 from shapeopt.problem.scenarios import model_loads, model_objective
-from shapeopt.records import DRAGS, RECORD
+from shapeopt.records import DRAGS, NO_SURROGATE, RECORD, UNNAMED
 from shapeopt.search.design import Design
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.verify import (
@@ -90,7 +90,7 @@ def save_run(
     expect("save_run", design, Design, "Design")
     expect("save_run", surrogate, Surrogate | None, "Surrogate")
     if name is None:
-        name = "none" if surrogate is None else "unnamed"
+        name = NO_SURROGATE if surrogate is None else UNNAMED
     expect("save_run: name", name, str, "text")
     if surrogate is not None and surrogate.scene != design.problem.scene:
         found = differences(design.problem.scene.record, surrogate.scene.record)

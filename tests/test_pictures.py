@@ -232,6 +232,14 @@ def runs(tiny_scene, tmp_path_factory):
     return folder
 
 
+def test_the_search_of_a_run_without_a_named_surrogate_is_drawn(tiny_scene, tmp_path):
+    """As ``save_run`` writes it where it is told no name."""
+    (tmp_path / "run.json").write_text(json.dumps(record_of(tiny_scene) | {"surrogate": "unnamed"}))
+    gif = tmp_path / "search.gif"
+    assert run(render_shapes.main, ["--runs", str(tmp_path), "--out", str(gif)]) == 0
+    assert gif.read_bytes().startswith(b"GIF8")
+
+
 @pytest.mark.parametrize("kind", [[], ["--surface"], ["--family"]])
 def test_sheets_by_the_command(runs, kind, tmp_path, capsys):
     folders = [str(runs / "re5"), str(runs / "re20")]
@@ -272,6 +280,8 @@ def test_captions_say_what_is_known(tiny_scene):
     assert after.note == "found by the flow's adjoint, verified by the flow"
     unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
     assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
+    unnamed = record_of(tiny_scene) | {"surrogate": "unnamed", "until": "surrogate"}
+    assert before_and_after(unnamed)[1].note.startswith("found by a surrogate, ")
     assert after.title.endswith(" %")
     several = before_and_after(record_of(tiny_scene) | {"cases": 6 * [{}]})[1].title
     assert several.startswith("Re 20, nominal of 6 cases ")

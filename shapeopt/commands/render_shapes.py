@@ -30,6 +30,7 @@ from shapeopt.records import (
     run_reference,
     run_reynolds,
     run_scene,
+    surrogate_name,
 )
 from shapeopt.render.bodies_3d import (
     FRICTION,
@@ -167,10 +168,10 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
 def _evolution(record: JsonObject, out: Path) -> None:
     path = np.array(record["path"])
     captions = [f"{reynolds_text(record)}, step {k}" for k in range(len(path))]
-    if record["surrogate"] != "none":
-        surrogate = load(record["surrogate"])
+    if name := surrogate_name(record):
+        surrogate = load(name)
         if surrogate.scene != run_scene(record):
-            raise InvalidInput(f"{record['surrogate']}: has another scene than its run")
+            raise InvalidInput(f"{name}: has another scene than its run")
         model = run_reference(record).model(surrogate.network)
         reynolds = jnp.asarray(run_reynolds(record))
         drags = jax.vmap(model.loads, in_axes=(0, None))(jnp.asarray(path), reynolds)[:, 0]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from shapeopt.problem.scenarios import LOAD_BOUNDS
-from shapeopt.records import is_by_chord, reynolds_text, run_body, run_scene
+from shapeopt.records import is_by_chord, reynolds_text, run_body, run_scene, surrogate_name
 from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel, render_flows
 from surrogate.files import JsonObject
@@ -122,12 +122,12 @@ def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
 
 def origin(record: JsonObject) -> str:
     """Return by which model an optimum was found, for a caption."""
-    named = record["surrogate"] != "none"
-    name = f"the surrogate {Path(record['surrogate']).name}" if named else "a surrogate"
+    named = surrogate_name(record)
+    name = f"the surrogate {Path(named).name}" if named else "a surrogate"
     by_settings = (record.get("settings") or {}).get("until", "surrogate" if named else "flow")
     if record.get("until", by_settings) == "surrogate":  # earlier versions had no "until"
         return f"found by {name}"
-    return f"found by the flow's adjoint{f', led by {name}' * named}"
+    return f"found by the flow's adjoint{f', led by {name}' if named else ''}"
 
 
 def standing(record: JsonObject) -> str:
