@@ -66,7 +66,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         f"{particle_line(particle)}\n"
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
         f"{'down' if upward < 0 else 'up'} and {sideways:.4g} m/s sideways, axis {axis:.1f} "
-        "degrees above the horizontal\nincidences that are stable at this Re, of either sign: "
+        f"degrees above the horizontal\nincidences that are stable at Re {reynolds:.4g}, of either "
+        "sign: "
     )
     if stable is None:
         text += (
