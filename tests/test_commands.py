@@ -495,6 +495,8 @@ def test_free_fall(tmp_path, capsys):
     rows = (tmp_path / "fall.csv").read_text().splitlines()
     assert rows[0].split(",") == ["time", "x", "z", "tilt", "incidence", "reynolds", "u", "w"]
     assert float(rows[-1].split(",")[2]) == result["z"]
+    assert list(map(float, rows[-1].split(",")[-2:])) == [result["u"], result["w"]]
+    assert result["velocity"] == pytest.approx(np.hypot(result["u"], result["w"]))
     assert (tmp_path / "fall.png").stat().st_size > 5000
     sphere = answer(capsys, "free_fall", *words, "--aspect", "1")
     assert (sphere["stable_incidences"], sphere["moment_is_known"]) == (None, False)

@@ -6,9 +6,10 @@ python scripts/free_fall.py --aspect 0.5 --particle 1.2,1e-6,5e-4 --plot out/fal
 The body starts at rest. Its loads are those of steady motion at the momentary incidence and Re;
 left out are what rotation does to drag and lift, and the memory of the flow. The incidence in
 table and plot is the angle from the axis to the velocity, -180 to 180 degrees; beyond +-90 the
-tail is ahead.
+tail is ahead. The horizontal and the upward velocity are u and w, the speed is "velocity", in m/s.
 """
 
+import math
 from collections.abc import Sequence
 
 from shapeopt.commands.arguments import add_family_arguments, check_aspect
@@ -47,7 +48,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "seconds": float(found.time[-1]),
         "x": float(found.x[-1]),
         "z": float(found.z[-1]),
-        "velocity": [horizontal, upward],
+        "velocity": math.hypot(horizontal, upward),
+        "u": horizontal,
+        "w": upward,
         "reynolds": float(found.reynolds[-1]),
         "tilt": float(found.tilt[-1]),
         "incidence": float(found.incidence[-1]),
