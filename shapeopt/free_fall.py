@@ -169,8 +169,7 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
     """
     expect("surrogate", surrogate, Surrogate, "Surrogate")
     family = surrogate.scene.family
-    ranges = dict(zip(family.names, family.bounds.tolist(), strict=True))
-    low, high = ranges.get("incidence", (1, 0))
+    low, high = dict(family.ranges).get(INCIDENCE.name, (1, 0))
     if family.dimension != 3 or low > 0 or high < 90:
         raise InvalidInput(
             "surrogate: of 3-D bodies at incidences from 0 to 90 degrees, as pretrained:particle"

@@ -12,13 +12,12 @@ tail is ahead. The horizontal and the upward velocity are u and w, the speed is 
 import math
 from collections.abc import Sequence
 
-from shapeopt.commands.arguments import add_family_arguments, check_aspect
+from shapeopt.commands.arguments import add_family_arguments, check_aspect, family_named
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.particle import add_particle_argument, particle_line, particle_of
 from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import moment_is_known, orientations
-from shapeopt.render.falls import plot_fall
 from surrogate.body.parameters import INCIDENCE, PARAMETERS
 from surrogate.files import JsonObject
 from surrogate.model.store import load
@@ -34,9 +33,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     particle = particle_of(arguments.particle)
     check_outputs(arguments.table, arguments.plot)
     surrogate = load(arguments.surrogate)
-    given = {name: getattr(arguments, name) for name in NAMES}
-    named = {name: value for name, value in given.items() if value is not None}
-    body = surrogate.scene.family.parameters(named | {INCIDENCE.name: 0.0})
+    named = family_named(arguments, NAMES) | {INCIDENCE.name: 0.0}
+    body = surrogate.scene.family.parameters(named)
     found = fall(surrogate, body, particle, arguments.seconds, arguments.tilt)
     reynolds = max(float(found.reynolds[-1]), surrogate.scene.reynolds[0])
     known = moment_is_known(surrogate, body, reynolds)
@@ -62,6 +60,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.table:
         write_table(_rows(found), arguments.table)
     if arguments.plot:
+        from shapeopt.render.falls import plot_fall  # matplotlib takes half a second to import
+
         shape = surrogate.scene.family.body_class, body
         plot_fall(found, *shape, particle, arguments.plot)
     sideways, axis = _rounded(horizontal, upward), _rounded(result["tilt"], 90)

@@ -139,7 +139,6 @@ def _at_incidence(
     for reynolds in reynolds_of(arguments, shape.chord, family.dimension):
         row = {
             "incidence": incidence,
-            **reference_record(reynolds, shape, arguments.reference),
             **_predict(surrogate, shape, parameters, reynolds, arguments),
             "onset": onset,
         }
@@ -156,14 +155,11 @@ def _predict(
     reynolds: float,
     arguments: argparse.Namespace,
 ) -> JsonObject:
-    family, reference = surrogate.scene.family, arguments.reference
-    by = shape.chord if reference == CHORD else 1.0
+    family, by = surrogate.scene.family, shape.chord if arguments.reference == CHORD else 1.0
     units = np.array([by, by, by**2])  # of the moment the square of the reference length
     by_diameter = surrogate.loads(parameters, reynolds, extrapolate=arguments.extrapolate).tolist()
-    row = dict(zip(LOADS, by_diameter, strict=True)) | {
-        "reference": reference,
-        "chord": shape.chord,
-    }
+    row = reference_record(reynolds, shape, arguments.reference)
+    row |= dict(zip(LOADS, by_diameter, strict=True))
     row |= moment_record(shape, arguments.moment_about, *by_diameter)
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     by_body, by_re = _jacobian(surrogate.network, *at)

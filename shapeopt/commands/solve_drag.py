@@ -45,7 +45,6 @@ from shapeopt.commands.sweep import (
     text_table,
     write_table,
 )
-from shapeopt.render.polar import plot_polar
 from surrogate.body.family import Family
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import FamilyShape, family_shape
@@ -87,6 +86,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
+        from shapeopt.render.polar import plot_polar  # matplotlib takes half a second to import
+
         plot_polar(results, polar_title(arguments, results[0]), arguments.plot)
     record = {"results": results, "scene": _record(scene), "body": body_record(arguments)}
     result = emit(record, arguments.json, _text(results))
