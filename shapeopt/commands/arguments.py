@@ -64,8 +64,13 @@ def family_named(
     return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 
-def add_body_arguments(parser: Parser) -> None:
-    """Add the options of a body: of the family, a contour or a NACA section, at incidence."""
+def add_body_arguments(parser: Parser, several: bool = True) -> None:
+    """Add the options of a body: of the family, a contour or a NACA section, at incidence.
+
+    Args:
+      parser: of the command.
+      several: whether the command takes several incidences.
+    """
     add_family_arguments(parser, SINGLE_VALUED)
     add = parser.add_argument
     add(
@@ -73,7 +78,7 @@ def add_body_arguments(parser: Parser) -> None:
         help="CSV of x,y, Selig or Lednicer .dat; the stream is along +x, the area scaled to pi/4",
     )
     add("--naca", help="NACA 4-digit section, as 0012")
-    add_incidence_argument(parser)
+    add_incidence_argument(parser, several)
     add(
         "--keep-size",
         action="store_true",
@@ -81,10 +86,10 @@ def add_body_arguments(parser: Parser) -> None:
     )
 
 
-def add_incidence_argument(parser: Parser) -> None:
+def add_incidence_argument(parser: Parser, several: bool = True) -> None:
     """Add the option --incidence, of one or several angles."""
-    incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or FIRST:LAST:COUNT (0)"
-    parser.add_argument("--incidence", help=incidence)
+    angles = "one, several as -4,0,4, or FIRST:LAST:COUNT" if several else "one angle"
+    parser.add_argument("--incidence", help=f"nose up in degrees, -180 to 180: {angles} (0)")
 
 
 def incidences_of(arguments: argparse.Namespace) -> list[float]:

@@ -16,7 +16,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from shapeopt.commands.arguments import add_surrogate_argument
+from shapeopt.commands.arguments import REYNOLDS_HELP, add_surrogate_argument
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.problem_arguments import (
     CHORD_HELP,
@@ -26,7 +26,7 @@ from shapeopt.commands.problem_arguments import (
     constraints_of,
 )
 from shapeopt.commands.ranges import numbers
-from shapeopt.commands.reference import CHORD, DIAMETER, unsteady_remark
+from shapeopt.commands.reference import CHORD, DIAMETER, SEVERAL, unsteady_remark
 from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.render.designs import plot_designs
 from shapeopt.render.over_lift import plot_over_lift
@@ -175,7 +175,7 @@ def _parser() -> Parser:
     parser = Parser(__doc__)
     add = parser.add_argument
     add_surrogate_argument(parser)
-    add("--reynolds", help="U D / nu: one, several as 1,3,10,40, or 1:40:log5")
+    add("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
     add("--chord-reynolds", help=f"with --lifts: {CHORD_HELP}")
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
     add(

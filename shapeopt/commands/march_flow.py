@@ -191,9 +191,9 @@ def _text(r: JsonObject) -> str:
 
 def _parser() -> Parser:
     parser = Parser(__doc__)
-    add_body_arguments(parser)
+    add_body_arguments(parser, several=False)
     add = parser.add_argument
-    add_reynolds_arguments(parser)
+    add_reynolds_arguments(parser, several=False)
     add(
         "--time",
         type=float,

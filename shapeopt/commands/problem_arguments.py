@@ -7,6 +7,7 @@ from shapeopt.commands.arguments import REYNOLDS_HELP, SURROGATES_HELP
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.particle import add_particle_argument, particle_of
 from shapeopt.commands.ranges import numbers
+from shapeopt.commands.reference import SEVERAL
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.multipoint import MultiPoint
 from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
@@ -31,9 +32,9 @@ UNTIL_HELP = (
 )
 CHORD_HELP = (
     "chord Reynolds number U c / nu instead of --reynolds: optimise at fixed chord c, with the "
-    "area free (2-D, one number, without --spread or several lifts, no tunnel). Unlike in "
-    "solve_drag.py, Cd, Cl and Cm are then over c (Cm: c^2) and lengths of bounds in c: "
-    "--min-thickness 0.3 is t/c, without which the thinnest body of the family mostly wins"
+    "area free (2-D, one number, no tunnel). Unlike in solve_drag.py, Cd, Cl and Cm are then over "
+    "c (Cm: c^2) and lengths of bounds in c: --min-thickness 0.3 is t/c, without which the "
+    "thinnest body of the family mostly wins"
 )
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
@@ -46,8 +47,8 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--surrogate", default="pretrained", help=models)
     add("--scene", help="TOML file, with --surrogate none")
     add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
-    add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
-    add("--chord-reynolds", help=CHORD_HELP)
+    add("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
+    add("--chord-reynolds", help=f"without --spread or several lifts: {CHORD_HELP}")
     objective = "drag: least Cd (default); glide: greatest Cl / Cd, also under --spread; tumbling: "
     objective += "least mean Cd over all orientations of a body of revolution; settling: greatest "
     objective += "terminal velocity of a particle of --archimedes, held at its incidence"
