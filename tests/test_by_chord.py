@@ -196,6 +196,13 @@ def test_commands_say_what_is_over_the_chord(designed, tmp_path, capsys, no_esti
     assert "verified, over c and c^2, Cm about the centroid" in said
     assert f"Cd over c {record['cd_verified']:.4f} verified" in said
     assert "  by the flow: d(objective) / d(bound): " in said
+    picture = tmp_path / "sheet.png"
+    sheet = ["--lifts", "0.1", "--min-thickness", "0.35", "--range", "aspect=2:2,beta2=0:0"]
+    found = design_sheet([*words, *sheet, "--out", str(picture)])
+    assert (found["surrogate"], found["until"]) == ("none", "flow")
+    assert [row["why_not"] for row in (*found["designs"], found["best_glide"])] == [None, None]
+    assert found["designs"][0]["flows"] > 1
+    pixels(picture)
     words = ["--surrogate", "pretrained:lift", "--chord-reynolds", "15", "--max-length", "2"]
     assert run(design_sheet, [*words, "--out", "x.png"]) == 2
     assert "--chord-reynolds: goes with --lifts" in capsys.readouterr().err

@@ -41,9 +41,9 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.commands.particle import particle_line, particle_of
 from shapeopt.commands.problem_arguments import (
-    MEMORY_HELP,
-    UNTIL_HELP,
     add_problem_arguments,
+    add_search_arguments,
+    ends_on_flow,
     problem_of,
     surrogate_of,
 )
@@ -71,21 +71,15 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     devices = use_devices(arguments.devices)
     check_run_folder(arguments.out)
     surrogate = surrogate_of(arguments)
-    if surrogate is None and arguments.until == "surrogate":
-        raise InvalidInput(
-            "--until surrogate: needs a surrogate; --surrogate none optimises on the flow"
-        )
-    if arguments.memory and surrogate is not None and arguments.until != "flow":
-        raise InvalidInput("--memory: goes with --until flow or --surrogate none")
+    on_flow = ends_on_flow(arguments, surrogate)
     if arguments.memory and _within(arguments.memory, arguments.out):
         raise InvalidInput("--memory: is in the folder --out; choose a file outside it")
-    if devices is not None and surrogate is not None and arguments.until != "flow":
+    if devices is not None and not on_flow:
         raise InvalidInput("--devices: goes with --until flow or --surrogate none")
     problem = problem_of(arguments, surrogate)
     if devices not in (None, 1) and len(problem.scenarios.weight) == 1:
         words = "the cases of an objective are spread over devices, and this one has a single case"
         raise InvalidInput(f"--devices: {words}")
-    on_flow = surrogate is None or arguments.until == "flow"
     settings = design_settings(problem, surrogate, on_flow, arguments.memory)
     record = stored_run(arguments.out, settings, arguments.overwrite)
     if record is not None:
@@ -268,8 +262,7 @@ def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add_problem_arguments(parser)
-    parser.add_argument("--until", choices=["surrogate", "flow"], help=UNTIL_HELP)
-    parser.add_argument("--memory", help=MEMORY_HELP)
+    add_search_arguments(parser)
     parser.add_argument("--out", required=True, help="folder of the run")
     parser.add_argument("--overwrite", action="store_true", help="replace a run that is there")
     add_device_argument(parser, "for several cases with --until flow or --surrogate none: ")

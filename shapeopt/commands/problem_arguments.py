@@ -42,11 +42,8 @@ UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 def add_problem_arguments(parser: Parser) -> None:
     """Add the options of an optimisation problem: model, objective and constraints."""
+    add_model_arguments(parser)
     add = parser.add_argument
-    models = f"folder, pretrained[:NAME] (default) or none; {SURROGATES_HELP}"
-    add("--surrogate", default="pretrained", help=models)
-    add("--scene", help="TOML file, with --surrogate none")
-    add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
     add("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
     add("--chord-reynolds", help=f"without --spread or several lifts: {CHORD_HELP}")
     objective = "drag: least Cd (default); glide: greatest Cl / Cd, also under --spread; tumbling: "
@@ -68,6 +65,21 @@ def add_problem_arguments(parser: Parser) -> None:
     add("--seed", type=int, help="of the samples, from 0 (0)")
     add("--max-length", type=float, help="bound on the chord in D (none)")
     add_constraint_arguments(parser)
+
+
+def add_model_arguments(parser: Parser) -> None:
+    """Add the options of the model of a search: a surrogate, or the flow of a scene."""
+    add = parser.add_argument
+    models = f"folder, pretrained[:NAME] (default) or none; {SURROGATES_HELP}"
+    add("--surrogate", default="pretrained", help=models)
+    add("--scene", help="TOML file, with --surrogate none")
+    add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
+
+
+def add_search_arguments(parser: Parser) -> None:
+    """Add the options --until and --memory: where a search ends, and which flows it knows."""
+    parser.add_argument("--until", choices=["surrogate", "flow"], help=UNTIL_HELP)
+    parser.add_argument("--memory", help=MEMORY_HELP)
 
 
 def add_constraint_arguments(parser: Parser) -> None:
@@ -99,6 +111,23 @@ def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
         if surrogate and getattr(arguments, name):
             raise InvalidInput(f"--{name}: belongs to --surrogate none; a surrogate has its own")
     return surrogate
+
+
+def ends_on_flow(arguments: argparse.Namespace, surrogate: Surrogate | None) -> bool:
+    """Return whether the search ends at the flow's optimum, by --until and the model.
+
+    Raises:
+      InvalidInput: the flow alone is to be searched until the surrogate's optimum, or flows are to
+        be kept where none are solved.
+    """
+    if surrogate is None and arguments.until == "surrogate":
+        raise InvalidInput(
+            "--until surrogate: needs a surrogate; --surrogate none optimises on the flow"
+        )
+    on_flow = surrogate is None or arguments.until == "flow"
+    if arguments.memory is not None and not on_flow:
+        raise InvalidInput("--memory: goes with --until flow or --surrogate none")
+    return on_flow
 
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
