@@ -55,7 +55,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     surrogate = surrogate_of(arguments)
     model = _model(arguments, surrogate)
     until = "flow" if isinstance(model, Designer) else "surrogate"
-    common = {"surrogate": arguments.surrogate, "until": until, "out": str(out)}
+    warning = surrogate.inaccuracy if surrogate else None
+    common = {"surrogate": arguments.surrogate, "warning": warning, "until": until, "out": str(out)}
     reynolds = _reynolds(arguments)
     lengths = []
     if arguments.max_length is not None:

@@ -62,7 +62,7 @@ from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import print_message, progress_bar
 
-HIDDEN = ("scene", "path", "command", "surrogate", "settings", "files_sha256")
+HIDDEN = ("scene", "path", "command", "settings", "files_sha256")
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
