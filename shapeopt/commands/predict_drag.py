@@ -232,7 +232,7 @@ def _line(r: JsonObject, lifts: bool) -> str:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
         line += f", which {r['accuracy']}"
-        line += f", error {100 * r['error']:.3f} %"
+        line += f", error {100 * r['cd_error']:.3f} %"
         line += f", of Cl {r['cl_error']:.2g}, of Cm {r['cm_error']:.2g}" if lifts else ""
         line += _beyond(r, lifts)
     line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
@@ -244,7 +244,7 @@ def _beyond(r: JsonObject, lifts: bool) -> str:
     """Say which errors of a row exceed their bounds; empty where none does."""
     if r["cd_error_bound"] is None:
         return ""
-    excess = {"Cd": r["error"] - r["cd_error_bound"]}
+    excess = {"Cd": r["cd_error"] - r["cd_error_bound"]}
     for name in ("cl", "cm") if lifts else ():
         excess[name.capitalize()] = (r[f"{name}_error"] - r[f"{name}_error_bound"]) / r["cd"]
     found = [symbol for symbol, by in excess.items() if by > ROUNDING]
