@@ -16,6 +16,7 @@ from surrogate.scene.scene import Scene
 RECORD = "run.json"
 LONGEST_RECORD = 1 << 24  # bytes
 NO_SURROGATE, UNNAMED = "none", "unnamed"  # in place of a surrogate's name
+KINDS = {"cases": list, "surrogate": str, "until": str, "about_lift": bool}  # of entries
 DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
 
 
@@ -41,10 +42,12 @@ def load_run(folder: str | Path) -> dict[str, Any]:
         scene.family.check_all(np.array(record["path"]))
         check_reynolds(record["reynolds"], True, scene.dimension)
         finite_number("Reynolds number", run_reynolds(record))
-        drags = [record[name] for name in DRAGS if record.get(name) is not None]
-        cases, name = record.get("cases", []), record["surrogate"]
+        drags = [record[name] for name in DRAGS if record[name] is not None]
         sound = all(finite_number("drag", drag) > 0 for drag in drags) and record["path"]
-        if not (sound and isinstance(cases, list) and isinstance(name, str)):
+        of_objective = (record["objective"][name] for name in ("kind", "number_of_cases"))
+        values = *(record[name] for name in KINDS), *of_objective
+        kinds = *KINDS.values(), str, int
+        if not (sound and all(map(isinstance, values, kinds))):
             raise ValueError
         return record
     except OSError:
@@ -70,7 +73,7 @@ def surrogate_name(record: dict[str, Any]) -> str | None:
 
 def is_by_chord(record: dict[str, Any]) -> bool:
     """Return whether the coefficients of a run, and its Reynolds number, are by the chord."""
-    return record.get("reference") == CHORD
+    return record["reference"] == CHORD
 
 
 def run_reference(record: dict[str, Any]) -> Reference:

@@ -64,7 +64,8 @@ def save_run(
     Returns:
       The record, as in run.json. Coefficients and constraints are by the length that "reference"
       names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is U D /
-      nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets. cd_* are values of
+      nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets, "about_lift" is as
+      ``Problem.is_about_lift``. cd_* are values of
       the problem's objective: Cd where that is the drag at one Reynolds number; of the glide ratio
       and of a settling speed Cd itself at the nominal Reynolds number, and "glide" is the optimal
       ratio, of several scenarios their mean or that of the worst. cd_start is that of the cylinder
@@ -152,6 +153,7 @@ def _search_record(design: Design) -> dict[str, Any]:
             "number_of_cases": len(problem.scenarios.weight),
             **problem.objective.record(problem.scene),
         },
+        "about_lift": problem.is_about_lift,
         "constraints": json.loads(json.dumps(problem.constraints)),  # tuples become lists
         "flows": design.flows,
         "green_applications": design.green_applications,

@@ -67,7 +67,7 @@ def test_the_memory_file_must_be_outside_the_run(tmp_path, file):
 @pytest.mark.parametrize(
     "change",
     [{"path": []}, {"path": [[2.0, 0.9, 0.0, 0.0]]}, {"surrogate": 5}, {"cd_verified": "abc"},
-     {"cd_start": -1.0}, {"cases": 5}, {"reynolds": 1e9}],
+     {"cd_start": -1.0}, {"cases": 5}, {"reynolds": 1e9}, {"about_lift": 0}, {"objective": {}}],
     ids=str,
 )  # fmt: skip
 def test_an_altered_run_is_refused(designed, tmp_path, change):

@@ -32,7 +32,6 @@ the lengths of bounds are by it. Of particles the terminal velocity is the great
 """
 
 import argparse
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -178,7 +177,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     several = len(r["cases"]) > 1
     cd = "unknown" if r["cd_verified"] is None else f"{r['cd_verified']:.4f}"
     cd += " at the nominal Re, its cases" * ("glide" in r and several)
-    grid = f" on {r['cells']} cells per D" if r.get("cells") else ""
+    grid = f" on {r['cells']} cells per D"
     beside = "" if lifting else _beside(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     at = ", ".join(f"{reynolds:g}" for reynolds in numbers)
@@ -200,15 +199,16 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         solved = "; solve_drag.py --contour takes --incidence" if planar else ""
         words = f"at incidence 0, to be turned nose up by {turned:.4g} degrees{first}"
         lines.append(f"  {files}: {words}{solved}")
-    if late := [case for case in r["cases"] if case["reynolds"] > case.get("onset", math.inf)]:
+    if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
-    if ends := r.get("at_range_ends"):
+    if ends := r["at_range_ends"]:
         wider = "surrogates and scenes of wider ranges may have better"
         lines.append(f"  at the end of its range: {', '.join(ends)}; {wider}")
-    if slopes := r.get("multipliers"):
-        by = "flow" if r["settings"]["until"] == "flow" else "surrogate"
+    if slopes := r["multipliers"]:
         at = "" if problem.objective.fixed else ", at this Re"
-        lines.append(f"  by the {by}{at}: {': '.join(multiplier_words(slopes, 'glide' in r))}")
+        lines.append(
+            f"  by the {r['until']}{at}: {': '.join(multiplier_words(slopes, 'glide' in r))}"
+        )
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "
@@ -220,7 +220,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
 
 def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
     """Return lines on the loads of the cases, and on bounds that are violated."""
-    lines, cases = [], [case for case in r["cases"] if case.get("cl_verified") is not None]
+    lines, cases = [], [case for case in r["cases"] if case["cl_verified"] is not None]
     if problem.objective.lifts:
         rows = zip(problem.objective.lifts, cases, strict=True)
         return [*(_lift_line(problem, *row) for row in rows), *_violated_lines(r, problem)]
@@ -241,11 +241,11 @@ def _lift_line(problem: Problem, lift: float, case: JsonObject) -> str:
 
 
 def _violated_lines(r: JsonObject, problem: Problem) -> list[str]:
-    led = r["settings"]["until"] != "flow"
+    led = r["until"] != "flow"
     remedy = "; --until flow searches for a body that meets it" if led else ""
     return [
         f"  {problem.bound_text(name)} is not met: {load:.4f} by the flow{remedy}"
-        for name, load in r.get("violated", {}).items()
+        for name, load in r["violated"].items()
     ]
 
 

@@ -44,7 +44,6 @@ from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import (
     before_and_after,
-    is_about_lift,
     is_compared,
     render_panels,
     several_cases,
@@ -101,9 +100,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _check_objectives(records: list[JsonObject]) -> None:
-    """Raise InvalidInput unless all runs whose objective is known have the same."""
-    objectives = [record.get("objective") for record in records]
-    kinds = {str(one.get("kind")) for one in objectives if isinstance(one, dict)}
+    """Raise InvalidInput unless all runs have the same kind of objective."""
+    kinds = {record["objective"]["kind"] for record in records}
     if len(kinds) > 1:
         words = ", ".join(sorted(kinds))
         raise InvalidInput(f"--family: runs of one objective; these are of {words}")
@@ -153,11 +151,11 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         raise InvalidInput("--family: needs two --runs folders or more")
     for record in records:
         at = f"--family: the run at {reynolds_text(record)}"
-        if record.get("cd_verified") is None:
+        if record["cd_verified"] is None:
             raise InvalidInput(f"{at} is not verified")
-        if not is_about_lift(record) and is_by_chord(record):
+        if not record["about_lift"] and is_by_chord(record):
             raise InvalidInput(f"{at} is by the chord: its drag is compared with no other body's")
-        if not (is_compared(record) or is_about_lift(record)):
+        if not (is_compared(record) or record["about_lift"]):
             body = run_scene(record).family.round_body
             raise InvalidInput(f"{at} has no drag of the {body}, whose flow did not converge")
         if cases := several_cases(record):

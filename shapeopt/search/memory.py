@@ -15,7 +15,6 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, strict_json, whole_file
 from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.flow import Flow
-from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.gaussian_process import Hyper
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Kriging, Observation, kriging, likeliest, uncorrected
@@ -157,11 +156,8 @@ class Memory:
 
 def _origin(flow):
     """Return the scene and the solver's settings, which all flows of a file share."""
-    return {"scene": flow.scene.record, "settings": _numbers(flow.settings)}
-
-
-def _numbers(settings):
-    return {name: float(value) for name, value in settings._asdict().items()}
+    settings = {name: float(value) for name, value in flow.settings._asdict().items()}
+    return {"scene": flow.scene.record, "settings": settings}
 
 
 def _key(parameters, reynolds):
@@ -178,9 +174,7 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        usual = _numbers(NewtonSettings())  # of files without settings, as were written
-        origin = {"scene": record["scene"], "settings": record.get("settings", usual)}
-        other = [name for name, value in _origin(flow).items() if origin[name] != value]
+        other = [name for name, value in _origin(flow).items() if record[name] != value]
         rows = [] if other else _rows(record)
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
