@@ -14,7 +14,6 @@ from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 
 RECORD = "run.json"
-LONGEST_RECORD = 1 << 24  # bytes
 NO_SURROGATE, UNNAMED = "none", "unnamed"  # in place of a surrogate's name
 KINDS = {"cases": list, "surrogate": str, "until": str, "about_lift": bool}  # of entries
 DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
@@ -34,8 +33,6 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     """
     folder = path_of(folder)
     try:
-        if (folder / RECORD).stat().st_size > LONGEST_RECORD:
-            raise ValueError
         record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
         scene = Scene.of(record["scene"])
         scene.family.check(scene.family.parameters(record["parameters"]))

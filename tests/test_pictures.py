@@ -84,13 +84,13 @@ def test_solid_is_watertight_with_outward_normals(tmp_path):
         np.array([1.2, 0.3, 0.2, 0.1]),
     ):  # the last has a waist
         markers = np.asarray(FAMILY.markers(jnp.asarray(parameters), 200))
-        for mesh in (solid(markers, 2.0), pv.read(write_solid_stl(markers, tmp_path / "b.stl", 2))):
+        for mesh in (solid(markers), pv.read(write_solid_stl(markers, tmp_path / "b.stl"))):
             assert mesh.n_open_edges == 0
             assert mesh.is_manifold
             corners = mesh.points[mesh.regular_faces].astype(float)
             # signed volume by the divergence theorem: positive only if normals point outward
             volume = np.linalg.det(corners).sum() / 6
-            assert volume == pytest.approx(2 * np.pi / 4, rel=1e-3)
+            assert volume == pytest.approx(np.pi / 4, rel=1e-3)
 
 
 def test_contour_files_carry_the_loads(surfaces, tmp_path):

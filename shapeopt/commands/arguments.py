@@ -30,7 +30,7 @@ SINGLE_VALUED = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # 
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 
 
-def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> None:
+def add_family_arguments(parser: Parser, names: Iterable[str]) -> None:
     """Add an option for every named parameter of a family body, --aspect to --incidence."""
     group = parser.add_argument_group("body of the family", FAMILY)
     for p in map(PARAMETERS.__getitem__, names):
@@ -51,9 +51,7 @@ def check_aspect(arguments: argparse.Namespace) -> None:
         raise InvalidInput("body: --aspect is needed")
 
 
-def family_named(
-    arguments: argparse.Namespace, names: Iterable[str] = PARAMETERS
-) -> dict[str, float]:
+def family_named(arguments: argparse.Namespace, names: Iterable[str]) -> dict[str, float]:
     """Return a body's parameters by name, as the options give them.
 
     Those of the default 2-D family are always there, 0 where no option gives them; others only if

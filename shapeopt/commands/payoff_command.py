@@ -95,14 +95,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     rows = payoff_rows(own, others, arguments.seed)
     left_out = [{**_query(queries[k]), "by": name, "reason": why} for k, name, why in missing]
     unanswered = {one.query for one in missing}
-    keys = ("flows_per_design", "g_per_design", "s_per_design")
     result = {
         "command": command_line(),
         "seconds": time.perf_counter() - start,
         "scene": scene.record,
         "settings": settings,
         "payoff": rows,
-        "direct": {key: rows[0][key] for key in keys},
         "queries": [_query(q) for k, q in enumerate(queries) if k not in unanswered],
         "left_out": left_out,
         "drags": {s.name: [[d.drag for d in row] for row in s.designs] for s in strategies},
