@@ -419,7 +419,7 @@ def test_the_glide_ratio_may_be_asked_for_under_uncertainty():
 
 def test_weights_without_several_reynolds_numbers_are_refused(tmp_path):
     words = ["--surrogate", "pretrained:lift", "--reynolds", "40", "--weights", "1,2"]
-    with pytest.raises(InvalidInput, match="--weights: --objective glide has none"):
+    with pytest.raises(InvalidInput, match="--weights: does not go with --objective glide"):
         optimize_shape([*words, "--objective", "glide", "--out", str(tmp_path / "run")])
 
 

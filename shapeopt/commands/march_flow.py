@@ -199,7 +199,12 @@ def _parser() -> Parser:
         type=float,
         help="duration in D / U, 5 to 2000 (60; near the onset and beyond 160)",
     )
-    add("--height", type=float, default=16.0, help="of the periodic domain in D, 6 to 64 (16)")
+    add(
+        "--height",
+        type=float,
+        default=16.0,
+        help="height of the periodic domain in D, 6 to 64 (16)",
+    )
     add("--out", required=True, help="folder of march.gif and march.json")
     add("--table", help="CSV file of Cd and Cl at all time steps")
     add("--overwrite", action="store_true", help="replace another march that is there")

@@ -204,7 +204,12 @@ def _parser() -> Parser:
         f"{preset}: from {PLAIN[preset]}, {count} by default" for preset, count in QUERIES.items()
     )
     add = parser.add_argument
-    add("--preset", default="quick", choices=list(PRESETS), help="numbers of everything (quick)")
+    add(
+        "--preset",
+        default="quick",
+        choices=list(PRESETS),
+        help="number of samples and queries (quick)",
+    )
     add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
     add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
     add("--budget-seconds", type=float, help="train each for this time instead, from 1 s")
