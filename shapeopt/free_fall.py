@@ -247,7 +247,7 @@ def axes_of(tilt: Number) -> tuple[Float[Array, "2 ..."], Float[Array, "2 ..."]]
 
 @jax.jit
 def _velocity(constants, state):
-    """Velocity (2, ...) at states (6, ...): position, tilt, momentum, angular velocity."""
+    """Return the velocity (2, ...) at states (6, ...), of which ``rates_of`` has the order."""
     axis, normal = axes_of(state[2])
     along, across = (jnp.sum(state[3:5] * e, axis=0) for e in (axis, normal))
     return along / constants[0] * axis + across / constants[1] * normal

@@ -18,7 +18,7 @@ from pictures import pixels
 
 from shapeopt.commands.arguments import add_body_arguments
 from shapeopt.commands.cli import Parser, run
-from shapeopt.commands.predict_drag import _beyond
+from shapeopt.commands.predict_drag import _excess_words
 from shapeopt.commands.ranges import MOST, numbers
 from shapeopt.commands.reference import KEY_POWERS, by_reference
 from shapeopt.commands.sweep import Case, solve_cases, text_table
@@ -202,12 +202,12 @@ def test_moments_of_a_solution_about_its_centroid_and_its_quarter_chord():
         found.moment_about(np.nan)
 
 
-def test_errors_beyond_their_bounds_are_named_where_they_mean_something():
+def test_errors_excess_words_their_bounds_are_named_where_they_mean_something():
     row = {"cd": 1.0, "cd_error_bound": 2e-3, "cd_error": 1e-3}
     row |= {"cl_error_bound": 1e-3, "cl_error": 5e-3, "cm_error_bound": 0.0, "cm_error": 1e-7}
-    assert _beyond(row, True) == "; of Cl more than the bound"
-    assert _beyond(row, False) == ""  # symmetric bodies: no lift is shown
-    assert _beyond(row | {"cd_error_bound": None}, True) == ""
+    assert _excess_words(row, True) == "; of Cl more than the bound"
+    assert _excess_words(row, False) == ""  # symmetric bodies: no lift is shown
+    assert _excess_words(row | {"cd_error_bound": None}, True) == ""
     rows = [{"cl": value, "cd": 1.0} for value in (-1e-9, -0.5, None)]
     assert [line.split()[-1] for line in text_table(rows).splitlines()] == [
         *("Cl", "0.0000", "-0.5000", "-")

@@ -147,7 +147,7 @@ def _model(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Surrog
 
 
 def _at(row: JsonObject, result: JsonObject) -> str:
-    """The Reynolds number of a row, by the chord where the coefficients are."""
+    """Return the Reynolds number of a row as text, by the chord where the coefficients are."""
     if result.get("reference") == CHORD:
         return f"chord Re {row['chord_reynolds']:g}"
     return f"Re {row['reynolds']:g}"
@@ -162,7 +162,7 @@ def _length(row: JsonObject) -> str:
 
 
 def _line(row: JsonObject, on_flow: bool) -> str:
-    """The coefficients of a body, and the work of an optimum of the flow, as text."""
+    """Return the coefficients of a body, and the work of an optimum of the flow, as text."""
     if row["why_not"]:
         return "not found"
     parts = [f"Cd {row['cd']:.4f}"]

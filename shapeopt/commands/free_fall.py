@@ -87,7 +87,7 @@ def _rounded(value: float, scale: float) -> float:
 
 
 def _rows(found: Fall) -> list[JsonObject]:
-    """The motion as rows of a table, in SI units and degrees."""
+    """Return the motion as rows of a table, in SI units and degrees."""
     names = ("time", "x", "z", "tilt", "incidence", "reynolds")
     columns = [getattr(found, name).tolist() for name in names]
     rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]

@@ -129,7 +129,7 @@ def _box_for(markers: AnyArray, re: float, height: float) -> Box:
 def _march(
     box: Box, markers: AnyArray, re: float, steps: int, kick: float
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Histories of drag and lift at all time steps, and the velocity at every frame."""
+    """Return drag and lift at all time steps, and the velocity at every frame."""
     marcher, velocity = make_marcher(box, markers, re), start(box, kick)
     drags, lifts, frames = [], [], []
     with progress_bar("marching") as progress:

@@ -133,14 +133,14 @@ def _named(design: Design) -> dict[str, float]:
 
 
 def _objective(problem: Problem, value: float) -> str:
-    """The value of the objective in words: of glide, the ratio whose opposite is minimised."""
+    """Return the value of the objective in words, of glide the ratio that is maximised."""
     if bool(problem.scenarios.glide):
         return f"{_ratio(problem)} {-value:.4f}"
     return f"objective {value:.4f}"
 
 
 def _ratio(problem: Problem) -> str:
-    """The name of the ratio that is maximised for a glide."""
+    """Return the name of the ratio that is maximised for a glide."""
     count = len(problem.scenarios.weight)
     return "glide ratio" if count == 1 else f"mean glide ratio of {_worst(problem)}{count} cases"
 
@@ -156,7 +156,7 @@ def _within(file: str, folder: str) -> bool:
 
 
 def _text(r: JsonObject, problem: Problem, out: str) -> str:
-    """The result for a person."""
+    """Return the result as text for a person."""
     lifting = problem.scene.family.has_lift
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
@@ -178,7 +178,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     cd = "unknown" if r["cd_verified"] is None else f"{r['cd_verified']:.4f}"
     cd += " at the nominal Re, its cases" * ("glide" in r and several)
     grid = f" on {r['cells']} cells per D"
-    beside = "" if lifting else _beside(r, round_body, relative)
+    relative_drag = "" if lifting else _relative_drag(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     at = ", ".join(f"{reynolds:g}" for reynolds in numbers)
     at = f"Re {at}"
@@ -189,7 +189,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     lines = [
         f"{at}{first}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {cd} verified{grid}, {r['accuracy']}; "
-        f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
+        f"{relative_drag}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
     lines += bound_lines(r, problem)
@@ -249,8 +249,8 @@ def _violated_lines(r: JsonObject, problem: Problem) -> list[str]:
     ]
 
 
-def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
-    """The drag beside that of the cylinder or sphere; empty where that is not known."""
+def _relative_drag(r: JsonObject, round_body: str, relative: bool) -> str:
+    """Return the drag against that of the cylinder or sphere as text; empty if not known."""
     if r["cd_start"] is None:
         return ""
     gain = 100 * (1 - r["cd_verified"] / r["cd_start"])

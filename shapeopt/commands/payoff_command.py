@@ -125,7 +125,7 @@ def _emit(result: JsonObject, as_json: bool) -> JsonObject:
 
 
 def _settings(arguments: argparse.Namespace, scene: Scene, seeds: int, count: int) -> JsonObject:
-    """What defines a payoff."""
+    """Return the settings that define a payoff."""
     return {
         **scene.record,
         "preset": arguments.preset,
@@ -152,7 +152,7 @@ def _stored(out: Path, settings: JsonObject, overwrite: bool) -> JsonObject | No
 
 
 def _places(out: Path) -> dict[str, str]:
-    """Where the pictures of a payoff are."""
+    """Return the paths of the pictures of a payoff."""
     return {name: str(out / file) for name, file in PICTURES.items()}
 
 
@@ -162,7 +162,7 @@ def _plans(arguments: argparse.Namespace, scene: Scene, seed: int) -> dict[str, 
 
 
 def _own_names(arguments: argparse.Namespace) -> list[str]:
-    """Names that an interrupted command leaves in its folder."""
+    """Return the names that an interrupted command leaves in its folder."""
     names = list(_plans(arguments, Scene(), 0))
     names += [f"{name}.checkpoint" for name in names]
     runs = [f"run-{k}" for k in range(9)]
@@ -171,7 +171,7 @@ def _own_names(arguments: argparse.Namespace) -> list[str]:
 
 
 def _robust(surrogate: Surrogate) -> JsonObject:
-    """Cost of a robust design by the surrogate alone."""
+    """Return the cost of a robust design by the surrogate alone."""
     objective = robust_objective(surrogate.scene)
     design = optimise(Problem(surrogate.scene, objective), surrogate)
     return {"calls": design.calls, "seconds": design.seconds}

@@ -57,7 +57,7 @@ from shapeopt.commands.sweep import (
     polar_title,
     write_table,
 )
-from shapeopt.commands.verification import beside_the_flow
+from shapeopt.commands.verification import compared_with_flow
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import Shape, family_shape
 from surrogate.compilation import compiled
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     family = surrogate.scene.family
     if arguments.verify:
         bodies = [family.parameters(_named(arguments, row["incidence"])) for row in results]
-        results = beside_the_flow(surrogate, bodies, results)
+        results = compared_with_flow(surrogate, bodies, results)
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
@@ -204,7 +204,7 @@ def _error_bounds(
     drags: np.ndarray,
     outside: bool,
 ) -> JsonObject:
-    """Bounds of 95 % of the errors: that of Cd relative, those of Cl and Cm of these themselves.
+    """Return bounds of 95 % of the errors, of Cd relative, of Cl and Cm of these themselves.
 
     They are null outside the ranges, where none are known. ``drags`` are Cd in the units of each
     load.
@@ -234,13 +234,13 @@ def _line(r: JsonObject, lifts: bool) -> str:
         line += f", which {r['accuracy']}"
         line += f", error {100 * r['cd_error']:.3f} %"
         line += f", of Cl {r['cl_error']:.2g}, of Cm {r['cm_error']:.2g}" if lifts else ""
-        line += _beyond(r, lifts)
+        line += _excess_words(r, lifts)
     line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
     line += f"\n  {unsteady_remark(r)}" if r["reynolds"] > r["onset"] else ""
     return line + (f"\n  {forces_line(r)}" if "forces_N" in r else "")
 
 
-def _beyond(r: JsonObject, lifts: bool) -> str:
+def _excess_words(r: JsonObject, lifts: bool) -> str:
     """Say which errors of a row exceed their bounds; empty where none does."""
     if r["cd_error_bound"] is None:
         return ""

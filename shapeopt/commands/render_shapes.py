@@ -140,7 +140,7 @@ def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObj
 
 
 def _tracked(records: list[JsonObject], progress: Update) -> Iterator[JsonObject]:
-    """The records, with progress reported after each."""
+    """Yield the records, and report progress after each."""
     for k, record in enumerate(records):
         yield record
         progress((k + 1) / (len(records) + 1), reynolds_text(record))

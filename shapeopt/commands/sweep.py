@@ -170,7 +170,7 @@ def write_table(rows: Sequence[JsonObject], path: str | Path) -> None:
 
 
 def _flat(row: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Keys and values, of nested tables with their names."""
+    """Yield keys and values, those of nested tables with the names of these."""
     for key, value in row.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")

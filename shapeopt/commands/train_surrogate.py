@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _errors(errors: dict[str, dict[str, float]]) -> str:
-    """The mean and the largest error of every load as text."""
+    """Return the mean and the largest error of every load as text."""
     words = (
         f"{SYMBOLS[name]} {100 * e['mean']:.2f} % on average, {100 * e['max']:.2f} % at most"
         for name, e in errors.items()

@@ -1,4 +1,4 @@
-"""Predictions beside the flow, for predict_drag.py --verify."""
+"""Predictions compared with the flow, for predict_drag.py --verify."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ VERIFIED = (  # what --verify adds to a row
 )
 
 
-def beside_the_flow(
+def compared_with_flow(
     surrogate: Surrogate, bodies: Sequence[AnyArray], rows: Sequence[JsonObject]
 ) -> list[JsonObject]:
     """Return the rows with the flow's loads and the errors; None where it does not converge.

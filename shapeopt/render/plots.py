@@ -107,8 +107,8 @@ def _draw_glide(axis: Axes, records: list[JsonObject], colours: np.ndarray) -> N
     ratios = [(r.get("cl_verified") or 0.0) / r["cd_verified"] for r in records]
     words = [f"Cl/Cd {ratio:.3f}" for ratio in ratios]
     _draw_over_reynolds(axis, records, ratios, words, colours)
-    room = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points
-    ends = min(0.0, min(ratios) - room), max(0.0, 1.1 * max(ratios))
+    margin = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points
+    ends = min(0.0, min(ratios) - margin), max(0.0, 1.1 * max(ratios))
     axis.set(ylim=ends, ylabel="glide ratio $C_l / C_d$")
 
 

@@ -82,7 +82,7 @@ def is_compared(record: JsonObject) -> bool:
 
 
 def _coefficients(record: JsonObject, solution: Solution) -> list[str]:
-    """Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, for a title."""
+    """Return Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, as words for a title."""
     unit = solution.chord if is_by_chord(record) else 1.0
     cl = round(solution.lift / unit, 4) + 0.0  # no minus zero
     words, lifting = [f"Cd {solution.drag / unit:.4f}"], run_scene(record).family.has_lift
