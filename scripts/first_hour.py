@@ -58,13 +58,17 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
     return emit(
         {
-            "drag": {"flow": by_flow, "network": by_net, "gradient": gradient.tolist()},
+            "cd": {"flow": by_flow, "network": by_net, "gradient": gradient.tolist()},
             "best_ellipse": best_ellipse[0],
-            "scipy": {"drag": float(found.fun), "parameters": found.x.tolist()},
+            "scipy": {"cd": float(found.fun), "parameters": found.x.tolist()},
             "section": {"cd": solution.drag, "cl": solution.lift, "lift_N": newtons.lift},
             "accuracy": solution.accuracy,
             "trained_error": mine.record["drag_error_mean"],
-            "design": {"drag": design.drag, "flows": design.flows, "kkt": design.kkt_residual},
+            "design": {
+                "cd": design.drag,
+                "flows": design.flows,
+                "kkt_residual": design.kkt_residual,
+            },
         },
         arguments.json,
         f"flow {by_flow:.4f}, network {by_net:.4f}; section Cl {solution.lift:.3f}, "

@@ -82,11 +82,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = parser.parse_args(argv)
     physical_number("Archimedes number", arguments.archimedes)
     found, surrogate = fastest(arguments.archimedes), load("pretrained:space")
-    reynolds, drag = (found.get_val(name).item() for name in ("reynolds", "cd"))
+    reynolds, cd = (found.get_val(name).item() for name in ("reynolds", "cd"))
     least = optimise(Problem(surrogate.scene, reynolds), surrogate).drag
     body = {name: found.get_val(name).item() for name in surrogate.scene.family.names}
-    result = {"reynolds": reynolds, "drag": drag, "body": body, "drag_by_optimise": least}
-    text = f"falls fastest at Re {reynolds:.4g}, Cd {drag:.4f} (by optimise {least:.4f}): "
+    result = {"reynolds": reynolds, "cd": cd, "parameters": body, "cd_by_optimise": least}
+    text = f"falls fastest at Re {reynolds:.4g}, Cd {cd:.4f} (by optimise {least:.4f}): "
     return emit(result, arguments.json, text + ", ".join(f"{n} {body[n]:.4f}" for n in body))
 
 

@@ -169,8 +169,7 @@ def checked_body(surrogate: Surrogate, parameters: Body) -> Float[np.ndarray, " 
     """
     expect("surrogate", surrogate, Surrogate, "Surrogate")
     family = surrogate.scene.family
-    ranges = dict(zip(family.names, family.bounds.tolist(), strict=True))
-    low, high = ranges.get("incidence", (1, 0))
+    low, high = dict(family.ranges).get(INCIDENCE.name, (1, 0))
     if family.dimension != 3 or low > 0 or high < 90:
         raise InvalidInput(
             "surrogate: of 3-D bodies at incidences from 0 to 90 degrees, as pretrained:particle"
@@ -248,7 +247,7 @@ def axes_of(tilt: Number) -> tuple[Float[Array, "2 ..."], Float[Array, "2 ..."]]
 
 @jax.jit
 def _velocity(constants, state):
-    """Velocity (2, ...) at states (6, ...): position, tilt, momentum, angular velocity."""
+    """Return the velocity (2, ...) at states (6, ...), of which ``rates_of`` has the order."""
     axis, normal = axes_of(state[2])
     along, across = (jnp.sum(state[3:5] * e, axis=0) for e in (axis, normal))
     return along / constants[0] * axis + across / constants[1] * normal

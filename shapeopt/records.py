@@ -14,7 +14,8 @@ from surrogate.scene.limits import check_reynolds
 from surrogate.scene.scene import Scene
 
 RECORD = "run.json"
-LONGEST_RECORD = 1 << 24  # bytes
+NO_SURROGATE, UNNAMED = "none", "unnamed"  # in place of a surrogate's name
+KINDS = {"cases": list, "surrogate": str, "until": str, "about_lift": bool}  # of entries
 DRAGS = ("cd_start", "cd_surrogate", "cd_verified")
 
 
@@ -32,18 +33,18 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     """
     folder = path_of(folder)
     try:
-        if (folder / RECORD).stat().st_size > LONGEST_RECORD:
-            raise ValueError
         record = strict_json((folder / RECORD).read_text(encoding="utf-8"))
         scene = Scene.of(record["scene"])
         scene.family.check(scene.family.parameters(record["parameters"]))
         scene.family.check_all(np.array(record["path"]))
         check_reynolds(record["reynolds"], True, scene.dimension)
         finite_number("Reynolds number", run_reynolds(record))
-        drags = [record[name] for name in DRAGS if record.get(name) is not None]
-        cases, name = record.get("cases", []), record["surrogate"]
+        drags = [record[name] for name in DRAGS if record[name] is not None]
         sound = all(finite_number("drag", drag) > 0 for drag in drags) and record["path"]
-        if not (sound and isinstance(cases, list) and isinstance(name, str)):
+        of_objective = (record["objective"][name] for name in ("kind", "number_of_cases"))
+        values = *(record[name] for name in KINDS), *of_objective
+        kinds = *KINDS.values(), str, int
+        if not (sound and all(map(isinstance, values, kinds))):
             raise ValueError
         return record
     except OSError:
@@ -62,9 +63,14 @@ def run_body(record: dict[str, Any]) -> np.ndarray:
     return run_scene(record).family.parameters(record["parameters"])
 
 
+def surrogate_name(record: dict[str, Any]) -> str | None:
+    """Return the name by which a run's surrogate can be loaded; None where it has none."""
+    return None if record["surrogate"] in (NO_SURROGATE, UNNAMED) else record["surrogate"]
+
+
 def is_by_chord(record: dict[str, Any]) -> bool:
     """Return whether the coefficients of a run, and its Reynolds number, are by the chord."""
-    return record.get("reference") == CHORD
+    return record["reference"] == CHORD
 
 
 def run_reference(record: dict[str, Any]) -> Reference:

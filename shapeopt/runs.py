@@ -8,7 +8,7 @@ import numpy as np
 
 from shapeopt.problem.objective import scenarios_of
 from shapeopt.problem.scenarios import model_loads, model_objective
-from shapeopt.records import DRAGS, RECORD
+from shapeopt.records import DRAGS, NO_SURROGATE, RECORD, UNNAMED
 from shapeopt.search.design import Design
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.verify import (
@@ -64,7 +64,8 @@ def save_run(
     Returns:
       The record, as in run.json. Coefficients and constraints are by the length that "reference"
       names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is U D /
-      nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets. cd_* are values of
+      nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets, "about_lift" is as
+      ``Problem.is_about_lift``. cd_* are values of
       the problem's objective: Cd where that is the drag at one Reynolds number; of the glide ratio
       and of a settling speed Cd itself at the nominal Reynolds number, and "glide" is the optimal
       ratio, of several scenarios their mean or that of the worst. cd_start is that of the cylinder
@@ -90,7 +91,7 @@ def save_run(
     expect("save_run", design, Design, "Design")
     expect("save_run", surrogate, Surrogate | None, "Surrogate")
     if name is None:
-        name = "none" if surrogate is None else "unnamed"
+        name = NO_SURROGATE if surrogate is None else UNNAMED
     expect("save_run: name", name, str, "text")
     if surrogate is not None and surrogate.scene != design.problem.scene:
         found = differences(design.problem.scene.record, surrogate.scene.record)
@@ -152,6 +153,7 @@ def _search_record(design: Design) -> dict[str, Any]:
             "number_of_cases": len(problem.scenarios.weight),
             **problem.objective.record(problem.scene),
         },
+        "about_lift": problem.is_about_lift,
         "constraints": json.loads(json.dumps(problem.constraints)),  # tuples become lists
         "flows": design.flows,
         "green_applications": design.green_applications,

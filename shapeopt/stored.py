@@ -30,14 +30,13 @@ def design_settings(
     constraints = (f.name for f in dataclasses.fields(problem) if f.name not in NO_CONSTRAINTS)
     settings = {
         **problem.scene.record,
+        "by_chord": problem.by_chord,
         "objective": _plain(problem.objective),
         **{name: _plain(getattr(problem, name)) for name in constraints},
         "surrogate": given and f"{given[0]} {str(given[1])[:12]}",
         "until": "flow" if on_flow else "surrogate",
         "memory": memory and str(target_of(memory)),
     }
-    if problem.by_chord:  # runs by D lack it, as those of earlier versions do
-        settings["by_chord"] = True
     return json.loads(json.dumps(settings))
 
 
@@ -62,14 +61,10 @@ def stored_run(folder: str | Path, settings: JsonObject, overwrite: bool) -> Jso
 
 
 def _plain(value: object) -> object:
-    """Return an objective or a constraint as values that JSON has.
-
-    Switches that are off are left out, as runs of earlier versions lack them.
-    """
+    """Return an objective or a constraint as values that JSON has."""
     if dataclasses.is_dataclass(value):
         fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        on = {name: part for name, part in fields.items() if part is not False}
-        return {"kind": type(value).__name__, **on}
+        return {"kind": type(value).__name__, **fields}
     if isinstance(value, Mapping):
         return {str(name): _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple | np.ndarray):

@@ -19,6 +19,12 @@ def record_of(scene: Scene, reynolds: float = 20.0, parameters=LENS) -> dict[str
         "cd_start": 2.2,
         "cd_verified": 2.2 - reynolds / 100,
         "surrogate": "none",
+        "until": "flow",
+        "reference": "diameter",
+        "objective": {"kind": "AtReynolds", "number_of_cases": 1},
+        "about_lift": False,
+        "cases": [],
+        "cd_surrogate": None,
         "scene": scene.record,
         "path": [parameters.tolist()],
     }

@@ -56,7 +56,7 @@ def test_solve_drag_refuses_what_makes_no_sense_in_3d(words, message):
         ("--reynolds 20 --particle 1.2,1e-6,4e-4", "goes with --objective settling"),
         ("--objective settling --archimedes 9 --particle 1.2,1e-6,4e-4", "give one of them, not"),
         ("--objective settling --archimedes 100 --reynolds 20", "finds its Reynolds number"),
-        ("--objective settling --archimedes 100 --spread 0.1", "--spread: --objective settling"),
+        ("--objective settling --archimedes 100 --spread 0.1", "--spread: does not go with --obj"),
         ("--objective settling --archimedes 100 --surrogate pretrained", "3-D bodies"),
     ],
 )

@@ -118,8 +118,8 @@ def test_the_optimum_is_that_of_scipy(pretrained, generator):
 
 def test_settings_of_runs_by_diameter_are_those_of_earlier_versions(pretrained):
     by_diameter, by_chord = (Problem(pretrained.scene, 30.0, by_chord=b) for b in (False, True))
-    assert "by_chord" not in design_settings(by_diameter, pretrained, False)
-    assert design_settings(by_chord, pretrained, False)["by_chord"] is True
+    for problem in (by_diameter, by_chord):
+        assert design_settings(problem, pretrained, False)["by_chord"] is problem.by_chord
     assert by_chord.constraints == by_diameter.constraints == {}
 
 
@@ -196,6 +196,15 @@ def test_commands_say_what_is_over_the_chord(designed, tmp_path, capsys, no_esti
     assert "verified, over c and c^2, Cm about the centroid" in said
     assert f"Cd over c {record['cd_verified']:.4f} verified" in said
     assert "  by the flow: d(objective) / d(bound): " in said
+    picture = tmp_path / "sheet.png"
+    sheet = ["--lifts", "0.1", "--min-thickness", "0.35", "--range", "aspect=2:2,beta2=0:0"]
+    found = design_sheet([*words, *sheet, "--out", str(picture)])
+    shared = {name: found[name] for name in ("surrogate", "warning", "until")}
+    assert shared == {"surrogate": "none", "warning": None, "until": "flow"}
+    assert shared.items() <= record.items()
+    assert [row["why_not"] for row in (*found["designs"], found["best_glide"])] == [None, None]
+    assert found["designs"][0]["flows"] > 1
+    pixels(picture)
     words = ["--surrogate", "pretrained:lift", "--chord-reynolds", "15", "--max-length", "2"]
     assert run(design_sheet, [*words, "--out", "x.png"]) == 2
     assert "--chord-reynolds: goes with --lifts" in capsys.readouterr().err

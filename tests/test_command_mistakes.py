@@ -152,6 +152,7 @@ MISTAKES = {  # and what the answer must say
     "payoff --devices 0 --out {missing}": "--devices 0",
     "design_sheet --reynolds 400 --max-length 2 --out {missing}.png": "Reynolds",
     "design_sheet --reynolds 4 --max-length 0.1 --out {missing}.png": "length",
+    "design_sheet --reynolds 4 --scene {crossing} --out {missing}.png": "belongs to --surrogate",
 }
 
 

@@ -367,6 +367,9 @@ def test_flows_by_the_commands(tmp_path, capsys, no_estimates):
     assert json.loads((out / "re20" / "flow.json").read_text())["parameters"]["aspect"] == 2
     assert run(render_shapes.main, ["--runs", str(out), "--out", str(sheet)]) == 2
     assert "holds several flows; give them" in capsys.readouterr().err
+    (out / "run.json").write_text("{}")  # of a run, beside which flows may lie
+    assert run(render_shapes.main, ["--runs", str(out), "--out", str(sheet)]) == 2
+    assert "run.json is damaged" in capsys.readouterr().err
     runs = [str(out / "re5"), str(out / "re20")]
     assert run(render_shapes.main, ["--runs", *runs, "--out", str(sheet)]) == 0
     pixels(sheet)

@@ -9,6 +9,7 @@ from pictures import pixels
 
 from shapeopt import Problem, load_run, optimise, save_run
 from shapeopt.commands import explore, march_flow, optimize_shape, payoff_command, render_shapes
+from shapeopt.commands.arguments import body_settings
 from surrogate import InvalidInput, Scene, load
 from surrogate.files import check_file, whole_file
 
@@ -46,6 +47,30 @@ def test_another_march_into_the_folder_of_one_is_refused(tmp_path):
         march_flow.main(["--aspect", "1", "--reynolds", "20", "--out", str(tmp_path)])
 
 
+def test_a_march_that_is_done_is_not_marched_again(tmp_path, monkeypatch, capsys):
+    def marched(*arguments, **settings):
+        raise InvalidInput("marched")
+
+    monkeypatch.setattr(march_flow, "_march", marched)
+    words = ["--aspect", "1", "--reynolds", "20", "--out", str(tmp_path)]
+    body = body_settings(march_flow._parser().parse_args(words))
+    asked = {"body": body, "incidence": 0.0, "reynolds": 20.0, "height": 16.0, "time": 60.0}
+    stored = {"reynolds": 20.0, "blockage": 0.06, "cd": 2.1, "cd_steady": None, "sheds": False}
+    stored |= {"growth_rate": None, "strouhal": None, "gif": "elsewhere", "settings": asked}
+    (tmp_path / "march.json").write_text(json.dumps(stored))
+    with pytest.raises(InvalidInput, match="marched"):  # as its picture is not there
+        march_flow.main(words)
+    (tmp_path / "march.gif").write_bytes(b"")
+    gif = str(tmp_path / "march.gif")
+    assert march_flow.main([*words, "--json"]) == stored | {"gif": gif}
+    said = capsys.readouterr()
+    assert "this march is done already; --overwrite repeats it" in said.err
+    assert json.loads(said.out)["gif"] == gif
+    for more in (["--overwrite"], ["--table", str(tmp_path / "t.csv")]):
+        with pytest.raises(InvalidInput, match="marched"):
+            march_flow.main([*words, *more])
+
+
 def test_another_payoff_into_the_folder_of_one_is_refused(tmp_path):
     stored = {"payoff": [], "queries": [], "settings": {"preset": "quick"}}
     for settings, words in ((stored["settings"], r"preset quick, not full"), (None, "unknown")):
@@ -67,7 +92,7 @@ def test_the_memory_file_must_be_outside_the_run(tmp_path, file):
 @pytest.mark.parametrize(
     "change",
     [{"path": []}, {"path": [[2.0, 0.9, 0.0, 0.0]]}, {"surrogate": 5}, {"cd_verified": "abc"},
-     {"cd_start": -1.0}, {"cases": 5}, {"reynolds": 1e9}],
+     {"cd_start": -1.0}, {"cases": 5}, {"reynolds": 1e9}, {"about_lift": 0}, {"objective": {}}],
     ids=str,
 )  # fmt: skip
 def test_an_altered_run_is_refused(designed, tmp_path, change):

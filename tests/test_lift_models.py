@@ -372,14 +372,15 @@ def test_bounds_that_the_flow_does_not_meet_are_named(unchecked):
     violated = violated_bounds(problem, np.array([(1.0, *one) for one in loads]))
     assert violated == {"max_moment": 0.1003}
     cases = [{"cl_verified": lift, "cm_verified": cm} for lift, cm in loads]
-    record = {"cases": cases, "violated": violated, "settings": {"until": "surrogate"}}
+    record = {"cases": cases, "violated": violated, "until": "surrogate"}
     span, exceeded = bound_lines(record, problem)
     assert "in the 2 cases: Cl 0.5000 to 0.5200, Cm 0.0900 to 0.1003" in span
     assert "max moment 0.1 is not met: 0.1003 by the flow; --until flow searches" in exceeded
-    assert origin({"surrogate": "out/net"}) == "found by the surrogate net"
-    led = origin({"surrogate": "out/net", "settings": {"until": "flow"}})
+    net = {"surrogate": "out/net"}
+    assert origin(net | {"until": "surrogate"}) == "found by the surrogate net"
+    led = origin(net | {"until": "flow"})
     assert led == "found by the flow's adjoint, led by the surrogate net"
-    assert origin({"surrogate": "none"}) == "found by the flow's adjoint"
+    assert origin({"surrogate": "none", "until": "flow"}) == "found by the flow's adjoint"
     assert origin({"surrogate": "none", "until": "surrogate"}) == "found by a surrogate"
 
 

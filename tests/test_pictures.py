@@ -41,6 +41,7 @@ from surrogate.flow.grid.wall_2d import outward
 from surrogate.flow.output.meshes import pv
 
 FAMILY = Family()
+SIX = {"kind": "Robust", "number_of_cases": 6}  # objective over six cases
 ROOT = Path(__file__).parents[1]
 
 
@@ -83,13 +84,13 @@ def test_solid_is_watertight_with_outward_normals(tmp_path):
         np.array([1.2, 0.3, 0.2, 0.1]),
     ):  # the last has a waist
         markers = np.asarray(FAMILY.markers(jnp.asarray(parameters), 200))
-        for mesh in (solid(markers, 2.0), pv.read(write_solid_stl(markers, tmp_path / "b.stl", 2))):
+        for mesh in (solid(markers), pv.read(write_solid_stl(markers, tmp_path / "b.stl"))):
             assert mesh.n_open_edges == 0
             assert mesh.is_manifold
             corners = mesh.points[mesh.regular_faces].astype(float)
             # signed volume by the divergence theorem: positive only if normals point outward
             volume = np.linalg.det(corners).sum() / 6
-            assert volume == pytest.approx(2 * np.pi / 4, rel=1e-3)
+            assert volume == pytest.approx(np.pi / 4, rel=1e-3)
 
 
 def test_contour_files_carry_the_loads(surfaces, tmp_path):
@@ -221,15 +222,23 @@ def runs(tiny_scene, tmp_path_factory):
             save_run(folder / f"re{reynolds:g}", design)
     others = {
         "bare": {"cd_verified": None},
-        "glide": {"objective": {"kind": "Glide"}},
+        "glide": {"objective": {"kind": "Glide", "number_of_cases": 1}},
         "chord": {"reference": "chord", "chord_reynolds": 30.0},
-        "cases": {"cases": 6 * [{}]},
+        "cases": {"objective": SIX},
         "unsteady": {"cd_start": None},
     }
     for name, entries in others.items():
         (folder / name).mkdir()
         (folder / name / "run.json").write_text(json.dumps(record_of(tiny_scene) | entries))
     return folder
+
+
+def test_the_search_of_a_run_without_a_named_surrogate_is_drawn(tiny_scene, tmp_path):
+    """As ``save_run`` writes it where it is told no name."""
+    (tmp_path / "run.json").write_text(json.dumps(record_of(tiny_scene) | {"surrogate": "unnamed"}))
+    gif = tmp_path / "search.gif"
+    assert run(render_shapes.main, ["--runs", str(tmp_path), "--out", str(gif)]) == 0
+    assert gif.read_bytes().startswith(b"GIF8")
 
 
 @pytest.mark.parametrize("kind", [[], ["--surface"], ["--family"]])
@@ -250,7 +259,7 @@ def test_sheets_by_the_command(runs, kind, tmp_path, capsys):
         "--runs {runs}/re5 {runs}/glide --family --out {out}/x.png": "are of AtReynolds, Glide",
         "--runs {runs}/re5 {runs}/chord --family --out {out}/x.png": "some runs are by the chord",
         "--runs {runs}/chord {runs}/chord --family --out {out}/x.png": "Re 30 is by the chord",
-        "--runs {runs}/re5 {runs}/cases --family --out {out}/x.png": "Re 20 is of 6 cases",
+        "--runs {runs}/cases {runs}/cases --family --out {out}/x.png": "Re 20 is of 6 cases",
         "--runs {runs}/re5 {runs}/unsteady --family --out {out}/x.png": "no drag of the cylinder",
         "--runs {runs}/re5 --surface --out {out}/x.gif": "need a .png",
         "--runs {runs}/re5 {runs}/re20 --out {out}/x.gif": "a .gif shows one run",
@@ -271,9 +280,12 @@ def test_captions_say_what_is_known(tiny_scene):
     assert f"Cd {after.solution.drag:.4f}" in after.title
     assert after.note == "found by the flow's adjoint, verified by the flow"
     unverified = record_of(tiny_scene) | {"cd_verified": None, "surrogate": "out/full/sip"}
+    unverified["until"] = "surrogate"
     assert before_and_after(unverified)[1].note == "found by the surrogate sip, not verified"
+    unnamed = record_of(tiny_scene) | {"surrogate": "unnamed", "until": "surrogate"}
+    assert before_and_after(unnamed)[1].note.startswith("found by a surrogate, ")
     assert after.title.endswith(" %")
-    several = before_and_after(record_of(tiny_scene) | {"cases": 6 * [{}]})[1].title
+    several = before_and_after(record_of(tiny_scene) | {"objective": SIX})[1].title
     assert several.startswith("Re 20, nominal of 6 cases ")
     assert "%" not in several  # the drags of one case are not the objective
 
@@ -286,10 +298,10 @@ def test_where_the_cylinder_is_not_solved_an_ellipse_is_drawn_beside_the_optimum
 
 
 def lifting(parameters, reynolds=20.0):
-    """The record of a run of bodies with lift that found ``parameters``, on the small grid."""
+    """The record of a run about lift that found ``parameters``, on the small grid."""
     family = Family(aspect=(1, 4), gamma2=(-0.3, 0.3), incidence=(-4, 20))
     scene = Scene(family=family, fidelity=Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0))
-    return record_of(scene, reynolds, np.array(parameters))
+    return record_of(scene, reynolds, np.array(parameters)) | {"about_lift": True}
 
 
 def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
@@ -297,24 +309,22 @@ def test_captions_of_lifting_bodies_say_lift_and_glide(monkeypatch):
 
     Elsewhere the ellipse of the optimum's aspect is drawn beside it.
     """
-    drag = {"objective": {"kind": "AtReynolds"}, "constraints": {"max_length": 2.0}}
-    glide = {"objective": {"kind": "Glide"}, "constraints": {}}
-    bound = drag | {"constraints": {"lift": 0.2}}
     flows, titles = solve_run(lifting([2.0, 0.1, 10.0])), {}
     monkeypatch.setattr("shapeopt.render.sheets.solve_run", lambda record: flows)
-    for name, more in {"drag": drag, "glide": glide, "bound": bound, "unknown": {}}.items():
-        before, after = before_and_after(lifting([2.0, 0.1, 10.0]) | more)
+    for name, about_lift in {"drag": False, "lift": True}.items():
+        record = lifting([2.0, 0.1, 10.0]) | {"about_lift": about_lift}
+        before, after = before_and_after(record)
         flow, titles[name] = flows[1], after.title
         assert "Cl 0.0000    Cl/Cd 0.000" in before.title
         assert ("cylinder" if name == "drag" else "ellipse of aspect 2 ") in before.title
         assert f"Cl {flow.lift:.4f}    Cl/Cd {flow.lift / flow.drag:.3f}" in after.title
     objective = {"kind": "MultiPoint", "number_of_cases": 3, "lifts": [0.0, 0.1, 0.2]}
-    several = lifting([2.0, 0.1, 10.0]) | {"objective": objective, "constraints": {}}
+    several = lifting([2.0, 0.1, 10.0]) | {"objective": objective}
     before, after = before_and_after(several)
     assert after.title.startswith("Re 20, first of 3 lifts")
     assert "ellipse of aspect 2 " in before.title
     robust = {"kind": "Robust", "number_of_cases": 8, "glide": True}
-    robust = lifting([2.0, 0.1, 10.0]) | {"objective": robust, "constraints": {}, "glide": 0.75}
+    robust = lifting([2.0, 0.1, 10.0]) | {"objective": robust, "glide": 0.75}
     assert before_and_after(robust)[1].title.endswith("Cl/Cd of the cases 0.750")
     assert titles.pop("drag").endswith(" %")
     assert not any("%" in title for title in titles.values())

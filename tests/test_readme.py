@@ -37,9 +37,9 @@ def test_python_example_runs(capsys, compiled):
 def test_the_first_hour_runs(tmp_path, capsys):
     result = importlib.import_module("first_hour").main(["--out", str(tmp_path), "--json"])
     assert result == json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert abs(result["drag"]["network"] / result["drag"]["flow"] - 1) < 0.01
+    assert abs(result["cd"]["network"] / result["cd"]["flow"] - 1) < 0.01
     assert result["section"]["cl"] > 0.5
-    assert result["design"]["kkt"] < 2e-3
+    assert result["design"]["kkt_residual"] < 2e-3
     assert {path.name for path in tmp_path.iterdir()} == {"section", "net", "run"}
 
 

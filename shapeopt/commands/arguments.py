@@ -30,7 +30,7 @@ SINGLE_VALUED = tuple(name for name in PARAMETERS if name != INCIDENCE.name)  # 
 REYNOLDS_HELP = "U D / nu, {:g} to {:g}, in 3-D {:g} to {:g}".format(*REYNOLDS[2], *REYNOLDS[3])
 
 
-def add_family_arguments(parser: Parser, names: Iterable[str] = PARAMETERS) -> None:
+def add_family_arguments(parser: Parser, names: Iterable[str]) -> None:
     """Add an option for every named parameter of a family body, --aspect to --incidence."""
     group = parser.add_argument_group("body of the family", FAMILY)
     for p in map(PARAMETERS.__getitem__, names):
@@ -51,9 +51,7 @@ def check_aspect(arguments: argparse.Namespace) -> None:
         raise InvalidInput("body: --aspect is needed")
 
 
-def family_named(
-    arguments: argparse.Namespace, names: Iterable[str] = PARAMETERS
-) -> dict[str, float]:
+def family_named(arguments: argparse.Namespace, names: Iterable[str]) -> dict[str, float]:
     """Return a body's parameters by name, as the options give them.
 
     Those of the default 2-D family are always there, 0 where no option gives them; others only if
@@ -64,8 +62,13 @@ def family_named(
     return {n: value or 0.0 for n, value in given.items() if n in usual or value is not None}
 
 
-def add_body_arguments(parser: Parser) -> None:
-    """Add the options of a body: of the family, a contour or a NACA section, at incidence."""
+def add_body_arguments(parser: Parser, several: bool = True) -> None:
+    """Add the options of a body: of the family, a contour or a NACA section, at incidence.
+
+    Args:
+      parser: of the command.
+      several: whether the command takes several incidences.
+    """
     add_family_arguments(parser, SINGLE_VALUED)
     add = parser.add_argument
     add(
@@ -73,7 +76,7 @@ def add_body_arguments(parser: Parser) -> None:
         help="CSV of x,y, Selig or Lednicer .dat; the stream is along +x, the area scaled to pi/4",
     )
     add("--naca", help="NACA 4-digit section, as 0012")
-    add_incidence_argument(parser)
+    add_incidence_argument(parser, several)
     add(
         "--keep-size",
         action="store_true",
@@ -81,10 +84,10 @@ def add_body_arguments(parser: Parser) -> None:
     )
 
 
-def add_incidence_argument(parser: Parser) -> None:
+def add_incidence_argument(parser: Parser, several: bool = True) -> None:
     """Add the option --incidence, of one or several angles."""
-    incidence = "nose up in degrees, -180 to 180: one, several as -4,0,4, or FIRST:LAST:COUNT (0)"
-    parser.add_argument("--incidence", help=incidence)
+    angles = "one, several as -4,0,4, or FIRST:LAST:COUNT" if several else "one angle"
+    parser.add_argument("--incidence", help=f"nose up in degrees, -180 to 180: {angles} (0)")
 
 
 def incidences_of(arguments: argparse.Namespace) -> list[float]:

@@ -39,6 +39,10 @@ BY_DIAMETER = (
     "coefficients here are by D, in designs with --chord-reynolds by the chord c: Cd / c, Cl / c, "
     "Cm / c^2 with c in D"
 )
+ABOUT = (
+    "moments here are about the centroid; solve_drag.py and predict_drag.py know other points of "
+    "the chord"
+)
 OF_SCENE = "is the scene's: that of the surrogate, or of --scene FILE where the command takes one"
 IN_SCENE = "--dimension", "--stream", "--cells", "--fidelity"  # where a command has a surrogate
 ABSENT = {  # options that a command lacks for a reason
@@ -50,7 +54,7 @@ ABSENT = {  # options that a command lacks for a reason
     "--particle": "solve_drag.py --particle settles a body, free_fall.py lets it fall",
     "--settling": "solve_drag.py --particle RATIO,NU,D settles a body",
     "--reference": BY_DIAMETER,
-    "--moment-about": "moments here are about the centroid; solve_drag.py knows other points",
+    "--moment-about": ABOUT,
     "--chord-reynolds": "--reynolds is U D / nu, D the equivalent diameter: U c / nu over c / D",
     "--naca": CONTOURS,
     "--contour": CONTOURS,

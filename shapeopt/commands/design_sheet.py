@@ -6,27 +6,30 @@ python scripts/design_sheet.py --surrogate pretrained:lift --reynolds 40 --lifts
 python scripts/design_sheet.py --surrogate pretrained:lift --chord-reynolds 100 --lifts 0:0.4:5 \\
     --min-thickness 0.3 --out sections.png
 
-They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate:
-one after the other, each with the flows of those before. With --lifts: the bodies of least Cd whose
+They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate,
+or with --surrogate none by the flows alone: one after the other, each with the flows of those
+before. With --lifts: the bodies of least Cd whose
 Cl is at least each of these, and the one of the best glide ratio Cl / Cd, for surrogates of
 sections with camber or incidence; optimize_shape.py --lift finds one section for several lifts.
 """
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 
-from shapeopt.commands.arguments import add_surrogate_argument
+from shapeopt.commands.arguments import REYNOLDS_HELP
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.problem_arguments import (
     CHORD_HELP,
-    MEMORY_HELP,
-    UNTIL_HELP,
     add_constraint_arguments,
+    add_model_arguments,
+    add_search_arguments,
     constraints_of,
+    ends_on_flow,
+    scene_of,
+    surrogate_of,
 )
 from shapeopt.commands.ranges import numbers
-from shapeopt.commands.reference import CHORD, DIAMETER, unsteady_remark
+from shapeopt.commands.reference import CHORD, DIAMETER, SEVERAL, unsteady_remark
 from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.render.designs import plot_designs
 from shapeopt.render.over_lift import plot_over_lift
@@ -35,7 +38,7 @@ from shapeopt.search.over_lift import designs_over_lift
 from shapeopt.search.sheet import designs_over
 from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import JsonObject, check_file
-from surrogate.model.store import load
+from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import progress_bar
 
@@ -49,30 +52,34 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     arguments = _parser().parse_args(argv)
     check_outputs(arguments.table, None)
     out = check_file(arguments.out, ".png", ".svg", ".pdf")
-    surrogate = load(arguments.surrogate)
+    surrogate = surrogate_of(arguments)
+    model = _model(arguments, surrogate)
+    until = "flow" if isinstance(model, Designer) else "surrogate"
+    warning = surrogate.inaccuracy if surrogate else None
+    common = {"surrogate": arguments.surrogate, "warning": warning, "until": until, "out": str(out)}
     reynolds = _reynolds(arguments)
     lengths = []
     if arguments.max_length is not None:
         lengths = numbers(arguments.max_length, "--max-length", "1.2,1.5,2", "1.2:2:5")
     lengths = sorted(set(lengths))
     if arguments.lifts is not None:
-        return _over_lift(arguments, surrogate, reynolds, lengths, out)
+        return _over_lift(arguments, model, common, reynolds, lengths)
     if not lengths:
         raise InvalidInput("--max-length: give it, as 1.2,1.5,2; or --lifts")
-    bounds, model = constraints_of(arguments), _model(arguments, surrogate)
+    bounds = constraints_of(arguments)
     with progress_bar("designs") as progress:
         rows, seconds = designs_over(model, reynolds, lengths, progress, **bounds)
-    plot_designs(surrogate.scene.family, [row for row in rows if row["excess"] is not None], out)
-    result = {"designs": rows, "seconds": seconds, "until": arguments.until, "out": str(out)}
+    plot_designs(model.scene.family, [row for row in rows if row["excess"] is not None], out)
+    result = {"designs": rows, "seconds": seconds, **common}
     return _emitted(result, arguments, rows, [_length(row) for row in rows])
 
 
 def _over_lift(
     arguments: argparse.Namespace,
-    surrogate: Surrogate,
+    model: Surrogate | Designer,
+    common: JsonObject,
     reynolds: list[float],
     lengths: list[float],
-    out: Path,
 ) -> JsonObject:
     """Draw the bodies of least drag over bounds on the lift, and that of best glide."""
     if len(reynolds) > 1 or len(lengths) > 1:
@@ -80,15 +87,15 @@ def _over_lift(
     lifts = numbers(arguments.lifts, "--lifts", "0,0.3,0.6", "0:0.6:7", logarithmic=False)
     bounds = constraints_of(arguments) | {"max_length": lengths[0] if lengths else None}
     bounds["by_chord"] = arguments.chord_reynolds is not None
-    model, lifts = _model(arguments, surrogate), sorted(set(lifts))
+    lifts = sorted(set(lifts))
     with progress_bar("designs") as progress:
         rows, best, seconds = designs_over_lift(model, reynolds[0], lifts, progress, **bounds)
     found, by_chord = [row for row in rows if not row["why_not"]], bounds["by_chord"]
     glider = None if best["why_not"] else best
-    plot_over_lift(surrogate.scene.family, found, glider, out, by_chord)
+    plot_over_lift(model.scene.family, found, glider, common["out"], by_chord)
     reference = CHORD if by_chord else DIAMETER
     result = {"designs": rows, "best_glide": best, "seconds": seconds, "reference": reference}
-    result |= {"until": arguments.until, "out": str(out)}
+    result |= common
     bodies = [*rows, best]
     return _emitted(result, arguments, bodies, [_lift(row) for row in bodies])
 
@@ -131,17 +138,16 @@ def _emitted(
     return result
 
 
-def _model(arguments: argparse.Namespace, surrogate: Surrogate) -> Surrogate | Designer:
-    """Return what optimises the bodies: the surrogate, or a designer that it leads."""
-    if arguments.until == "flow":
-        return Designer(surrogate, arguments.memory)
-    if arguments.memory is not None:
-        raise InvalidInput("--memory: goes with --until flow")
-    return surrogate
+def _model(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Surrogate | Designer:
+    """Return what optimises the bodies: the surrogate, or a designer that it or the flow leads."""
+    on_flow = ends_on_flow(arguments, surrogate)
+    if surrogate is None:
+        return Designer(Flow(scene_of(arguments)), arguments.memory)
+    return Designer(surrogate, arguments.memory) if on_flow else surrogate
 
 
 def _at(row: JsonObject, result: JsonObject) -> str:
-    """The Reynolds number of a row, by the chord where the coefficients are."""
+    """Return the Reynolds number of a row as text, by the chord where the coefficients are."""
     if result.get("reference") == CHORD:
         return f"chord Re {row['chord_reynolds']:g}"
     return f"Re {row['reynolds']:g}"
@@ -156,7 +162,7 @@ def _length(row: JsonObject) -> str:
 
 
 def _line(row: JsonObject, on_flow: bool) -> str:
-    """The coefficients of a body, and the work of an optimum of the flow, as text."""
+    """Return the coefficients of a body, and the work of an optimum of the flow, as text."""
     if row["why_not"]:
         return "not found"
     parts = [f"Cd {row['cd']:.4f}"]
@@ -174,8 +180,8 @@ def _line(row: JsonObject, on_flow: bool) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add = parser.add_argument
-    add_surrogate_argument(parser)
-    add("--reynolds", help="U D / nu: one, several as 1,3,10,40, or 1:40:log5")
+    add_model_arguments(parser)
+    add("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
     add("--chord-reynolds", help=f"with --lifts: {CHORD_HELP}")
     add("--max-length", help="bounds on the chord in D, as 1.2,1.5,2")
     add(
@@ -183,8 +189,7 @@ def _parser() -> Parser:
         help="lower bounds on Cl, as 0,0.3,0.6 or 0:0.6:7, at one Reynolds number",
     )
     add_constraint_arguments(parser)
-    add("--until", choices=["surrogate", "flow"], default="surrogate", help=UNTIL_HELP)
-    add("--memory", help=MEMORY_HELP)
+    add_search_arguments(parser)
     add("--table", help="CSV file of the bodies, with their parameters and coefficients")
     add("--out", required=True, help="picture, .png, .svg or .pdf")
     return parser

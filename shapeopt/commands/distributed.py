@@ -36,7 +36,7 @@ def add_device_argument(parser: Parser, purpose: str = "") -> None:
       parser: of the command.
       purpose: what the command spreads over them, which begins the help.
     """
-    words = f"{purpose}number of this process: CPU cores, or GPUs (1)"
+    words = f"{purpose}devices used by this process, CPU cores or GPUs (1)"
     parser.add_argument("--devices", type=int, help=words)
 
 

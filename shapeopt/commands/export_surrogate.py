@@ -25,9 +25,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "--to", type=str.lower, required=True, choices=TARGETS, help="language of the file"
     )
     parser.add_argument("--out", required=True, help="file: .c, .f90, .py or .onnx")
-    names = f"of the names in C, Fortran and ONNX ({PREFIX})"
+    names = f"prefix of the names in C, Fortran and ONNX ({PREFIX})"
     parser.add_argument("--prefix", help=names)
-    parser.add_argument("--precision", default="double", choices=PRECISIONS, help="of all numbers")
+    parser.add_argument(
+        "--precision", default="double", choices=PRECISIONS, help="precision of all numbers"
+    )
     arguments = parser.parse_args(argv)
     surrogate = load(arguments.surrogate)
     out = export(

@@ -6,18 +6,18 @@ python scripts/free_fall.py --aspect 0.5 --particle 1.2,1e-6,5e-4 --plot out/fal
 The body starts at rest. Its loads are those of steady motion at the momentary incidence and Re;
 left out are what rotation does to drag and lift, and the memory of the flow. The incidence in
 table and plot is the angle from the axis to the velocity, -180 to 180 degrees; beyond +-90 the
-tail is ahead.
+tail is ahead. The horizontal and the upward velocity are u and w, the speed is "velocity", in m/s.
 """
 
+import math
 from collections.abc import Sequence
 
-from shapeopt.commands.arguments import add_family_arguments, check_aspect
+from shapeopt.commands.arguments import add_family_arguments, check_aspect, family_named
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.particle import add_particle_argument, particle_line, particle_of
 from shapeopt.commands.sweep import check_outputs, write_table
 from shapeopt.free_fall import Fall, fall
 from shapeopt.orientation import moment_is_known, orientations
-from shapeopt.render.falls import plot_fall
 from surrogate.body.parameters import INCIDENCE, PARAMETERS
 from surrogate.files import JsonObject
 from surrogate.model.store import load
@@ -33,9 +33,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     particle = particle_of(arguments.particle)
     check_outputs(arguments.table, arguments.plot)
     surrogate = load(arguments.surrogate)
-    given = {name: getattr(arguments, name) for name in NAMES}
-    named = {name: value for name, value in given.items() if value is not None}
-    body = surrogate.scene.family.parameters(named | {INCIDENCE.name: 0.0})
+    named = family_named(arguments, NAMES) | {INCIDENCE.name: 0.0}
+    body = surrogate.scene.family.parameters(named)
     found = fall(surrogate, body, particle, arguments.seconds, arguments.tilt)
     reynolds = max(float(found.reynolds[-1]), surrogate.scene.reynolds[0])
     known = moment_is_known(surrogate, body, reynolds)
@@ -47,7 +46,9 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "seconds": float(found.time[-1]),
         "x": float(found.x[-1]),
         "z": float(found.z[-1]),
-        "velocity": [horizontal, upward],
+        "velocity": math.hypot(horizontal, upward),
+        "u": horizontal,
+        "w": upward,
         "reynolds": float(found.reynolds[-1]),
         "tilt": float(found.tilt[-1]),
         "incidence": float(found.incidence[-1]),
@@ -59,6 +60,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.table:
         write_table(_rows(found), arguments.table)
     if arguments.plot:
+        from shapeopt.render.falls import plot_fall  # matplotlib takes half a second to import
+
         shape = surrogate.scene.family.body_class, body
         plot_fall(found, *shape, particle, arguments.plot)
     sideways, axis = _rounded(horizontal, upward), _rounded(result["tilt"], 90)
@@ -66,7 +69,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         f"{particle_line(particle)}\n"
         f"after {found.time[-1]:.4g} s: Re {result['reynolds']:.4g}, {abs(upward):.4g} m/s "
         f"{'down' if upward < 0 else 'up'} and {sideways:.4g} m/s sideways, axis {axis:.1f} "
-        "degrees above the horizontal\nincidences that are stable at this Re, of either sign: "
+        f"degrees above the horizontal\nincidences that are stable at Re {reynolds:.4g}, of either "
+        "sign: "
     )
     if stable is None:
         text += (
@@ -83,7 +87,7 @@ def _rounded(value: float, scale: float) -> float:
 
 
 def _rows(found: Fall) -> list[JsonObject]:
-    """The motion as rows of a table, in SI units and degrees."""
+    """Return the motion as rows of a table, in SI units and degrees."""
     names = ("time", "x", "z", "tilt", "incidence", "reynolds")
     columns = [getattr(found, name).tolist() for name in names]
     rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]

@@ -7,7 +7,8 @@ From 0.7 of the estimated onset of shedding on, the flow starts with a vortex th
 symmetry, and the lift tells whether disturbances grow: sheds is true where its oscillation grows or
 keeps its amplitude, false where it decays or the flow lies below these Re, null where the time is
 too short to tell; growth_rate is that of the amplitude in U / D, in the later half of the time. cd
-is the mean over the later half where the flow sheds, else the last one.
+is the mean over the later half where the flow sheds, else the last one. The same command again
+prints the stored result, except with --table.
 """
 
 import contextlib
@@ -30,12 +31,12 @@ from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import JsonObject, check_target, whole_files
+from surrogate.files import JsonObject, check_target, strict_json, whole_files
 from surrogate.flow.check.march import Box, growth_rate, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain_2d import Domain2D
-from surrogate.progress import progress_bar
-from surrogate.repeats import check_record
+from surrogate.progress import print_message, progress_bar
+from surrogate.repeats import check_settings
 from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
@@ -50,7 +51,7 @@ KICK = 0.5  # velocity of the vortex that breaks the symmetry, over U
 # decays; between them it may still fall towards that of vortices shed just above the onset.
 SLOWEST, DECAYING = -0.002, -0.006
 SILENT = 1e-4  # amplitude of Cl below which nothing sheds
-RECORD = "march.json"
+RECORD, GIF = "march.json", "march.gif"
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -73,7 +74,10 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     box = _box_for(markers, re, arguments.height)
     asked = {"body": body_settings(arguments), "incidence": shape.incidence, "reynolds": re}
     asked |= {"height": arguments.height, "time": duration}
-    _check_folder(out, asked, arguments.overwrite)
+    stored = _stored(out, asked, arguments.overwrite)
+    if stored is not None and not arguments.table:
+        print_message(f"{out}: this march is done already; --overwrite repeats it")
+        return emit(stored, arguments.json, _text(stored))
     steps = max(1, round(duration / box.step / FRAMES))  # of a frame
     duration = FRAMES * steps * box.step
     drag, lift, frames = _march(box, markers, re, steps, kick=KICK if near else 0.0)
@@ -86,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "blockage": float(np.ptp(markers[:, 1]) / arguments.height),
         **_findings(drag, lift, box.step, near),
         "cd_steady": None,
-        "gif": str(out / "march.gif"),
+        "gif": str(out / GIF),
         "settings": asked,
     }
     if shape.symmetric and result["sheds"] is False:  # the same blockage, between slip walls
@@ -100,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         columns = zip(times, drag.tolist(), lift.tolist(), strict=True)
         write_table([{"time": t, "cd": cd, "cl": cl} for t, cd, cl in columns], arguments.table)
     with whole_files(out, RECORD) as part:
-        render_march(box.lattice, markers, frames, captions, part / "march.gif")
+        render_march(box.lattice, markers, frames, captions, part / GIF)
         (part / RECORD).write_text(json.dumps(result, indent=1) + "\n")
     return emit(result, arguments.json, _text(result))
 
@@ -129,7 +133,7 @@ def _box_for(markers: AnyArray, re: float, height: float) -> Box:
 def _march(
     box: Box, markers: AnyArray, re: float, steps: int, kick: float
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Histories of drag and lift at all time steps, and the velocity at every frame."""
+    """Return drag and lift at all time steps, and the velocity at every frame."""
     marcher, velocity = make_marcher(box, markers, re), start(box, kick)
     drags, lifts, frames = [], [], []
     with progress_bar("marching") as progress:
@@ -165,15 +169,22 @@ def _findings(drag: np.ndarray, lift: np.ndarray, step: float, near: bool) -> Js
     }
 
 
-def _check_folder(out: Path, asked: JsonObject, overwrite: bool) -> None:
-    """Raise InvalidInput unless the march may be written to a folder, replacing only its equal."""
-    check_target(out, RECORD, ("blockage", "gif"), others=("march.gif",))
-    if not overwrite:
-        check_record(out / RECORD, "march", asked)
+def _stored(out: Path, asked: JsonObject, overwrite: bool) -> JsonObject | None:
+    """Return the record of the march that a folder holds if it is of these settings, else None.
+
+    Raises:
+      InvalidInput: it holds another march and ``overwrite`` is not set, or something else.
+    """
+    check_target(out, RECORD, ("blockage", "gif"), others=(GIF,))
+    if overwrite or not (out / RECORD).is_file():
+        return None
+    record = strict_json((out / RECORD).read_text(encoding="utf-8"))
+    check_settings(out, "march", record.get("settings"), asked)
+    return record | {"gif": str(out / GIF)} if (out / GIF).is_file() else None
 
 
 def _text(r: JsonObject) -> str:
-    line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd_mean']:.4f}"
+    line = f"Re {r['reynolds']:g}, blockage {r['blockage']:.3f}: Cd {r['cd']:.4f}"
     if r["strouhal"] is not None:
         lift = f"Cl {r['cl_mean']:.3f} +- {r['cl_amplitude']:.3f}"
         line += f" on average, {lift}, Strouhal number {r['strouhal']:.4f}"
@@ -181,25 +192,30 @@ def _text(r: JsonObject) -> str:
         grows = {True: "sheds vortices", False: "does not shed", None: "sheds or not: more --time"}
         grows = grows[r["sheds"]]
         line += f"; {grows}: the lift's amplitude changes at the rate {r['growth_rate']:+.4f} U / D"
+    elif r["sheds"] is None:
+        line += "; sheds or not: undecided without a growth rate of the lift, more --time"
     if r["cd_steady"] is not None:
         gap = 100 * (r["cd"] / r["cd_steady"] - 1)
-        line += (
-            f", {r['cd']:.4f} at the end; the steady flow has {r['cd_steady']:.4f} ({gap:+.2f} %)"
-        )
+        line += f"; the steady flow has {r['cd_steady']:.4f} ({gap:+.2f} %)"
     return f"{line} -> {r['gif']}"
 
 
 def _parser() -> Parser:
     parser = Parser(__doc__)
-    add_body_arguments(parser)
+    add_body_arguments(parser, several=False)
     add = parser.add_argument
-    add_reynolds_arguments(parser)
+    add_reynolds_arguments(parser, several=False)
     add(
         "--time",
         type=float,
         help="duration in D / U, 5 to 2000 (60; near the onset and beyond 160)",
     )
-    add("--height", type=float, default=16.0, help="of the periodic domain in D, 6 to 64 (16)")
+    add(
+        "--height",
+        type=float,
+        default=16.0,
+        help="height of the periodic domain in D, 6 to 64 (16)",
+    )
     add("--out", required=True, help="folder of march.gif and march.json")
     add("--table", help="CSV file of Cd and Cl at all time steps")
     add("--overwrite", action="store_true", help="replace another march that is there")

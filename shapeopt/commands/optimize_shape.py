@@ -32,7 +32,6 @@ the lengths of bounds are by it. Of particles the terminal velocity is the great
 """
 
 import argparse
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -41,9 +40,9 @@ from shapeopt.commands.cli import Parser, emit
 from shapeopt.commands.distributed import add_device_argument, use_devices
 from shapeopt.commands.particle import particle_line, particle_of
 from shapeopt.commands.problem_arguments import (
-    MEMORY_HELP,
-    UNTIL_HELP,
     add_problem_arguments,
+    add_search_arguments,
+    ends_on_flow,
     problem_of,
     surrogate_of,
 )
@@ -62,7 +61,7 @@ from surrogate.flow.flow import Flow
 from surrogate.model.surrogate import Surrogate
 from surrogate.progress import print_message, progress_bar
 
-HIDDEN = ("scene", "path", "command", "surrogate", "settings", "files_sha256")
+HIDDEN = ("scene", "path", "command", "settings", "files_sha256")
 
 
 def main(argv: Sequence[str] | None = None) -> JsonObject:
@@ -71,21 +70,15 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     devices = use_devices(arguments.devices)
     check_run_folder(arguments.out)
     surrogate = surrogate_of(arguments)
-    if surrogate is None and arguments.until == "surrogate":
-        raise InvalidInput(
-            "--until surrogate: needs a surrogate; --surrogate none optimises on the flow"
-        )
-    if arguments.memory and surrogate is not None and arguments.until != "flow":
-        raise InvalidInput("--memory: goes with --until flow or --surrogate none")
+    on_flow = ends_on_flow(arguments, surrogate)
     if arguments.memory and _within(arguments.memory, arguments.out):
         raise InvalidInput("--memory: is in the folder --out; choose a file outside it")
-    if devices is not None and surrogate is not None and arguments.until != "flow":
+    if devices is not None and not on_flow:
         raise InvalidInput("--devices: goes with --until flow or --surrogate none")
     problem = problem_of(arguments, surrogate)
     if devices not in (None, 1) and len(problem.scenarios.weight) == 1:
         words = "the cases of an objective are spread over devices, and this one has a single case"
         raise InvalidInput(f"--devices: {words}")
-    on_flow = surrogate is None or arguments.until == "flow"
     settings = design_settings(problem, surrogate, on_flow, arguments.memory)
     record = stored_run(arguments.out, settings, arguments.overwrite)
     if record is not None:
@@ -140,14 +133,14 @@ def _named(design: Design) -> dict[str, float]:
 
 
 def _objective(problem: Problem, value: float) -> str:
-    """The value of the objective in words: of glide, the ratio whose opposite is minimised."""
+    """Return the value of the objective in words, of glide the ratio that is maximised."""
     if bool(problem.scenarios.glide):
         return f"{_ratio(problem)} {-value:.4f}"
     return f"objective {value:.4f}"
 
 
 def _ratio(problem: Problem) -> str:
-    """The name of the ratio that is maximised for a glide."""
+    """Return the name of the ratio that is maximised for a glide."""
     count = len(problem.scenarios.weight)
     return "glide ratio" if count == 1 else f"mean glide ratio of {_worst(problem)}{count} cases"
 
@@ -163,7 +156,7 @@ def _within(file: str, folder: str) -> bool:
 
 
 def _text(r: JsonObject, problem: Problem, out: str) -> str:
-    """The result for a person."""
+    """Return the result as text for a person."""
     lifting = problem.scene.family.has_lift
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
@@ -184,8 +177,8 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     several = len(r["cases"]) > 1
     cd = "unknown" if r["cd_verified"] is None else f"{r['cd_verified']:.4f}"
     cd += " at the nominal Re, its cases" * ("glide" in r and several)
-    grid = f" on {r['cells']} cells per D" if r.get("cells") else ""
-    beside = "" if lifting else _beside(r, round_body, relative)
+    grid = f" on {r['cells']} cells per D"
+    relative_drag = "" if lifting else _relative_drag(r, round_body, relative)
     numbers = [case["reynolds"] for case in r["cases"]] if relative else [r["reynolds"]]
     at = ", ".join(f"{reynolds:g}" for reynolds in numbers)
     at = f"Re {at}"
@@ -196,7 +189,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     lines = [
         f"{at}{first}: {shape}, chord {r['chord']:.4f} D{lifts}",
         f"{name} {cd} verified{grid}, {r['accuracy']}; "
-        f"{beside}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
+        f"{relative_drag}{r['calls']} calls and {r['flows']} flows in {r['loop_s']:.2f} s, "
         f"KKT residual {r['kkt_residual']:.0e} -> {out}",
     ]
     lines += bound_lines(r, problem)
@@ -206,15 +199,16 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
         solved = "; solve_drag.py --contour takes --incidence" if planar else ""
         words = f"at incidence 0, to be turned nose up by {turned:.4g} degrees{first}"
         lines.append(f"  {files}: {words}{solved}")
-    if late := [case for case in r["cases"] if case["reynolds"] > case.get("onset", math.inf)]:
+    if late := [case for case in r["cases"] if case["reynolds"] > case["onset"]]:
         lines.append(f"  {unsteady_remark(late[0])}")
-    if ends := r.get("at_range_ends"):
+    if ends := r["at_range_ends"]:
         wider = "surrogates and scenes of wider ranges may have better"
         lines.append(f"  at the end of its range: {', '.join(ends)}; {wider}")
-    if slopes := r.get("multipliers"):
-        by = "flow" if r["settings"]["until"] == "flow" else "surrogate"
+    if slopes := r["multipliers"]:
         at = "" if problem.objective.fixed else ", at this Re"
-        lines.append(f"  by the {by}{at}: {': '.join(multiplier_words(slopes, 'glide' in r))}")
+        lines.append(
+            f"  by the {r['until']}{at}: {': '.join(multiplier_words(slopes, 'glide' in r))}"
+        )
     if relative:
         lines += [
             f"  Re {case['reynolds']:g}: Cd {case['cd_verified']:.4f}, "
@@ -226,7 +220,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
 
 def bound_lines(r: JsonObject, problem: Problem) -> list[str]:
     """Return lines on the loads of the cases, and on bounds that are violated."""
-    lines, cases = [], [case for case in r["cases"] if case.get("cl_verified") is not None]
+    lines, cases = [], [case for case in r["cases"] if case["cl_verified"] is not None]
     if problem.objective.lifts:
         rows = zip(problem.objective.lifts, cases, strict=True)
         return [*(_lift_line(problem, *row) for row in rows), *_violated_lines(r, problem)]
@@ -247,16 +241,16 @@ def _lift_line(problem: Problem, lift: float, case: JsonObject) -> str:
 
 
 def _violated_lines(r: JsonObject, problem: Problem) -> list[str]:
-    led = r["settings"]["until"] != "flow"
+    led = r["until"] != "flow"
     remedy = "; --until flow searches for a body that meets it" if led else ""
     return [
         f"  {problem.bound_text(name)} is not met: {load:.4f} by the flow{remedy}"
-        for name, load in r.get("violated", {}).items()
+        for name, load in r["violated"].items()
     ]
 
 
-def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
-    """The drag beside that of the cylinder or sphere; empty where that is not known."""
+def _relative_drag(r: JsonObject, round_body: str, relative: bool) -> str:
+    """Return the drag against that of the cylinder or sphere as text; empty if not known."""
     if r["cd_start"] is None:
         return ""
     gain = 100 * (1 - r["cd_verified"] / r["cd_start"])
@@ -268,8 +262,7 @@ def _beside(r: JsonObject, round_body: str, relative: bool) -> str:
 def _parser() -> Parser:
     parser = Parser(__doc__)
     add_problem_arguments(parser)
-    parser.add_argument("--until", choices=["surrogate", "flow"], help=UNTIL_HELP)
-    parser.add_argument("--memory", help=MEMORY_HELP)
+    add_search_arguments(parser)
     parser.add_argument("--out", required=True, help="folder of the run")
     parser.add_argument("--overwrite", action="store_true", help="replace a run that is there")
     add_device_argument(parser, "for several cases with --until flow or --surrogate none: ")

@@ -95,14 +95,12 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     rows = payoff_rows(own, others, arguments.seed)
     left_out = [{**_query(queries[k]), "by": name, "reason": why} for k, name, why in missing]
     unanswered = {one.query for one in missing}
-    keys = ("flows_per_design", "g_per_design", "s_per_design")
     result = {
         "command": command_line(),
         "seconds": time.perf_counter() - start,
         "scene": scene.record,
         "settings": settings,
         "payoff": rows,
-        "direct": {key: rows[0][key] for key in keys},
         "queries": [_query(q) for k, q in enumerate(queries) if k not in unanswered],
         "left_out": left_out,
         "drags": {s.name: [[d.drag for d in row] for row in s.designs] for s in strategies},
@@ -127,7 +125,7 @@ def _emit(result: JsonObject, as_json: bool) -> JsonObject:
 
 
 def _settings(arguments: argparse.Namespace, scene: Scene, seeds: int, count: int) -> JsonObject:
-    """What defines a payoff."""
+    """Return the settings that define a payoff."""
     return {
         **scene.record,
         "preset": arguments.preset,
@@ -154,7 +152,7 @@ def _stored(out: Path, settings: JsonObject, overwrite: bool) -> JsonObject | No
 
 
 def _places(out: Path) -> dict[str, str]:
-    """Where the pictures of a payoff are."""
+    """Return the paths of the pictures of a payoff."""
     return {name: str(out / file) for name, file in PICTURES.items()}
 
 
@@ -164,7 +162,7 @@ def _plans(arguments: argparse.Namespace, scene: Scene, seed: int) -> dict[str, 
 
 
 def _own_names(arguments: argparse.Namespace) -> list[str]:
-    """Names that an interrupted command leaves in its folder."""
+    """Return the names that an interrupted command leaves in its folder."""
     names = list(_plans(arguments, Scene(), 0))
     names += [f"{name}.checkpoint" for name in names]
     runs = [f"run-{k}" for k in range(9)]
@@ -173,7 +171,7 @@ def _own_names(arguments: argparse.Namespace) -> list[str]:
 
 
 def _robust(surrogate: Surrogate) -> JsonObject:
-    """Cost of a robust design by the surrogate alone."""
+    """Return the cost of a robust design by the surrogate alone."""
     objective = robust_objective(surrogate.scene)
     design = optimise(Problem(surrogate.scene, objective), surrogate)
     return {"calls": design.calls, "seconds": design.seconds}
@@ -206,7 +204,12 @@ def _parser() -> Parser:
         f"{preset}: from {PLAIN[preset]}, {count} by default" for preset, count in QUERIES.items()
     )
     add = parser.add_argument
-    add("--preset", default="quick", choices=list(PRESETS), help="numbers of everything (quick)")
+    add(
+        "--preset",
+        default="quick",
+        choices=list(PRESETS),
+        help="number of samples and queries (quick)",
+    )
     add("--scene", help="TOML file (unbounded, Re 1 to 40, fidelity standard)")
     add("--samples", type=int, help=f"training samples, from 4 ({SAMPLES_HELP})")
     add("--budget-seconds", type=float, help="train each for this time instead, from 1 s")

@@ -57,7 +57,7 @@ from shapeopt.commands.sweep import (
     polar_title,
     write_table,
 )
-from shapeopt.commands.verification import beside_the_flow
+from shapeopt.commands.verification import compared_with_flow
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import Shape, family_shape
 from surrogate.compilation import compiled
@@ -88,7 +88,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     family = surrogate.scene.family
     if arguments.verify:
         bodies = [family.parameters(_named(arguments, row["incidence"])) for row in results]
-        results = beside_the_flow(surrogate, bodies, results)
+        results = compared_with_flow(surrogate, bodies, results)
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
@@ -139,7 +139,6 @@ def _at_incidence(
     for reynolds in reynolds_of(arguments, shape.chord, family.dimension):
         row = {
             "incidence": incidence,
-            **reference_record(reynolds, shape, arguments.reference),
             **_predict(surrogate, shape, parameters, reynolds, arguments),
             "onset": onset,
         }
@@ -156,14 +155,11 @@ def _predict(
     reynolds: float,
     arguments: argparse.Namespace,
 ) -> JsonObject:
-    family, reference = surrogate.scene.family, arguments.reference
-    by = shape.chord if reference == CHORD else 1.0
+    family, by = surrogate.scene.family, shape.chord if arguments.reference == CHORD else 1.0
     units = np.array([by, by, by**2])  # of the moment the square of the reference length
     by_diameter = surrogate.loads(parameters, reynolds, extrapolate=arguments.extrapolate).tolist()
-    row = dict(zip(LOADS, by_diameter, strict=True)) | {
-        "reference": reference,
-        "chord": shape.chord,
-    }
+    row = reference_record(reynolds, shape, arguments.reference)
+    row |= dict(zip(LOADS, by_diameter, strict=True))
     row |= moment_record(shape, arguments.moment_about, *by_diameter)
     at = jnp.asarray(parameters, float), jnp.asarray(reynolds, float)
     by_body, by_re = _jacobian(surrogate.network, *at)
@@ -208,7 +204,7 @@ def _error_bounds(
     drags: np.ndarray,
     outside: bool,
 ) -> JsonObject:
-    """Bounds of 95 % of the errors: that of Cd relative, those of Cl and Cm of these themselves.
+    """Return bounds of 95 % of the errors, of Cd relative, of Cl and Cm of these themselves.
 
     They are null outside the ranges, where none are known. ``drags`` are Cd in the units of each
     load.
@@ -236,19 +232,19 @@ def _line(r: JsonObject, lifts: bool) -> str:
         line += f"  by the flow {r['cd_flow']:.4f}"
         line += f", {r['cl_flow']:.4f}, {r['cm_flow']:.4f}" if lifts else ""
         line += f", which {r['accuracy']}"
-        line += f", error {100 * r['error']:.3f} %"
+        line += f", error {100 * r['cd_error']:.3f} %"
         line += f", of Cl {r['cl_error']:.2g}, of Cm {r['cm_error']:.2g}" if lifts else ""
-        line += _beyond(r, lifts)
+        line += _excess_words(r, lifts)
     line += "" if r["in_trained_range"] else f"  ({r['confidence']})"
     line += f"\n  {unsteady_remark(r)}" if r["reynolds"] > r["onset"] else ""
     return line + (f"\n  {forces_line(r)}" if "forces_N" in r else "")
 
 
-def _beyond(r: JsonObject, lifts: bool) -> str:
+def _excess_words(r: JsonObject, lifts: bool) -> str:
     """Say which errors of a row exceed their bounds; empty where none does."""
     if r["cd_error_bound"] is None:
         return ""
-    excess = {"Cd": r["error"] - r["cd_error_bound"]}
+    excess = {"Cd": r["cd_error"] - r["cd_error_bound"]}
     for name in ("cl", "cm") if lifts else ():
         excess[name.capitalize()] = (r[f"{name}_error"] - r[f"{name}_error_bound"]) / r["cd"]
     found = [symbol for symbol, by in excess.items() if by > ROUNDING]

@@ -7,6 +7,7 @@ from shapeopt.commands.arguments import REYNOLDS_HELP, SURROGATES_HELP
 from shapeopt.commands.cli import Parser
 from shapeopt.commands.particle import add_particle_argument, particle_of
 from shapeopt.commands.ranges import numbers
+from shapeopt.commands.reference import SEVERAL
 from shapeopt.problem.constraints import Station
 from shapeopt.problem.multipoint import MultiPoint
 from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
@@ -31,9 +32,9 @@ UNTIL_HELP = (
 )
 CHORD_HELP = (
     "chord Reynolds number U c / nu instead of --reynolds: optimise at fixed chord c, with the "
-    "area free (2-D, one number, without --spread or several lifts, no tunnel). Unlike in "
-    "solve_drag.py, Cd, Cl and Cm are then over c (Cm: c^2) and lengths of bounds in c: "
-    "--min-thickness 0.3 is t/c, without which the thinnest body of the family mostly wins"
+    "area free (2-D, one number, no tunnel). Unlike in solve_drag.py, Cd, Cl and Cm are then over "
+    "c (Cm: c^2) and lengths of bounds in c: --min-thickness 0.3 is t/c, without which the "
+    "thinnest body of the family mostly wins"
 )
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
@@ -41,13 +42,10 @@ UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 def add_problem_arguments(parser: Parser) -> None:
     """Add the options of an optimisation problem: model, objective and constraints."""
+    add_model_arguments(parser)
     add = parser.add_argument
-    models = f"folder, pretrained[:NAME] (default) or none; {SURROGATES_HELP}"
-    add("--surrogate", default="pretrained", help=models)
-    add("--scene", help="TOML file, with --surrogate none")
-    add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
-    add("--reynolds", help=f"one, several as 1,10,40, or 1:40:log5: {REYNOLDS_HELP}")
-    add("--chord-reynolds", help=CHORD_HELP)
+    add("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
+    add("--chord-reynolds", help=f"without --spread or several lifts: {CHORD_HELP}")
     objective = "drag: least Cd (default); glide: greatest Cl / Cd, also under --spread; tumbling: "
     objective += "least mean Cd over all orientations of a body of revolution; settling: greatest "
     objective += "terminal velocity of a particle of --archimedes, held at its incidence"
@@ -58,15 +56,32 @@ def add_problem_arguments(parser: Parser) -> None:
     lifts += "each at an incidence of its own, for --objective drag by D (none); "
     lifts += "design_sheet.py --lifts finds a section for each"
     add("--lift", help=lifts)
-    add("--weights", help="of several Reynolds numbers or lifts, as 1,2,1 (equal)")
-    add("--spread", type=float, help="of Re: deviation of log Re; uniform: half width / Re (0)")
-    add("--distribution", choices=["lognormal", "uniform"], help="of Re (lognormal)")
-    add("--tolerance", type=float, help="of the shape: deviation over range, truncated at 2 (0)")
+    add("--weights", help="weight of each Reynolds number or lift, as 1,2,1 (equal)")
+    spread = "standard deviation of log Re; of the uniform distribution half its width over Re (0)"
+    add("--spread", type=float, help=spread)
+    add("--distribution", choices=["lognormal", "uniform"], help="distribution of Re (lognormal)")
+    tolerance = "standard deviation of each parameter over its range's width, truncated at 2 (0)"
+    add("--tolerance", type=float, help=tolerance)
     add("--cvar", type=float, help="CVaR level; 0.9: mean over the worst tenth of cases (0: all)")
     add("--cases", type=int, help="samples of the uncertainty, 2 to 4096 (32)")
-    add("--seed", type=int, help="of the samples, from 0 (0)")
+    add("--seed", type=int, help="seed of the samples, from 0 (0)")
     add("--max-length", type=float, help="bound on the chord in D (none)")
     add_constraint_arguments(parser)
+
+
+def add_model_arguments(parser: Parser) -> None:
+    """Add the options of the model of a search: a surrogate, or the flow of a scene."""
+    add = parser.add_argument
+    models = f"folder, pretrained[:NAME] (default) or none; {SURROGATES_HELP}"
+    add("--surrogate", default="pretrained", help=models)
+    add("--scene", help="TOML file, with --surrogate none")
+    add("--fidelity", help="draft, standard or fine, with --surrogate none (standard)")
+
+
+def add_search_arguments(parser: Parser) -> None:
+    """Add the options --until and --memory: where a search ends, and which flows it knows."""
+    parser.add_argument("--until", choices=["surrogate", "flow"], help=UNTIL_HELP)
+    parser.add_argument("--memory", help=MEMORY_HELP)
 
 
 def add_constraint_arguments(parser: Parser) -> None:
@@ -74,14 +89,18 @@ def add_constraint_arguments(parser: Parser) -> None:
     add = parser.add_argument
     moment = "lower bound on Cm about the centroid, nose up (none)"
     add("--min-moment", type=float, help=moment)
-    add("--max-moment", type=float, help="upper bound on it (none)")
+    add("--max-moment", type=float, help="upper bound on Cm (none)")
     add("--min-thickness", type=float, help="lower bound on the greatest thickness in D (c) (none)")
-    add("--max-thickness", type=float, help="upper bound on it, 3-D: the height, in D (c) (none)")
+    add(
+        "--max-thickness",
+        type=float,
+        help="upper bound on the thickness, 3-D: height, in D (c) (none)",
+    )
     add("--max-camber", type=float, help="upper bound on the camber in D (c), 2-D (none)")
     add("--thickness-at", help="x/c:minimum thickness in D (c), as 0.25:0.5,0.75:0.3")
     add("--min-radius", type=float, help="lower bound on the radius of curvature in D (c) (none)")
     family = parser.add_argument_group("bodies of the family", FAMILY)
-    family.add_argument("--range", help="of parameters, as aspect=1:3,beta2=-0.1:0.1")
+    family.add_argument("--range", help="ranges of parameters, as aspect=1:3,beta2=-0.1:0.1")
     add(
         "--trust", type=float, default=0.0, help="margin at the ends of each range, < 0.5 of it (0)"
     )
@@ -98,6 +117,23 @@ def surrogate_of(arguments: argparse.Namespace) -> Surrogate | None:
         if surrogate and getattr(arguments, name):
             raise InvalidInput(f"--{name}: belongs to --surrogate none; a surrogate has its own")
     return surrogate
+
+
+def ends_on_flow(arguments: argparse.Namespace, surrogate: Surrogate | None) -> bool:
+    """Return whether the search ends at the flow's optimum, by --until and the model.
+
+    Raises:
+      InvalidInput: the flow alone is to be searched until the surrogate's optimum, or flows are to
+        be kept where none are solved.
+    """
+    if surrogate is None and arguments.until == "surrogate":
+        raise InvalidInput(
+            "--until surrogate: needs a surrogate; --surrogate none optimises on the flow"
+        )
+    on_flow = surrogate is None or arguments.until == "flow"
+    if arguments.memory is not None and not on_flow:
+        raise InvalidInput("--memory: goes with --until flow or --surrogate none")
+    return on_flow
 
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
@@ -158,9 +194,11 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
         others = ("reynolds", "chord_reynolds", "weights")
         others = [name for name in others if getattr(arguments, name) is not None]
         if others or uncertain:
-            words = "finds its Reynolds number, a certain one"
             name = [*others, *uncertain][0].replace("_", "-")
-            raise InvalidInput(f"--{name}: --objective {SETTLING} {words}")
+            raise InvalidInput(
+                f"--{name}: does not go with --objective {SETTLING}, which finds its Reynolds "
+                "number itself"
+            )
         return Settling(archimedes)
     if arguments.chord_reynolds is not None:
         reynolds = numbers(arguments.chord_reynolds, "--chord-reynolds")
@@ -171,7 +209,8 @@ def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objecti
         raise InvalidInput(f"--reynolds: give it, {others}")
     glides = arguments.objective == GLIDE
     if arguments.objective in SINGLE and arguments.weights is not None:
-        raise InvalidInput(f"--weights: --objective {arguments.objective} has none")
+        words = f"does not go with --objective {arguments.objective}"
+        raise InvalidInput(f"--weights: {words}, which takes one Reynolds number")
     if arguments.objective in SINGLE and not (glides and uncertain):
         if len(reynolds) > 1 or uncertain:
             words = "goes with one Reynolds number" + ", without spread" * (not glides)

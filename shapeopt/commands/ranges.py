@@ -69,7 +69,7 @@ def few_numbers(text: str, name: str, form: str, *counts: int) -> list[float]:
 
 
 def _values(parts: Sequence[str], given: str, logarithmic: bool) -> list[float]:
-    """The numbers of one word; ValueError if it is none."""
+    """Return the numbers of one word; raise ValueError if it is none."""
     if len(parts) == 1:
         return [float(parts[0])]
     first, last, count = parts

@@ -27,10 +27,16 @@ OF_MOMENTS = "cm", "cm_about", "estimated_moment_error"  # keys of a row, as tho
 KEY_POWERS = dict.fromkeys(OF_FORCES, FORCE_POWER) | dict.fromkeys(OF_MOMENTS, MOMENT_POWER)
 
 
-def add_reynolds_arguments(parser: Parser) -> None:
-    """Add the options --reynolds and --chord-reynolds, of which at most one is to be given."""
-    parser.add_argument("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
-    parser.add_argument("--chord-reynolds", help="U c / nu instead, c the chord; in the same forms")
+def add_reynolds_arguments(parser: Parser, several: bool = True) -> None:
+    """Add the options --reynolds and --chord-reynolds, of which at most one is to be given.
+
+    Args:
+      parser: of the command.
+      several: whether the command takes several Reynolds numbers.
+    """
+    forms, same = (SEVERAL, "; in the same forms") if several else ("one number", "")
+    parser.add_argument("--reynolds", help=f"{forms}: {REYNOLDS_HELP}")
+    parser.add_argument("--chord-reynolds", help=f"U c / nu instead, c the chord{same}")
 
 
 def add_reference_argument(parser: Parser) -> None:

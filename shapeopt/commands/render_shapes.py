@@ -23,12 +23,14 @@ import numpy as np
 
 from shapeopt.commands.cli import Parser, emit
 from shapeopt.records import (
+    RECORD,
     is_by_chord,
     load_run,
     reynolds_text,
     run_reference,
     run_reynolds,
     run_scene,
+    surrogate_name,
 )
 from shapeopt.render.bodies_3d import (
     FRICTION,
@@ -42,7 +44,6 @@ from shapeopt.render.pictures import render_evolution
 from shapeopt.render.plots import plot_family, plot_surfaces
 from shapeopt.render.sheets import (
     before_and_after,
-    is_about_lift,
     is_compared,
     render_panels,
     several_cases,
@@ -99,9 +100,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _check_objectives(records: list[JsonObject]) -> None:
-    """Raise InvalidInput unless all runs whose objective is known have the same."""
-    objectives = [record.get("objective") for record in records]
-    kinds = {str(one.get("kind")) for one in objectives if isinstance(one, dict)}
+    """Raise InvalidInput unless all runs have the same kind of objective."""
+    kinds = {record["objective"]["kind"] for record in records}
     if len(kinds) > 1:
         words = ", ".join(sorted(kinds))
         raise InvalidInput(f"--family: runs of one objective; these are of {words}")
@@ -110,7 +110,9 @@ def _check_objectives(records: list[JsonObject]) -> None:
 
 
 def _check_one_flow(folder: str) -> None:
-    """Raise InvalidInput where a folder is that of several flows, as of a sweep."""
+    """Raise InvalidInput where a folder is no run but that of several flows, as of a sweep."""
+    if (Path(folder) / RECORD).is_file():
+        return
     if found := sorted(path.parent.name for path in Path(folder).glob("*/flow.json")):
         raise InvalidInput(f"{folder}: holds several flows; give them, as {folder}/{found[0]}")
 
@@ -138,7 +140,7 @@ def _flows(arguments: argparse.Namespace, out: Path, all_flows: bool) -> JsonObj
 
 
 def _tracked(records: list[JsonObject], progress: Update) -> Iterator[JsonObject]:
-    """The records, with progress reported after each."""
+    """Yield the records, and report progress after each."""
     for k, record in enumerate(records):
         yield record
         progress((k + 1) / (len(records) + 1), reynolds_text(record))
@@ -149,11 +151,11 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
         raise InvalidInput("--family: needs two --runs folders or more")
     for record in records:
         at = f"--family: the run at {reynolds_text(record)}"
-        if record.get("cd_verified") is None:
+        if record["cd_verified"] is None:
             raise InvalidInput(f"{at} is not verified")
-        if not is_about_lift(record) and is_by_chord(record):
+        if not record["about_lift"] and is_by_chord(record):
             raise InvalidInput(f"{at} is by the chord: its drag is compared with no other body's")
-        if not (is_compared(record) or is_about_lift(record)):
+        if not (is_compared(record) or record["about_lift"]):
             body = run_scene(record).family.round_body
             raise InvalidInput(f"{at} has no drag of the {body}, whose flow did not converge")
         if cases := several_cases(record):
@@ -164,10 +166,10 @@ def _verified(records: list[JsonObject]) -> list[JsonObject]:
 def _evolution(record: JsonObject, out: Path) -> None:
     path = np.array(record["path"])
     captions = [f"{reynolds_text(record)}, step {k}" for k in range(len(path))]
-    if record["surrogate"] != "none":
-        surrogate = load(record["surrogate"])
+    if name := surrogate_name(record):
+        surrogate = load(name)
         if surrogate.scene != run_scene(record):
-            raise InvalidInput(f"{record['surrogate']}: has another scene than its run")
+            raise InvalidInput(f"{name}: has another scene than its run")
         model = run_reference(record).model(surrogate.network)
         reynolds = jnp.asarray(run_reynolds(record))
         drags = jax.vmap(model.loads, in_axes=(0, None))(jnp.asarray(path), reynolds)[:, 0]

@@ -45,7 +45,6 @@ from shapeopt.commands.sweep import (
     text_table,
     write_table,
 )
-from shapeopt.render.polar import plot_polar
 from surrogate.body.family import Family
 from surrogate.body.parameters import INCIDENCE
 from surrogate.body.shape import FamilyShape, family_shape
@@ -87,6 +86,8 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     if arguments.table:
         write_table(results, arguments.table)
     if arguments.plot:
+        from shapeopt.render.polar import plot_polar  # matplotlib takes half a second to import
+
         plot_polar(results, polar_title(arguments, results[0]), arguments.plot)
     record = {"results": results, "scene": _record(scene), "body": body_record(arguments)}
     result = emit(record, arguments.json, _text(results))
@@ -95,7 +96,11 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
-    """The scene and every incidence at every Re, refusing what cannot be answered or written."""
+    """Return the scene and a case for every incidence at every Re.
+
+    Raises:
+      InvalidInput: a case cannot be answered, or a file cannot be written.
+    """
     dimension, unsteady = arguments.dimension, arguments.allow_unsteady
     check_reference(arguments.reference, dimension, arguments.moment_about)
     shapes = shapes_of(arguments, dimension)
@@ -217,7 +222,7 @@ def _row(s: Solution) -> JsonObject:
 
 
 def _text(results: list[JsonObject]) -> str:
-    """The results for a person: a line for each if it is one or has a gradient, else a table."""
+    """Return the results as text: a line for each if it is one or has a gradient, else a table."""
     found = [row for row in results if row["converged"]]
     if len(results) == 1 or all(row["gradient"] for row in found):
         text = "\n".join(map(_line, found))
@@ -252,7 +257,7 @@ def _line(r: JsonObject) -> str:
 
 
 def _by_load(gradient: JsonObject | None) -> JsonObject:
-    """Derivatives by load; those of symmetric bodies are of the drag alone."""
+    """Return derivatives by load; those of symmetric bodies are of the drag alone."""
     if gradient is None or "cd" in gradient:
         return gradient or {}
     return {"cd": gradient}

@@ -158,18 +158,19 @@ def check_outputs(table: str | None, plot: str | None) -> None:
 def write_table(rows: Sequence[JsonObject], path: str | Path) -> None:
     """Write rows as CSV with one column for each key; None becomes an empty cell.
 
-    The columns of a nested table are named 'name.key'.
+    The columns of a nested table are named 'name.key', and are empty in a row with None for it.
     """
     flat = [dict(_flat(row)) for row in rows]
     names = list(dict.fromkeys(itertools.chain.from_iterable(flat)))
+    names = [one for one in names if not any(other.startswith(f"{one}.") for other in names)]
     with whole_file(path) as part, part.open("w", newline="") as file:
-        writer = csv.DictWriter(file, names, restval="")
+        writer = csv.DictWriter(file, names, restval="", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(flat)
 
 
 def _flat(row: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Keys and values, of nested tables with their names."""
+    """Yield keys and values, those of nested tables with the names of these."""
     for key, value in row.items():
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")

@@ -90,7 +90,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
 
 
 def _errors(errors: dict[str, dict[str, float]]) -> str:
-    """The mean and the largest error of every load as text."""
+    """Return the mean and the largest error of every load as text."""
     words = (
         f"{SYMBOLS[name]} {100 * e['mean']:.2f} % on average, {100 * e['max']:.2f} % at most"
         for name, e in errors.items()
@@ -131,9 +131,9 @@ def _parser() -> Parser:
         type=float,
         help="train for this time instead, from 1 s; compilation and held-out flows come on top",
     )
-    add("--width", type=int, help="of both hidden layers of the network (20; with lift 32)")
+    add("--width", type=int, help="width of both hidden layers of the network (20; with lift 32)")
     add("--published", action="store_true", help="the method as published, not at its best")
-    add("--seed", type=int, default=0, help="of samples and weights, from 0 (0)")
+    add("--seed", type=int, default=0, help="seed of samples and weights, from 0 (0)")
     add("--out", required=True, help="folder of the surrogate")
     add("--overwrite", action="store_true", help="replace a surrogate that is there")
     add_distributed_arguments(parser)

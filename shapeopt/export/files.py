@@ -36,12 +36,10 @@ def write_contour_vtp(
     return Path(path)
 
 
-def write_solid_stl(
-    markers: Float[AnyArray, "nodes 2"], path: str | Path, span: float = 1.0
-) -> Path:
-    """Write the body extruded over ``span`` (in D) as a closed binary STL, and return the path."""
+def write_solid_stl(markers: Float[AnyArray, "nodes 2"], path: str | Path) -> Path:
+    """Write the body extruded over a span of 1 D as a closed binary STL, and return the path."""
     with whole_file(path) as part:
-        solid(markers, span).save(part)
+        solid(markers).save(part)
     return Path(path)
 
 

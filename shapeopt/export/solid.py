@@ -15,12 +15,12 @@ def polygon(markers: Markers, height: float = 0.0) -> pv.PolyData:
     return pv.PolyData(points, faces=[len(points), *range(len(points))]).triangulate()
 
 
-def solid(markers: Markers, span: float = 1.0) -> pv.PolyData:
-    """Return a 2-D body extruded over ``span`` as a closed mesh of triangles with outward normals.
+def solid(markers: Markers) -> pv.PolyData:
+    """Return a 2-D body extruded over 1 D as a closed mesh of triangles with outward normals.
 
     ``markers`` are the contour, clockwise.
     """
-    block = polygon(markers).extrude((0, 0, float(span)), capping=True).triangulate().clean()
+    block = polygon(markers).extrude((0, 0, 1.0), capping=True).triangulate().clean()
     return block.compute_normals(
         point_normals=False, consistent_normals=True, auto_orient_normals=True
     )

@@ -126,18 +126,18 @@ def resampled_break_even(
     return BreakEven(break_even(training.mean(), 0.0, saved.mean()), float(low), float(high))
 
 
-def overtakes(
-    strategy: Strategy, rival: Strategy, unit: Unit, most: int = MOST_DESIGNS
-) -> int | None:
+def overtakes(strategy: Strategy, rival: Strategy, unit: Unit) -> int | None:
     """Return the first number of designs at which a strategy costs no more than its rival.
 
     Args:
       strategy: with or without training.
       rival: the strategy to which it is compared.
       unit: of the cumulative costs, training included.
-      most: largest number of designs; None is returned if the strategy costs more up to it.
+
+    Returns:
+      The number; None if the strategy costs more up to ``MOST_DESIGNS``.
     """
-    ahead = strategy.cumulative(unit, most) <= rival.cumulative(unit, most)
+    ahead = strategy.cumulative(unit, MOST_DESIGNS) <= rival.cumulative(unit, MOST_DESIGNS)
     return int(np.argmax(ahead)) + 1 if ahead.any() else None
 
 

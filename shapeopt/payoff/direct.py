@@ -59,8 +59,6 @@ def design_directly(
         if rounds[-1].kkt_residual <= KKT_TOLERANCE:
             break
     best = rounds[-1]
-    # ``converged`` does not count: at the optimum itself SLSQP may report failure, where two drags
-    # differ by rounding alone.
     if not (best.feasible and best.kkt_residual <= KKT_ACCEPTED):
         raise NotConverged(
             f"SLSQP on the flow: KKT residual {best.kkt_residual:.1e} after {memory.flows} flows, "

@@ -55,7 +55,7 @@ def payoff_tables(result: Row) -> str:
             break_even_table(result["payoff"]),
             f"{count} queries, every design the flow's own optimum; the flows of held-out bodies, "
             "by which errors are measured, are not counted; in brackets 95 % intervals"
-            + _left_out(result.get("left_out", ())),
+            + _left_out(result["left_out"]),
             _cumulative_table(result["payoff"]),
             f"Robust design by the network alone: {robust['calls']} drags in "
             f"{robust['seconds']:.2f} s, compilation included.",

@@ -203,7 +203,7 @@ def _draw_body(
 
 
 def _streamlines(flow: pv.ImageData, length: float = LONGEST) -> pv.PolyData:
-    """Streamlines with their speed, from half circles upstream on the side behind the body."""
+    """Return streamlines with their speed, from half circles upstream behind the body."""
     angles = np.pi * (np.arange(AROUND) + 0.5) / AROUND
     starts = [
         (flow.bounds[0] + 0.05, radius * np.sin(angle), radius * np.cos(angle))
@@ -223,7 +223,7 @@ def _streamlines(flow: pv.ImageData, length: float = LONGEST) -> pv.PolyData:
 
 
 def _seen_from(azimuth: float, onward: float) -> list[tuple[float, ...]]:
-    """Camera position, focus and up vector; azimuth in degrees, slightly from above."""
+    """Return camera position, focus and up vector; azimuth in degrees, slightly from above."""
     angle = np.deg2rad(azimuth)
     away = 6.3 * np.array([np.sin(angle), -np.cos(angle), 0.25])
     focus = np.array([onward, 0.0, -0.12])

@@ -34,9 +34,10 @@ def plot_fall(
       particle: for the title.
       path: of the picture.
     """
-    ways = np.hypot(np.gradient(found.x), np.gradient(found.z)).cumsum()
-    marks = np.searchsorted(ways, np.linspace(ways[0], ways[-1], BODIES)).clip(0, ways.size - 1)
-    size = 0.6 * (ways[-1] - ways[0]) / BODIES
+    travelled = np.hypot(np.gradient(found.x), np.gradient(found.z)).cumsum()
+    even = np.linspace(travelled[0], travelled[-1], BODIES)
+    marks = np.searchsorted(travelled, even).clip(0, travelled.size - 1)
+    size = 0.6 * (travelled[-1] - travelled[0]) / BODIES
     outline = size * np.asarray(body_class.outline(body, NODES))
     with rc_context(STYLE):
         figure = Figure(figsize=(10, 6), layout="constrained")
@@ -50,9 +51,9 @@ def plot_fall(
             plane.fill(*(1e3 * (turned + centre)).T, color=OPTIMUM, alpha=0.8, lw=0)
         plane.set(xlabel="x, mm", ylabel="z, mm", aspect="equal")
         longest = np.linalg.norm(outline, axis=1).max()
-        room = max(np.ptp(found.x) + 2 * longest, np.ptp(found.z) / STEEPEST)
+        width = max(np.ptp(found.x) + 2 * longest, np.ptp(found.z) / STEEPEST)
         middle = (found.x.max() + found.x.min()) / 2
-        plane.set_xlim(*(1e3 * (middle + side * 0.55 * room) for side in (-1, 1)))
+        plane.set_xlim(*(1e3 * (middle + side * 0.55 * width) for side in (-1, 1)))
         for row, values, label in (
             (0, found.reynolds, "Reynolds number"),
             (1, np.unwrap(found.incidence, period=360), "incidence to the velocity, degrees"),

@@ -177,7 +177,7 @@ def _solved_mesh(panel: Panel) -> pv.ImageData:
 
 
 def _streamlines(mesh: pv.ImageData, markers: AnyArray) -> list[pv.DataSet]:
-    """Streamlines every 0.09 U D from the body's own, and four in each eddy of the wake."""
+    """Return streamlines every 0.09 U D from the body's own, and four in each eddy of the wake."""
     field = mesh.clip_box((*VIEW, -1, 1), invert=False)
     of_body, centres = _stream_levels(mesh, markers)
     found = [field.contour(of_body + 0.09 * (np.arange(-60, 60) + 0.5), scalars="stream function")]
@@ -194,7 +194,7 @@ def _streamlines(mesh: pv.ImageData, markers: AnyArray) -> list[pv.DataSet]:
 
 
 def _stream_levels(mesh: pv.ImageData, markers: AnyArray) -> tuple[float, list[float]]:
-    """The stream function on the body, and over that its values in the centres of the eddies.
+    """Return the stream function on the body, and its values over that in the eddies' centres.
 
     At an eddy's centre it has its least or greatest value where the flow is reversed.
     """
@@ -217,7 +217,7 @@ def _stream_levels(mesh: pv.ImageData, markers: AnyArray) -> tuple[float, list[f
 
 
 def _squashed(vorticity: np.ndarray | float) -> np.ndarray | float:
-    """The square root of the absolute value, with the sign."""
+    """Return the square root of the absolute value, with the sign."""
     return np.sign(vorticity) * np.sqrt(np.abs(vorticity))
 
 
@@ -261,7 +261,7 @@ def write_caption(
 
 
 def _even(view: tuple[float, ...], width: int) -> tuple[int, int]:
-    """Window size in pixels for a view, even numbers as video players need."""
+    """Return the window size in pixels for a view, even numbers as video players need."""
     left, right, low, high = view
     return width, 2 * round(width * (high - low) / (right - left) / 2)
 

@@ -18,7 +18,7 @@ from shapeopt.render.figures import (
     save_figure,
     width_over_height,
 )
-from shapeopt.render.sheets import is_about_lift, reference_name, standing
+from shapeopt.render.sheets import reference_name, standing
 from surrogate.body.drawing import drawn_contour
 from surrogate.files import JsonObject
 from surrogate.flow.output.palette import INK
@@ -87,7 +87,7 @@ def plot_family(records: list[JsonObject], path: str | Path) -> Path:
             above = FROM_ABOVE * (flatness > 1)
             axis.set_title(f"{reynolds_text(record)}{above}", loc="center")
             axis.set_axis_off()
-        draw = _draw_glide if any(map(is_about_lift, records)) else _draw_reduction
+        draw = _draw_glide if any(record["about_lift"] for record in records) else _draw_reduction
         draw(figure.add_subplot(grid[1, :]), records, colours)
         return save_figure(figure, path)
 
@@ -107,8 +107,8 @@ def _draw_glide(axis: Axes, records: list[JsonObject], colours: np.ndarray) -> N
     ratios = [(r.get("cl_verified") or 0.0) / r["cd_verified"] for r in records]
     words = [f"Cl/Cd {ratio:.3f}" for ratio in ratios]
     _draw_over_reynolds(axis, records, ratios, words, colours)
-    room = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points
-    ends = min(0.0, min(ratios) - room), max(0.0, 1.1 * max(ratios))
+    margin = 0.4 * (max(0.0, *ratios) - min(0.0, *ratios))  # of the words below the points
+    ends = min(0.0, min(ratios) - margin), max(0.0, 1.1 * max(ratios))
     axis.set(ylim=ends, ylabel="glide ratio $C_l / C_d$")
 
 

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from shapeopt.problem.scenarios import LOAD_BOUNDS
-from shapeopt.records import is_by_chord, reynolds_text, run_body, run_scene
+from shapeopt.records import is_by_chord, reynolds_text, run_body, run_scene, surrogate_name
 from shapeopt.render.bodies_3d import PRESSURE, Load, render_bodies, solved_panel
 from shapeopt.render.pictures import Panel, render_flows
 from surrogate.files import JsonObject
@@ -55,7 +54,7 @@ def before_and_after(record: JsonObject) -> list[Panel]:
     reference, optimum = solve_run(record)
     reynolds, lifting = reynolds_text(record), run_scene(record).family.has_lift
     if cases := several_cases(record):
-        lifts = (record.get("objective") or {}).get("lifts")
+        lifts = record["objective"].get("lifts")
         reynolds += f", first of {cases} lifts" if lifts else f", nominal of {cases} cases"
     before = [reynolds, reference_name(record), *_coefficients(record, reference)]
     after = [reynolds, "optimum", *_coefficients(record, optimum)]
@@ -72,37 +71,18 @@ def before_and_after(record: JsonObject) -> list[Panel]:
 
 def several_cases(record: JsonObject) -> int:
     """Return the number of cases over which a run's objective is taken; 0 where it is one."""
-    objective, cases = record.get("objective"), len(record.get("cases", []))
-    if isinstance(objective, dict) and isinstance(objective.get("number_of_cases"), int):
-        cases = objective["number_of_cases"]
+    cases = record["objective"]["number_of_cases"]
     return cases if cases > 1 else 0
 
 
 def is_compared(record: JsonObject) -> bool:
     """Return whether a run's drag is compared with that of the cylinder (sphere)."""
-    unsolved = record.get("cd_verified") is not None and record.get("cd_start") is None
-    return not (unsolved or is_about_lift(record) or is_by_chord(record))
-
-
-def is_about_lift(record: JsonObject) -> bool:
-    """Return whether a run was for the glide ratio or several lifts, or had bounds on loads.
-
-    Its drag over the reference body's then says little. Where the bodies have lift and the run's
-    constraints are unknown it is taken for one.
-    """
-    if not run_scene(record).family.has_lift:
-        return False
-    constraints = record.get("constraints")
-    objective = record.get("objective", {})
-    if constraints is None or objective.get("kind") == "Glide":
-        return True
-    if objective.get("glide") or objective.get("lifts"):
-        return True
-    return any(name in constraints for name in LOAD_BOUNDS)
+    unsolved = record["cd_verified"] is not None and record["cd_start"] is None
+    return not (unsolved or record["about_lift"] or is_by_chord(record))
 
 
 def _coefficients(record: JsonObject, solution: Solution) -> list[str]:
-    """Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, for a title."""
+    """Return Cd, and of bodies with lift Cl and, in 2-D, the glide ratio, as words for a title."""
     unit = solution.chord if is_by_chord(record) else 1.0
     cl = round(solution.lift / unit, 4) + 0.0  # no minus zero
     words, lifting = [f"Cd {solution.drag / unit:.4f}"], run_scene(record).family.has_lift
@@ -122,14 +102,13 @@ def render_panels(rows: list[list[Panel]], path: str | Path, load: Load = PRESSU
 
 def origin(record: JsonObject) -> str:
     """Return by which model an optimum was found, for a caption."""
-    named = record["surrogate"] != "none"
-    name = f"the surrogate {Path(record['surrogate']).name}" if named else "a surrogate"
-    by_settings = (record.get("settings") or {}).get("until", "surrogate" if named else "flow")
-    if record.get("until", by_settings) == "surrogate":  # earlier versions had no "until"
+    named = surrogate_name(record)
+    name = f"the surrogate {Path(named).name}" if named else "a surrogate"
+    if record["until"] == "surrogate":
         return f"found by {name}"
-    return f"found by the flow's adjoint{f', led by {name}' * named}"
+    return f"found by the flow's adjoint{f', led by {name}' if named else ''}"
 
 
 def standing(record: JsonObject) -> str:
     """Return whether an optimum is verified by the flow, as words for a caption."""
-    return "not verified" if record.get("cd_verified") is None else "verified by the flow"
+    return "not verified" if record["cd_verified"] is None else "verified by the flow"

@@ -216,16 +216,6 @@ class Design:
         """
         return verify(self.problem, self.variables)
 
-    @property
-    def status(self) -> str:
-        """The status of its flows: ``accurate`` where all of them are, else ``degraded``."""
-        return self.verified.status
-
-    @property
-    def estimated_error(self) -> float | None:
-        """The largest bound on the relative error of its flows; None where one has no estimate."""
-        return self.verified.estimated_error
-
 
 def multiplier_words(found: Mapping[str, float], glide: bool) -> tuple[str, str]:
     """Return multipliers as words: what they are, and their values by bound or end of a range.

@@ -15,16 +15,13 @@ from surrogate.errors import InvalidInput, NotConverged
 from surrogate.files import check_file, json_digest, strict_json, whole_file
 from surrogate.flow.derivatives import LoadsAndGradients
 from surrogate.flow.flow import Flow
-from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.model.gaussian_process import Hyper
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Kriging, Observation, kriging, likeliest, uncorrected
 from surrogate.model.network import LoadNetwork
 from surrogate.model.outputs import output_gradients
-from surrogate.scene.limits import REYNOLDS, ROUNDING
 
 KIND = "flows of a designer"  # "kind" of the file
-LARGEST = 1e7  # magnitude of a drag or slope beyond which a file is damaged
 REFIT = 1.3  # growth of the number of observations after which kriging's lengths are fitted anew
 
 
@@ -159,11 +156,8 @@ class Memory:
 
 def _origin(flow):
     """Return the scene and the solver's settings, which all flows of a file share."""
-    return {"scene": flow.scene.record, "settings": _numbers(flow.settings)}
-
-
-def _numbers(settings):
-    return {name: float(value) for name, value in settings._asdict().items()}
+    settings = {name: float(value) for name, value in flow.settings._asdict().items()}
+    return {"scene": flow.scene.record, "settings": settings}
 
 
 def _key(parameters, reynolds):
@@ -180,10 +174,8 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
         record = strict_json(file.read_text(encoding="utf-8"))
         if record["kind"] != KIND or not isinstance(record["scene"], dict):
             raise ValueError
-        usual = _numbers(NewtonSettings())  # of files without settings, as were written
-        origin = {"scene": record["scene"], "settings": record.get("settings", usual)}
-        other = [name for name, value in _origin(flow).items() if origin[name] != value]
-        rows = [] if other else _rows(record, flow)
+        other = [name for name, value in _origin(flow).items() if record[name] != value]
+        rows = [] if other else _rows(record)
     except OSError as problem:
         raise InvalidInput(f"{file}: cannot be read ({problem.strerror})") from None
     except (ValueError, KeyError, TypeError, RecursionError):
@@ -194,25 +186,11 @@ def _read(file: Path, flow: Flow) -> list[Observation]:
     return rows
 
 
-def _rows(record, flow):
+def _rows(record):
     """Return the observations of a file's record; ValueError, KeyError or TypeError if damaged."""
     if record["sha256"] != json_digest(record["flows"]):
         raise ValueError
-    rows = [
+    return [
         Observation(np.array(p), re, np.array(loads), np.array(slopes))
         for p, re, loads, slopes in record["flows"]
     ]
-    count = len(flow.bodies.loads)
-    size = len(flow.scene.family.names)
-    least, most = np.multiply(REYNOLDS[flow.scene.dimension], (1 - ROUNDING, 1 + ROUNDING))
-    for seen in rows:
-        numbers = np.concatenate([seen.parameters, seen.loads, seen.slopes.ravel()])
-        shapes = seen.parameters.shape, seen.loads.shape, seen.slopes.shape
-        known = shapes == ((size,), (count,), (count, size + 1))
-        sound = numbers.dtype.kind == "f" and known
-        bounded = sound and np.all(np.abs(numbers) < LARGEST)
-        if not (bounded and 0 < seen.drag < LARGEST and least <= seen.reynolds <= most):
-            raise ValueError
-    if rows:
-        flow.scene.family.check_all(np.array([seen.parameters for seen in rows]))
-    return rows

@@ -21,6 +21,7 @@ from shapeopt.problem.scenarios import (
     model_objective,
     objective_and_constraints,
 )
+from shapeopt.search.evaluated import Bodies
 from shapeopt.search.optimality import kkt_residual
 from shapeopt.search.sqp import PENALTY, SqpResult, minimise_sqp
 from surrogate.arrays import AnyArray
@@ -30,8 +31,6 @@ from surrogate.errors import InvalidInput, NotConverged
 RANKED = 1024  # draws whose objectives are compared
 # Parts of a search's end whose last axis is that of the variables.
 OVER_VARIABLES = ("variables", "gradient", "by_loads", "path")
-
-Bodies = Sequence[Float[AnyArray, " variables"]]
 
 
 class Proposal(NamedTuple):

@@ -49,7 +49,10 @@ def solve_relaxed_qp(
     offsets = jnp.concatenate([values, -low, jnp.zeros(1), high])
 
     def step(_, state):
-        """One step for rows x + offsets = slack >= 0, dual >= 0, dual slack -> 0."""
+        """Return the state after one step.
+
+        Its aim is rows x + offsets = slack >= 0, dual >= 0 and dual slack -> 0.
+        """
         x, slack, dual = state
         stationarity = hessian @ x + gradient - rows.T @ dual
         gap = rows @ x + offsets - slack

@@ -13,10 +13,11 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.progress import Update
 
 Row = dict[str, Any]
+OF_DESIGN = "chord", "thickness", "kkt_residual", "multipliers", "flows", "onset"  # as in Design
 OPTIMUM = (  # the entries of a row that has an optimum
-    "parameters", "chord", "thickness", "cd", "cl", "cm", "glide", "kkt_residual", "multipliers",
-    "flows", "onset", "at_range_ends",
-)  # fmt: skip
+    *("parameters", "chord", "thickness", "cd", "cl", "cm", "glide", "kkt_residual"),
+    *("multipliers", "flows", "onset", "at_range_ends"),
+)
 
 
 def optima(
@@ -82,16 +83,11 @@ def row_of(problem: Problem, found: Design | NotConverged) -> Row:
         "reynolds": found.reynolds,
         "chord_reynolds": found.chord_reynolds,
         "parameters": problem.scene.family.named(found.parameters),
-        "chord": found.chord,
-        "thickness": found.thickness,
-        "multipliers": found.multipliers,
+        **{name: getattr(found, name) for name in OF_DESIGN},
         "cd": found.drag,
         "cl": found.lift,
         "cm": found.moment,
         "glide": found.lift / found.drag,
-        "kkt_residual": found.kkt_residual,
-        "flows": found.flows,
-        "onset": found.onset,
         "at_range_ends": problem.at_range_ends(found.variables),
     }
 

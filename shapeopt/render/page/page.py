@@ -68,7 +68,7 @@ def page(surrogate: Surrogate) -> str:
 
 
 def _text(name: str) -> str:
-    """One of the files that the page is made of."""
+    """Return the text of one of the files that the page is made of."""
     return (resources.files(__package__) / name).read_text(encoding="utf-8")
 
 
@@ -110,7 +110,7 @@ def reference_name(family: Family) -> str:
 
 
 def _frame(family: Family) -> dict[str, str]:
-    """SVG attributes: the view box, and the path of three arrows of the stream at its left."""
+    """Return SVG attributes: the view box, and three arrows of the stream at its left as a path."""
     length, height = family.extent[0], max(family.extent[1:])
     least = float(family.body_class.aspect(family.bounds.T)[0])
     if family.has_lift:
@@ -126,7 +126,7 @@ def _frame(family: Family) -> dict[str, str]:
 
 
 def _lead(surrogate: Surrogate) -> str:
-    """The page's first lines: measured errors, and the reference body if it is unusual."""
+    """Return the page's first lines: measured errors, and the reference body if it is unusual."""
     recorded, name = surrogate.recorded, reference_name(surrogate.scene.family)
     text = (
         "Every number comes from a trained network that runs in this page: the drag is "
@@ -148,7 +148,7 @@ def _lead(surrogate: Surrogate) -> str:
 
 
 def _provenance(surrogate: Surrogate) -> str:
-    """The page's last lines: definitions, method and trained ranges."""
+    """Return the page's last lines: definitions, method and trained ranges."""
     scene = surrogate.scene
     ranges = ", ".join(
         f"{name} {_number(low)} to {_number(high)}"
@@ -173,7 +173,7 @@ def _provenance(surrogate: Surrogate) -> str:
 
 
 def _sliders(surrogate: Surrogate) -> Iterator[str]:
-    """Sliders for log Re and for every shape parameter, set to an ellipse, nose up."""
+    """Yield sliders for log Re and for every shape parameter, set to an ellipse, nose up."""
     family = surrogate.scene.family
     low, high = (math.log(value) for value in surrogate.scene.reynolds)
     yield _slider("reynolds", "Reynolds number", low, high, (low + high) / 2, log=True)
