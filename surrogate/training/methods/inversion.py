@@ -196,7 +196,7 @@ class NewtonSteps(Inversion):
         """
         operators = sample.operators()
         traction = predicted if self.from_prediction else stored.amplitude
-        velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, traction))
+        velocity = jnp.where(valid, stored.velocity, operators.response(traction))
         start = FlowState(velocity, traction)
         state, info, slopes, sound, convolutions = self._solved(sample, operators, start)
         found = sound & ~info.stalled
