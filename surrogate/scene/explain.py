@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from surrogate.body.family import Family
 from surrogate.progress import duration
-from surrogate.scene.cost import convolutions, seconds_per_convolution
+from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity, check_cells
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
 from surrogate.scene.stream import Stream, describe_stream, domain_height
@@ -87,7 +87,7 @@ def explain_scene(
     seconds = seconds_per_convolution(shape, symmetric)
     sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
-    takes = convolutions(dimension, symmetric)
+    takes = CONVOLUTIONS[dimension, symmetric]
 
     aim = f"The tolerance of its drags is {100 * f.tolerance:g} %"
     if NAMED[dimension].get(fidelity.name) == fidelity:
