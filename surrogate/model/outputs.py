@@ -9,6 +9,7 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
@@ -16,6 +17,7 @@ from surrogate.model.inputs import Inputs
 
 SYMBOLS = {"drag": "Cd", "lift": "Cl", "moment": "Cm"}  # of the loads, by their names in records
 LOAD_NAMES = tuple(SYMBOLS)
+PARITY = np.array([1.0, -1.0, -1.0])  # of log Cd, Cl / Cd, Cm / Cd under the mirror image
 
 
 class OutputModel(eqx.Module):
