@@ -25,6 +25,7 @@ from surrogate.body.parameters import PARAMETERS
 from surrogate.progress import duration
 from surrogate.scene.fidelity import LONGEST_DOWNSTREAM
 from surrogate.scene.limits import (
+    ONSET_OF_INSTABILITY,
     check_reynolds,
     check_stream,
 )
@@ -299,10 +300,11 @@ def test_reynolds_numbers_of_a_scene():
     for outside in (0.9, 61):
         with pytest.raises(InvalidInput, match="the scene covers 1 to 60"):
             scene.check_reynolds(outside)
-    assert check_reynolds(46) == 46
-    assert check_reynolds(50, allow_unsteady=True) == 50
+    onset = ONSET_OF_INSTABILITY[2]
+    assert check_reynolds(46, onset=onset) == 46
+    assert check_reynolds(50) == 50
     with pytest.raises(InvalidInput, match="allow_unsteady"):
-        check_reynolds(50)
+        check_reynolds(50, onset=onset)
 
 
 @pytest.mark.parametrize("wide", [{"fidelity": Fidelity("c", 16, 3, 6, 4)}, {"fidelity": None}])

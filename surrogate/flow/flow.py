@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -256,7 +257,8 @@ class Flow:
             raise InvalidInput(
                 f"body: of dimension {shape.dimension}, in a scene of {self.scene.dimension}"
             )
-        reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset_of(shape))
+        onset = math.inf if allow_unsteady else onset_of(shape)
+        reynolds = check_reynolds(reynolds, self.scene.dimension, onset)
         fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.nose)
         domain = fitted_domain(self.scene.stream, self.scene.fidelity, shape, reynolds)
         return shape, reynolds, domain, fidelity

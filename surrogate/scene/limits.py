@@ -1,5 +1,6 @@
 """What can be asked: Reynolds numbers that are steady and tested, bodies that fit their stream."""
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -138,35 +139,28 @@ def onset_of(shape: Shape) -> float:
     return float(onset_of_instability(shape.extent, shape.draw(NODES)))
 
 
-def check_reynolds(
-    reynolds: Number,
-    allow_unsteady: bool = False,
-    dimension: int = 2,
-    onset: float | None = None,
-) -> float:
+def check_reynolds(reynolds: Number, dimension: int = 2, onset: float = math.inf) -> float:
     """Check that a steady laminar flow is a fair answer at a Reynolds number; return it as a float.
 
     Args:
       reynolds: U D / nu.
-      allow_unsteady: accept it beyond the onset of instability too.
       dimension: 2 or 3.
-      onset: that of the body, see ``onset_of``; by default of the cylinder or the sphere.
+      onset: of instability of the body, see ``onset_of``; infinite to accept unsteady flows too.
 
     Raises:
-      InvalidInput: it is not a number, is beyond what the solver is tested for, or the body's
-        steady flow is unstable there and ``allow_unsteady`` is not set.
+      InvalidInput: it is not a number, is beyond what the solver is tested for, or is beyond the
+        onset of instability.
     """
     many = "; a loop, flow.solve_all and net.drag take many"
     value = finite_number("Reynolds number", reynolds, of_several=many)
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
     low, high = REYNOLDS[dimension]
-    onset = ONSET_OF_INSTABILITY[dimension] if onset is None else onset
     if value < low * (1 - ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
     if value > high * (1 + ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
-    if value > onset * (1 + ROUNDING) and not allow_unsteady:
+    if value > onset * (1 + ROUNDING):
         raise InvalidInput(
             f"Reynolds number {value:g}: the steady flow past such a body is unstable beyond "
             f"{onset:.3g} and not observed there; "
