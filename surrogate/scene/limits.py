@@ -194,7 +194,8 @@ def check_stream(
             "an equivalent diameter of 1, and a larger domain is a Fidelity of one's own"
         )
     if isinstance(stream, Tunnel) and stream.height < extent[1] + 1:
+        needed = math.ceil(100 * (extent[1] + 1)) / 100
         raise InvalidInput(
             f"tunnel:{stream.height:g} leaves less than half a diameter above and below a box "
-            f"{extent[1]:g} D high around the body as it lies; tunnel:{extent[1] + 1:g} would do"
+            f"{extent[1]:g} D high around the body as it lies; tunnel:{needed:g} would do"
         )
