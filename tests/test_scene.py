@@ -23,6 +23,7 @@ from surrogate import (
     family_shape,
 )
 from surrogate.body.parameters import PARAMETERS
+from surrogate.errors import TooLarge
 from surrogate.progress import duration
 from surrogate.scene.fidelity import LONGEST_DOWNSTREAM
 from surrogate.scene.limits import (
@@ -292,7 +293,7 @@ def test_bodies_that_do_not_fit_a_scene_are_refused_before_any_work():
     short = dataclasses.replace(FIDELITIES["draft"], upstream=2)
     with pytest.raises(InvalidInput, match="leaves less than half a diameter"):
         Flow(Scene(stream=Tunnel(1.5))).domain  # noqa: B018
-    with pytest.raises(InvalidInput, match="too large for the draft domain"):
+    with pytest.raises(TooLarge, match="too large for the draft domain"):
         Flow(Scene(family=Family(aspect=(15, 20)), fidelity=short)).domain  # noqa: B018
 
 

@@ -12,7 +12,7 @@ from surrogate.arrays import AnyArray, Number
 from surrogate.body.measures import streamwise_profile
 from surrogate.body.shape import NODES, Shape
 from surrogate.checks import finite_number
-from surrogate.errors import InvalidInput
+from surrogate.errors import InvalidInput, TooLarge
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.stream import Stream, Tunnel
 
@@ -175,20 +175,24 @@ def check_stream(
     extent: Float[np.ndarray, " axes"],
     clearance: tuple[float, float],
 ) -> None:
-    """Raise InvalidInput unless a body fits the domain and, if there is one, the tunnel.
+    """Check that a body fits the domain and, if there is one, the tunnel.
 
     Args:
       stream: in which the body is.
       fidelity: whose domain it must fit.
       extent: sides in D of a box around the body as it lies: length, ..., height.
       clearance: D that accuracy needs between this box and the domain's edges, along and across.
+
+    Raises:
+      TooLarge: the body does not fit the domain.
+      InvalidInput: it does not fit the tunnel.
     """
     along, across = extent[0] / 2 + clearance[0], np.max(extent[1:]) / 2 + clearance[1]
     room = min(fidelity.upstream, fidelity.downstream)
     if along > room or across > fidelity.height / 2:
         sides = " x ".join(f"{side:g}" for side in extent)
         most = max(2 * (room - clearance[0]), 0), max(fidelity.height - 2 * clearance[1], 0)
-        raise InvalidInput(
+        raise TooLarge(
             f"body: {sides} D is too large for the {fidelity.name} domain, which holds "
             f"{most[0]:g} D along the stream and {most[1]:g} D across; bodies are best scaled to "
             "an equivalent diameter of 1, and a larger domain is a Fidelity of one's own"
