@@ -56,8 +56,7 @@ class Flow:
     settings: NewtonSettings = NewtonSettings()
 
     def __post_init__(self):
-        if not isinstance(self.scene, Scene):
-            raise InvalidInput(f"flow: {self.scene!r} is no Scene")
+        expect("flow", self.scene, Scene, "Scene")
         expect("flow", self.settings, NewtonSettings, "NewtonSettings")
 
     def __str__(self) -> str:

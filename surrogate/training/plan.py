@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Literal, get_args
 
-from surrogate.checks import finite_number, flag, whole_number
+from surrogate.checks import expect, finite_number, flag, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.model.network import default_width
 from surrogate.model.surrogate import Surrogate
@@ -161,8 +161,7 @@ def make_plan(
         raise InvalidInput(f"preset {preset!r}: one of {', '.join(PRESETS)}")
     chosen = PRESETS[preset]
     published = flag("published", published)
-    if scene is not None and not isinstance(scene, Scene):
-        raise InvalidInput(f"training: {scene!r} is no Scene")
+    expect("training", scene, Scene | None, "Scene")
     if budget_seconds is not None:
         budget_seconds = finite_number("budget in seconds", budget_seconds)
         if not 1 <= budget_seconds < 1e6:
