@@ -39,6 +39,7 @@ from surrogate.training.methods.method import (
     moment_residual,
     predict,
     with_cosine_rate,
+    with_rows,
 )
 from surrogate.training.physics import Physics, Sample
 
@@ -160,7 +161,7 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
         """
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, self._differentiate, predicted)
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, found.results)
+        labels = with_rows(labels, batch, found.results)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _differentiate(

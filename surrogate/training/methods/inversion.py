@@ -29,6 +29,7 @@ from surrogate.training.methods.method import (
     Evaluator,
     evaluation_cost,
     predict,
+    with_rows,
 )
 from surrogate.training.physics import Physics, Sample
 
@@ -127,8 +128,7 @@ class Inversion(Evaluator):
         predicted = predict(network, physics.samples, batch)
         old = jax.tree.map(lambda leaf: leaf[batch], labels)
         found = physics.evaluate(batch, velocities, evaluate_sample, predicted, old)
-        new = found.results.label
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
+        labels = with_rows(labels, batch, found.results.label)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _solved(self, sample, operators, start=None):
