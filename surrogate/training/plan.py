@@ -199,8 +199,8 @@ def make_plan(
 def compared_plans(
     scene: Scene | None,
     preset: str,
+    seed: int,
     samples: int | None = None,
-    seed: int = 0,
     budget_seconds: float | None = None,
 ) -> dict[str, Plan]:
     """Return the plans of all trainings that the payoff command compares, by name.
@@ -211,8 +211,8 @@ def compared_plans(
     Args:
       scene: as for ``make_plan``.
       preset: "quick" or "full".
-      samples: number of training samples, in place of the preset's.
       seed: as for ``make_plan``.
+      samples: number of training samples, in place of the preset's.
       budget_seconds: of each training, in place of the preset's iterations.
 
     Raises:

@@ -15,7 +15,7 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
-from surrogate.training.held_out import Report, silent, solve_held_out
+from surrogate.training.held_out import Report, solve_held_out
 from surrogate.training.history import load_errors
 from surrogate.training.loop import TrainingResult
 from surrogate.training.plan import Plan
@@ -82,9 +82,7 @@ def _beyond_onset(physics):
     return int(np.sum(np.asarray(physics.samples.reynolds) > onsets))
 
 
-def measured_anew(
-    plan: Plan, surrogate: Surrogate, devices: Devices, report: Report = silent
-) -> Surrogate:
+def measured_anew(plan: Plan, surrogate: Surrogate, devices: Devices, report: Report) -> Surrogate:
     """Return a surrogate with its errors, and their bounds, on the held-out bodies of a plan.
 
     Args:

@@ -42,8 +42,8 @@ RENEWAL_MARGIN = 0.7  # of the reduction still needed, so that rounding does not
 class Effort(NamedTuple):
     """The effort of one linear solve: relative tolerance, and largest number of Krylov vectors."""
 
-    tolerance: float = 1e-2
-    max_vectors: int = 40
+    tolerance: float
+    max_vectors: int
 
 
 def is_rough(efforts: tuple[Effort, ...]) -> bool:
