@@ -31,7 +31,7 @@ from surrogate.model.gaussian_process import (
 )
 from surrogate.model.inputs import Inputs
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import PARITY, OutputModel, load_gradients, outputs_of
+from surrogate.model.outputs import PARITY, OutputModel, gradients_of_loads, outputs_of
 
 FITTED = 64  # observations at most from which hyperparameters are fitted: bounds the cost
 MIN_CAPACITY, GROWTH = 16, 4  # of the padded arrays, so that few sizes are compiled
@@ -56,7 +56,7 @@ class Observation(NamedTuple):
     @property
     def load_slopes(self) -> Float[np.ndarray, "loads inputs"]:
         """Derivatives of the loads Cd (, Cl, Cm) in (parameters, log Re)."""
-        return np.asarray(load_gradients(self.loads, self.slopes))
+        return np.asarray(gradients_of_loads(self.loads, self.slopes))
 
 
 class Kriging(OutputModel):

@@ -53,7 +53,7 @@ def loads_of(outputs: Float[AnyArray, " loads"]) -> Float[Array, " loads"]:
 
 
 @jax.jit
-def output_gradients(
+def gradients_of_outputs(
     loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:
     """Return the gradients of the outputs from those of the loads."""
@@ -61,7 +61,7 @@ def output_gradients(
 
 
 @jax.jit
-def load_gradients(
+def gradients_of_loads(
     loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:
     """Return the gradients of the loads from those of the outputs."""

@@ -21,7 +21,7 @@ from surrogate.flow.solver.adjoint import by_stream, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState, stream_derivatives
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import output_gradients
+from surrogate.model.outputs import gradients_of_outputs
 from surrogate.training.methods.labels import TrainingLabels
 from surrogate.training.methods.method import (
     Batch,
@@ -161,7 +161,7 @@ class Inversion(Evaluator):
             )
             by_shape = sample.flow.bodies.in_parameters(sample.parameters, found.by_markers)
             slopes = jnp.column_stack([by_shape, reynolds * by_re])
-            slopes = output_gradients(sample.loads(state.amplitude), slopes)
+            slopes = gradients_of_outputs(sample.loads(state.amplitude), slopes)
             sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
             return jnp.where(sound, slopes, 0.0), sound, found.work.convolutions
 
