@@ -58,11 +58,11 @@ def cambered_extent(ends: Mapping[str, Float[np.ndarray, "2"]]) -> tuple[float, 
         return _number(np.cos(k * t)) + _number(0.5) * (beta(k - 1) + _number(-1.0) * beta(k + 1))
 
     height = _number(np.sin(t))
-    for name, _, _, _, _, _, kind, k in PARAMETERS.values():
-        if kind is Kind.SINE:
-            height += weight(name) * _number(np.sin(k * t))
-        elif kind is Kind.CAMBER:
-            height += weight(name) * _number(-1.0) * cosine(k)
+    for p in PARAMETERS.values():
+        if p.kind is Kind.SINE:
+            height += weight(p.name) * _number(np.sin(p.mode * t))
+        elif p.kind is Kind.CAMBER:
+            height += weight(p.name) * _number(-1.0) * cosine(p.mode)
     turns = _turns(*ends.get("incidence", (0.0, 0.0)))
     along, across = cosine(1).largest / 2, height.largest / 2
     roots = np.sqrt(ends["aspect"])  # the sides of a turned body are convex in the root

@@ -9,7 +9,7 @@ from typing import ClassVar, Protocol, runtime_checkable
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
@@ -34,6 +34,14 @@ class GreenFunction(Protocol):
 
     def __call__(self, force: Float[AnyArray, "axes ..."]) -> Float[AnyArray, "axes ..."]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
+
+    def of_parity(
+        self, force: Float[AnyArray, "axes ..."], odd: Int[AnyArray, ""]
+    ) -> Float[AnyArray, "axes ..."]:
+        """Return the velocity due to a force that is its own mirror image, or minus it (``odd`` 1).
+
+        The mirror plane is the middle of the last axis, which is not folded.
+        """
 
     @property
     def transposed(self) -> "GreenFunction":
