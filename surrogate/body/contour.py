@@ -161,7 +161,7 @@ def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool) -> floa
 
 
 def _farthest(points, smooth):
-    """Greatest distance of the points from the smooth contour."""
+    """Return the greatest distance of the points from the smooth contour."""
     return float(cKDTree(smooth).query(points)[0].max())
 
 
@@ -211,7 +211,7 @@ def _by_bend(points):
 
 
 def _fourier(points, nodes):
-    """Low-pass Fourier series at ``nodes`` points; harmonics above nodes / 8 fade out."""
+    """Return a Fourier series at ``nodes`` points, whose harmonics above nodes / 8 fade out."""
     wave = np.fft.fftfreq(len(points), 1 / len(points))
     spectrum = np.fft.fft(points, axis=0) * np.exp(-((wave / (nodes / 8)) ** 4))[:, None]
     known = min(nodes, len(points))

@@ -96,13 +96,13 @@ def _number(value):
 
 
 def _turns(low, high):
-    """Least and greatest turn in radians, either way."""
+    """Return the least and the greatest turn in radians, either way."""
     least = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
     return np.deg2rad([least, max(abs(low), abs(high))])
 
 
 def _turned(x, y, turns):
-    """Greatest |x| and |y| of points in the corners (+-x, +-y), turned by up to 90 degrees."""
+    """Return the greatest |x| and |y| of the corners (+-x, +-y), turned by up to 90 degrees."""
     radius, lean = np.hypot(x, y), np.arctan2(y, x)
     flattest, steepest = (np.clip(at, *turns) for at in (lean, np.pi / 2 - lean))
     return radius * np.cos(flattest - lean), radius * np.sin(steepest + lean)

@@ -20,7 +20,7 @@ from surrogate.flow.solver.steady import FlowState, Operators, StreamOperators
 
 
 def _options(*arguments: Any) -> CompilerOptions:
-    """The options of compilation for the dimension of the domain among a program's arguments."""
+    """Return the options of compilation for the dimension of the domain among the arguments."""
     (domain,) = (argument for argument in arguments if isinstance(argument, Domain))
     return quick_options(domain.lattice.dimension)
 

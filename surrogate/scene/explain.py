@@ -125,13 +125,13 @@ def explain_scene(
 
 
 def _refined(f, fidelity):
-    """What is said of a grid whose cells follow thin boundary layers."""
+    """Return what is said of a grid whose cells follow thin boundary layers."""
     finer = f", finer than its {fidelity.cells} for thin boundary layers"
     return finer if f.cells > fidelity.cells else ""
 
 
 def _kind(family):
-    """The family in a few words: symmetric, or what makes its bodies not so."""
+    """Return the family in a few words: symmetric, or what makes its bodies not so."""
     body = family.body_class
     parts = ["camber"] * bool(body.camber_modes) + ["incidence"] * ("incidence" in body.names)
     return f"family with {' and '.join(parts)}" if parts else "symmetric family"

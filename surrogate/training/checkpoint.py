@@ -123,7 +123,7 @@ def checkpoint_differences(path: Path, plan: Plan) -> str:
 
 
 def _map_sharded(state, function):
-    """The state with ``function(rows)`` in place of sharded arrays."""
+    """Return the state with ``function(rows)`` in place of sharded arrays."""
     return jax.tree.map(
         lambda node: jax.tree.map(function, node.rows) if is_sharded(node) else node,
         state,

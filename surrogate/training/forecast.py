@@ -67,7 +67,7 @@ def forecast(plan: Plan) -> Forecast:
 
 
 def _gradient_seconds(plan):
-    """Seconds of one gradient of the network over all samples."""
+    """Return the seconds of one gradient of the network over all samples."""
     network = _network(plan)
     points = jnp.zeros((plan.samples, network.layers[0].in_features))
 
@@ -81,7 +81,7 @@ def _gradient_seconds(plan):
 
 
 def _inverse_seconds(plan, batch):
-    """Seconds of one eigendecomposition of the smaller Gram matrix; 0 for other methods."""
+    """Return the seconds of one eigendecomposition of the smaller Gram matrix, 0 without one."""
     if plan.method != "hig":
         return 0.0
     network = _network(plan)

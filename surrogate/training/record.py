@@ -77,7 +77,7 @@ def surrogate_of(
 
 
 def _beyond_onset(physics):
-    """How many training samples are beyond the onset of instability of their steady flow."""
+    """Return how many training samples are beyond the onset of instability of their flow."""
     onsets = physics.flow.bodies.check(np.asarray(physics.samples.parameters)).onset
     return int(np.sum(np.asarray(physics.samples.reynolds) > onsets))
 
@@ -102,7 +102,7 @@ def measured_anew(plan: Plan, surrogate: Surrogate, devices: Devices, report: Re
 
 
 def _errors(plan, network, held_out, loads):
-    """Errors of all loads on held-out bodies, over Cd, and the scales of the bounds for them."""
+    """Return the errors of loads on held-out bodies, over Cd, and the scales of their bounds."""
     errors = np.asarray(load_errors(network, held_out, loads))
     samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
     novelty = Novelty.of_answers(network, samples)
@@ -134,6 +134,6 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
 
 
 def _infill(positions):
-    """The samples added by infill, in words; older records have none."""
+    """Return the samples added by infill, in words; older records have none."""
     digest = zlib.crc32(json.dumps(list(positions)).encode())
     return f"{len(positions)} samples ({digest:08x})" if positions else "none"

@@ -167,7 +167,7 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
     def _differentiate(
         self, sample: Sample, velocity: Array, traction: Float[Array, " modes"]
     ) -> tuple[LossGradient, Array]:
-        """The loss of one sample and its gradient in the traction; the velocity to start from."""
+        """Return a sample's loss, its gradient in the traction, and the velocity to start from."""
         domain, operators = sample.domain, sample.operators()
         start = sample.start(operators, velocity)
         velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)

@@ -215,7 +215,7 @@ class PublishedHalfInverseGradients(Method, Evaluator):
 
 
 def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[ForcedFlowResult, Array]:
-    """Slip and influence matrix of the flow that a traction drives; the velocity to start from."""
+    """Return slip and influence matrix of a driven flow, and the velocity to start from."""
     domain, operators = sample.domain, sample.operators()
     start = sample.start(operators, velocity)
     velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)
