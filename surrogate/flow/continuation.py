@@ -44,7 +44,7 @@ def solve_markers(
     """
     stream = kept_operators(domain, reynolds, *jax.tree.leaves(markers))
     operators = programs.assemble(domain, markers, reynolds, stream)
-    return FlowResult(*programs.solve(domain, settings, operators, guess))
+    return FlowResult(*programs.solve(domain, operators, guess, settings))
 
 
 def solve_by_continuation(

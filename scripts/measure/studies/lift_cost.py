@@ -97,7 +97,7 @@ def adjoints(run: Run, dimension: int) -> list[Row]:
     def slopes(efforts):
         rows, work = [], 0
         for body, re, stream, operators, state, _ in solved:
-            found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, re)
+            found = programs.load_gradients(bodies.loads, domain, operators, state, re, efforts)
             if not found.work.converged:
                 raise NotConverged(f"adjoints: one at Re {re:g} has not converged")
             by_re = found.by_reynolds + programs.by_stream(
