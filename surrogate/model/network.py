@@ -227,7 +227,7 @@ def _moment_factors(inputs, features):
 
 
 def _fitted_trends(inputs, z, outputs):
-    """Fit trends by least squares, one an output, and those of a 3-D moment's heads together."""
+    """Fit the trends by least squares, those of the heads of a 3-D moment together."""
     images = inputs.feature_mirror * z
     has_incidence = incidence_index(inputs.body_class) is not None
     features, mirrored = (np.asarray(_monomials(x)) for x in (z, images))
