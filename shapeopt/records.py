@@ -37,7 +37,7 @@ def load_run(folder: str | Path) -> dict[str, Any]:
         scene = Scene.of(record["scene"])
         scene.family.check(scene.family.parameters(record["parameters"]))
         scene.family.check_all(np.array(record["path"]))
-        check_reynolds(record["reynolds"], True, scene.dimension)
+        check_reynolds(record["reynolds"], scene.dimension)
         finite_number("Reynolds number", run_reynolds(record))
         drags = [record[name] for name in DRAGS if record[name] is not None]
         sound = all(finite_number("drag", drag) > 0 for drag in drags) and record["path"]

@@ -23,17 +23,17 @@ def write_leaves(path: str | Path, tree: PyTree, header: object = None) -> None:
         eqx.tree_serialise_leaves(file, tree)
 
 
-def read_header(path: Path, what: str) -> Any:
-    """Return the JSON value in the first line of a file.
+def read_header(path: Path) -> Any:
+    """Return the JSON value in the first line of a checkpoint.
 
     Raises:
-      InvalidInput: there is none; the message begins with ``what``.
+      InvalidInput: there is none.
     """
     try:
         with path.open("rb") as file:
             return json.loads(file.readline(LONGEST_HEADER))
     except (OSError, ValueError, RecursionError):
-        raise InvalidInput(f"{what} {path}: damaged; remove it") from None
+        raise InvalidInput(f"checkpoint {path}: damaged; remove it") from None
 
 
 def read_leaves(path: Path, like: PyTree, what: str, remedy: str = "") -> PyTree:

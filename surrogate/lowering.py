@@ -94,7 +94,7 @@ def _lower(function, static, arguments):
 
 
 def _strong(value):
-    """The value with a type that does not give way to others, as all have when read from a file."""
+    """Return the value without a weak type, as values have none when read from a file."""
     return jax.lax.convert_element_type(value, jax.typeof(value).dtype)
 
 

@@ -97,7 +97,7 @@ def _check_known(value):
 
 
 def _code():
-    """The source code and what it uses, as a digest; None if it was edited since it was loaded."""
+    """Return a digest of the source code and what it uses; None if it was edited since loaded."""
     try:
         files, digest = _sources()
         states = [file.stat() for file in files]
@@ -109,7 +109,7 @@ def _code():
 
 @functools.cache
 def _sources():
-    """The files of the source code, and the digest of them and the versions of other packages."""
+    """Return the files of the source code, and a digest of them and of other packages' versions."""
     files = sorted(path for source in SOURCES for path in source.rglob("*.py"))
     versions = [metadata.version(package).encode() for package in PACKAGES]
     return files, DIGEST(b"\n".join([*versions, *(path.read_bytes() for path in files)])).digest()

@@ -18,6 +18,7 @@ from surrogate import (
     Unbounded,
     family_shape,
 )
+from surrogate.errors import TooLarge
 from surrogate.flow.check.error_estimate import (
     FLAT,
     NO_NUMBER,
@@ -141,8 +142,9 @@ def test_a_body_too_thin_for_the_coarser_grid_has_no_estimate():
 
 def test_the_flow_that_an_estimate_lacks_is_named():
     for problem, words in (
-        (InvalidInput("body: 9 x 2 D is too large"), "the body is too large for the other domain"),
+        (TooLarge("body: 9 x 2 D is too large"), "the body is too large for the other domain"),
         (NotConverged("no flow"), "the body's flow was not found in the other domain"),
+        (InvalidInput("body: too large"), "the body's flow was not found in the other domain"),
     ):
 
         def solve(fidelity, problem=problem):

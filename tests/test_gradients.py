@@ -111,7 +111,9 @@ def driven(cylinder_domain):
 
     @jax.jit
     def drive(amplitude):
-        velocity, info = steady.forced_flow(domain, operators, amplitude, settings=tight)
+        velocity, info = steady.forced_flow(
+            domain, operators, amplitude, operators.response(amplitude), tight
+        )
         state = steady.FlowState(velocity, amplitude)
         return state, steady.slip_residual(operators, state), info.converged
 

@@ -41,7 +41,7 @@ from surrogate.flow.solver import steady
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Observation, kriging
 from surrogate.model.network import blank_network
-from surrogate.model.outputs import load_gradients, loads_of, output_gradients, outputs_of
+from surrogate.model.outputs import gradients_of_loads, gradients_of_outputs, loads_of, outputs_of
 
 BODY = jnp.array([2.0, 0.1, 0.2, 6.0])
 MIRROR = jnp.array([1.0, 1.0, -1.0, -1.0])
@@ -80,8 +80,8 @@ def trained(tmp_path_factory):
 def test_outputs_and_their_gradients_are_inverted_exactly():
     np.testing.assert_allclose(loads_of(outputs_of(LOADS)), LOADS, rtol=1e-14)
     gradients = jnp.arange(6.0).reshape(3, 2) + 1
-    there = output_gradients(LOADS, gradients)
-    np.testing.assert_allclose(load_gradients(LOADS, there), gradients, rtol=1e-13)
+    there = gradients_of_outputs(LOADS, gradients)
+    np.testing.assert_allclose(gradients_of_loads(LOADS, there), gradients, rtol=1e-13)
     np.testing.assert_allclose(there[1], gradients[1] / 2 + 0.3 / 4 * gradients[0], rtol=1e-13)
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import time
 
 import numpy as np
@@ -22,12 +23,15 @@ from surrogate import (
     family_shape,
 )
 from surrogate.body.parameters import PARAMETERS
+from surrogate.errors import TooLarge
 from surrogate.progress import duration
 from surrogate.scene.fidelity import LONGEST_DOWNSTREAM
 from surrogate.scene.limits import (
+    ONSET_OF_INSTABILITY,
     check_reynolds,
     check_stream,
 )
+from surrogate.scene.stream import parse_stream
 
 TUNNEL = """
 dimension = 2
@@ -289,7 +293,7 @@ def test_bodies_that_do_not_fit_a_scene_are_refused_before_any_work():
     short = dataclasses.replace(FIDELITIES["draft"], upstream=2)
     with pytest.raises(InvalidInput, match="leaves less than half a diameter"):
         Flow(Scene(stream=Tunnel(1.5))).domain  # noqa: B018
-    with pytest.raises(InvalidInput, match="too large for the draft domain"):
+    with pytest.raises(TooLarge, match="too large for the draft domain"):
         Flow(Scene(family=Family(aspect=(15, 20)), fidelity=short)).domain  # noqa: B018
 
 
@@ -299,10 +303,11 @@ def test_reynolds_numbers_of_a_scene():
     for outside in (0.9, 61):
         with pytest.raises(InvalidInput, match="the scene covers 1 to 60"):
             scene.check_reynolds(outside)
-    assert check_reynolds(46) == 46
-    assert check_reynolds(50, allow_unsteady=True) == 50
+    onset = ONSET_OF_INSTABILITY[2]
+    assert check_reynolds(46, onset=onset) == 46
+    assert check_reynolds(50) == 50
     with pytest.raises(InvalidInput, match="allow_unsteady"):
-        check_reynolds(50)
+        check_reynolds(50, onset=onset)
 
 
 @pytest.mark.parametrize("wide", [{"fidelity": Fidelity("c", 16, 3, 6, 4)}, {"fidelity": None}])
@@ -326,9 +331,21 @@ def test_no_domain_is_longer_than_the_longest(fidelity):
 
 def test_a_narrow_tunnel_is_refused_by_the_height_of_the_turned_body():
     shape = family_shape({"aspect": 2.0}, 60.0)
-    with pytest.raises(InvalidInput, match=r"box 1\.\d+ D high .* tunnel:2\.\d+ would do"):
+    wanted = r"box 1\.\d+ D high .* (tunnel:2\.\d+) would do"
+    with pytest.raises(InvalidInput, match=wanted) as refused:
         check_stream(Tunnel(2.0), FIDELITIES["draft"], shape.extent, (1.0, 0.5))
     check_stream(Tunnel(shape.extent[1] + 1), FIDELITIES["draft"], shape.extent, (1.0, 0.5))
+    suggested = parse_stream(re.search(wanted, str(refused.value))[1])
+    check_stream(suggested, FIDELITIES["draft"], shape.extent, (1.0, 0.5))
+
+
+@pytest.mark.parametrize("height", [1.0, 1.1234565, 1.3, 2.7182818, 3.1415926, 10 / 3])
+def test_the_tunnel_that_a_refusal_suggests_is_accepted(height):
+    """With six digits, rounded to the nearest, it would often be a little too low."""
+    at = FIDELITIES["standard"], np.array([1.0, height]), (1.0, 0.5)
+    with pytest.raises(InvalidInput, match="would do") as refused:
+        check_stream(Tunnel(1.5), *at)
+    check_stream(parse_stream(re.search(r"tunnel:[\d.]+(?= would)", str(refused.value))[0]), *at)
 
 
 def test_no_domain_for_a_wake_is_higher_than_the_highest():

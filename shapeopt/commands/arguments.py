@@ -16,7 +16,7 @@ from surrogate.body.contour_file import read_contour
 from surrogate.body.incidence import check_incidence
 from surrogate.body.parameters import FAMILY, INCIDENCE, PARAMETERS
 from surrogate.body.shape import Shape, contour_shape, family_shape
-from surrogate.errors import InvalidInput
+from surrogate.errors import InvalidInput, TooLarge
 from surrogate.files import JsonObject, file_digest
 from surrogate.scene.fidelity import MOST_CELLS
 from surrogate.scene.limits import REYNOLDS
@@ -155,7 +155,7 @@ def refusals_by_options(
     except InvalidInput as error:
         named = functools.partial(_name_cells, refinement)
         message = re.sub(r"(\d+) cells per D", named, str(error))
-        if keep_size and "too large" in message:
+        if keep_size and isinstance(error, TooLarge):
             message += "; without --keep-size it is"
         raise InvalidInput(f"{prefix}{message}") from None
 

@@ -168,8 +168,9 @@ def run(main: Callable[[Sequence[str] | None], object], argv: Sequence[str] | No
             warnings.showwarning = _print_warning
             main(argv)
         return DONE
-    except (InvalidInput, NotConverged, ProcessLost) as error:
-        status, message = FAILURES[type(error)], str(error)
+    except tuple(FAILURES) as error:
+        status = next(FAILURES[kind] for kind in FAILURES if isinstance(error, kind))
+        message = str(error)
     except OSError as error:
         reason = error.strerror or str(error) or "cannot be written"
         status, message = NOT_WRITTEN, f"{error.filename or 'output'}: {reason}"

@@ -158,7 +158,7 @@ def _places(out: Path) -> dict[str, str]:
 
 def _plans(arguments: argparse.Namespace, scene: Scene, seed: int) -> dict[str, Plan]:
     budget = arguments.budget_seconds
-    return compared_plans(scene, arguments.preset, arguments.samples, seed, budget)
+    return compared_plans(scene, arguments.preset, seed, arguments.samples, budget)
 
 
 def _own_names(arguments: argparse.Namespace) -> list[str]:

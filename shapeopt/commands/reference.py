@@ -60,15 +60,15 @@ def reynolds_of(arguments: argparse.Namespace, chord: float, dimension: int) -> 
         conditions = conditions_of(getattr(arguments, "fluid", None))
         if conditions is None or conditions.reynolds is None:
             raise InvalidInput(f"--reynolds: give it, or {_others_of_reynolds(arguments)} instead")
-        return [check_reynolds(conditions.reynolds, True, dimension)]
+        return [check_reynolds(conditions.reynolds, dimension)]
     if arguments.reynolds is not None and arguments.chord_reynolds is not None:
         raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
     if arguments.reynolds is not None:
         values = numbers(arguments.reynolds)
-        return [check_reynolds(value, True, dimension) for value in values]
+        return [check_reynolds(value, dimension) for value in values]
     values = numbers(arguments.chord_reynolds, "--chord-reynolds")
     try:
-        return [check_reynolds(value / chord, True, dimension) for value in values]
+        return [check_reynolds(value / chord, dimension) for value in values]
     except InvalidInput as error:
         text = f"--chord-reynolds {arguments.chord_reynolds}, chord {chord:.4g} D: {error}"
         raise InvalidInput(text) from None

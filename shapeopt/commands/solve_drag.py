@@ -10,6 +10,7 @@ python scripts/solve_drag.py --naca 2412 --incidence -4:12:5 --chord-reynolds 60
 
 import argparse
 import dataclasses
+import math
 from collections.abc import Sequence
 
 from shapeopt.commands.arguments import (
@@ -101,7 +102,7 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     Raises:
       InvalidInput: a case cannot be answered, or a file cannot be written.
     """
-    dimension, unsteady = arguments.dimension, arguments.allow_unsteady
+    dimension = arguments.dimension
     check_reference(arguments.reference, dimension, arguments.moment_about)
     shapes = shapes_of(arguments, dimension)
     chord = next(iter(shapes.values())).chord
@@ -119,13 +120,13 @@ def _cases(arguments: argparse.Namespace) -> tuple[Scene, list[Case]]:
     scene = _scene(arguments, reynolds)
     for incidence, shape in shapes.items():
         which = f"--incidence {incidence:g}: " if len(shapes) > 1 else ""
-        onset = onset_of(shape)
+        onset = math.inf if arguments.allow_unsteady else onset_of(shape)
         solved = shape.differentiable() if arguments.gradient else shape
         for value in scene.reynolds:
             refined = scene.fidelity.for_body(value, shape.height, shape.nose).cells
             more = refined / scene.fidelity.cells
             with refusals_by_options(arguments.keep_size, which, more):
-                check_reynolds(value, unsteady, dimension, onset)
+                check_reynolds(value, dimension, onset)
                 fitted_domain(scene.stream, scene.fidelity, solved, value)
     return scene, cases
 

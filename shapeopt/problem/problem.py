@@ -76,8 +76,7 @@ class Problem:
     by_chord: bool = False
 
     def __post_init__(self):
-        if not isinstance(self.scene, Scene):
-            raise InvalidInput(f"problem: {self.scene!r} is no Scene")
+        expect("problem", self.scene, Scene, "Scene")
         if isinstance(self.reynolds, list | tuple) or getattr(self.reynolds, "ndim", 0) == 1:
             several = tuple(self.reynolds)
             equal = several[0] if len(several) == 1 else Weighted(several, (1.0,) * len(several))

@@ -19,7 +19,7 @@ from surrogate.model.gaussian_process import Hyper
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Kriging, Observation, kriging, likeliest, uncorrected
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import output_gradients
+from surrogate.model.outputs import gradients_of_outputs
 
 KIND = "flows of a designer"  # "kind" of the file
 REFIT = 1.3  # growth of the number of observations after which kriging's lengths are fitted anew
@@ -92,7 +92,7 @@ class Memory:
         """Store a converged flow as an observation, and return this."""
         found = jax.tree.map(np.asarray, found)
         gradients = np.column_stack([found.gradients, reynolds * found.by_reynolds])
-        slopes = np.asarray(output_gradients(found.loads, gradients))
+        slopes = np.asarray(gradients_of_outputs(found.loads, gradients))
         body = np.asarray(parameters, float)
         self.observations.append(Observation(body, float(reynolds), found.loads, slopes))
         self.flows += 1

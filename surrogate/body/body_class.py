@@ -267,7 +267,7 @@ class BodyClass(abc.ABC):
         half_height = self.half_axes(parameters)[-1]
         return half_height * sum(beta * k**derivative * jnp.sin(k * t + phase) for k, beta in waves)
 
-    def _camber(self, parameters, t, derivative=0):
+    def _camber(self, parameters, t, derivative):
         """Return the camber line over t up to a constant, or a derivative of it."""
         phase = derivative * np.pi / 2
         waves = zip(self.camber_modes, self.gammas(parameters), strict=True)

@@ -71,9 +71,9 @@ def naca4(code: str | int, points: int = 200) -> Float[AnyArray, "points 2"]:
 
 
 def contour_curve(
-    points: Float[AnyArray, "points 2"], keep_size: bool = False
+    points: Float[AnyArray, "points 2"], keep_size: bool
 ) -> Float[np.ndarray, "fine 2"]:
-    """Return a contour as a fine curve: clockwise from the nose, centroid at 0, area pi/4.
+    """Return a contour as a fine curve: clockwise from the nose, centroid at 0.
 
     Its points are equidistant in a parameter t that runs faster where the contour bends less,
     ds/dt ~ curvature^(-1/3): on an ellipse that is its own angle, so noses and tails get the
@@ -81,7 +81,7 @@ def contour_curve(
 
     Args:
       points: x and y once around, in order.
-      keep_size: keep the area that was given.
+      keep_size: keep the area that was given, else it is pi/4.
 
     Raises:
       InvalidInput: fewer than 8 finite points, no area, a size that cannot be scaled, the contour
@@ -104,7 +104,7 @@ def contour_curve(
 
 
 def smoothed(
-    curve: Float[np.ndarray, "fine 2"], nodes: int, keep_size: bool = False
+    curve: Float[np.ndarray, "fine 2"], nodes: int, keep_size: bool
 ) -> Float[np.ndarray, "nodes 2"]:
     """Return markers at equidistant t on a curve whose corners a Fourier series rounds.
 
@@ -152,7 +152,7 @@ def _checked(points):
     return points, area, centroid
 
 
-def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool = False) -> float:
+def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool) -> float:
     """Return the extent along x in D of a valid contour, scaled as by ``contour_curve``."""
     points = np.asarray(points, float)
     area, _ = moments(points - points.mean(axis=0))
@@ -161,7 +161,7 @@ def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool = False)
 
 
 def _farthest(points, smooth):
-    """Greatest distance of the points from the smooth contour."""
+    """Return the greatest distance of the points from the smooth contour."""
     return float(cKDTree(smooth).query(points)[0].max())
 
 
@@ -211,7 +211,7 @@ def _by_bend(points):
 
 
 def _fourier(points, nodes):
-    """Low-pass Fourier series at ``nodes`` points; harmonics above nodes / 8 fade out."""
+    """Return a Fourier series at ``nodes`` points, whose harmonics above nodes / 8 fade out."""
     wave = np.fft.fftfreq(len(points), 1 / len(points))
     spectrum = np.fft.fft(points, axis=0) * np.exp(-((wave / (nodes / 8)) ** 4))[:, None]
     known = min(nodes, len(points))

@@ -61,7 +61,7 @@ def read_contour(path: str | Path) -> Float[AnyArray, "points 2"]:
 
 
 def _text(path):
-    """Text of a file that is not too large; in UTF-16 if its first bytes say so."""
+    """Return the text of a file that is not too large, in UTF-16 if its first bytes say so."""
     try:
         with path.open("rb") as file:
             content = file.read(LARGEST + 1)
@@ -77,7 +77,7 @@ def _text(path):
 
 
 def _bare(line):
-    """A row without comments, its minus signs ASCII."""
+    """Return a row without comments, its minus signs in ASCII."""
     line = re.split(r"#|%|!|//", line)[0].replace("\N{MINUS SIGN}", "-")
     return line.strip().strip(",;|").strip()
 
@@ -117,7 +117,7 @@ def _nearly(counts, points):
 
 
 def _pair(words):
-    """The two finite numbers of a row, or None."""
+    """Return the two finite numbers of a row, or None."""
     try:
         values = [float(word) for word in words]
     except ValueError:

@@ -58,11 +58,11 @@ def cambered_extent(ends: Mapping[str, Float[np.ndarray, "2"]]) -> tuple[float, 
         return _number(np.cos(k * t)) + _number(0.5) * (beta(k - 1) + _number(-1.0) * beta(k + 1))
 
     height = _number(np.sin(t))
-    for name, _, _, _, _, _, kind, k in PARAMETERS.values():
-        if kind is Kind.SINE:
-            height += weight(name) * _number(np.sin(k * t))
-        elif kind is Kind.CAMBER:
-            height += weight(name) * _number(-1.0) * cosine(k)
+    for p in PARAMETERS.values():
+        if p.kind is Kind.SINE:
+            height += weight(p.name) * _number(np.sin(p.mode * t))
+        elif p.kind is Kind.CAMBER:
+            height += weight(p.name) * _number(-1.0) * cosine(p.mode)
     turns = _turns(*ends.get("incidence", (0.0, 0.0)))
     along, across = cosine(1).largest / 2, height.largest / 2
     roots = np.sqrt(ends["aspect"])  # the sides of a turned body are convex in the root
@@ -96,13 +96,13 @@ def _number(value):
 
 
 def _turns(low, high):
-    """Least and greatest turn in radians, either way."""
+    """Return the least and the greatest turn in radians, either way."""
     least = 0.0 if low <= 0 <= high else min(abs(low), abs(high))
     return np.deg2rad([least, max(abs(low), abs(high))])
 
 
 def _turned(x, y, turns):
-    """Greatest |x| and |y| of points in the corners (+-x, +-y), turned by up to 90 degrees."""
+    """Return the greatest |x| and |y| of the corners (+-x, +-y), turned by up to 90 degrees."""
     radius, lean = np.hypot(x, y), np.arctan2(y, x)
     flattest, steepest = (np.clip(at, *turns) for at in (lean, np.pi / 2 - lean))
     return radius * np.cos(flattest - lean), radius * np.sin(steepest + lean)

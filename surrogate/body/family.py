@@ -274,7 +274,7 @@ class Family:
 
 
 def _range(name, given):
-    """Ends of a parameter's range, within its limits."""
+    """Return the ends of a parameter's range, within its limits."""
     low, high = interval(f"range of {name}", given)
     least, most = PARAMETERS[name].widest_range
     if low == high:

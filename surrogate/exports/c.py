@@ -79,7 +79,7 @@ def c_file(plain: PlainNetwork, card: str, precision: Precision, prefix: str) ->
 
 
 def _values_of_a_case(plain):
-    """How many numbers the batch function holds for each case."""
+    """Return how many numbers the batch function holds for each case."""
     inputs, features, heads = len(plain.inputs), len(plain.mirror), len(plain.constant)
     widest, nodes = max(plain.sizes), sum(plain.sizes[:-1])
     return inputs + features + 2 * heads * (1 + features) + 2 * 5 + nodes + 2 * widest + 4
@@ -91,7 +91,7 @@ def _literal(precision):
 
 
 def _data(plain, precision):
-    """The numbers as constant arrays."""
+    """Return the numbers as constant arrays."""
     literal, (low, high) = _literal(precision), precision.ends(plain)
 
     def array(name, values, kind="real"):

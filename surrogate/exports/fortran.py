@@ -57,7 +57,7 @@ def _literal(precision):
 
 
 def _data(plain, precision):
-    """The numbers as module variables that DATA statements set; arrays by columns."""
+    """Return the numbers as module variables that DATA statements set, arrays by columns."""
     literal, (low, high) = _literal(precision), precision.ends(plain)
 
     numbers = {

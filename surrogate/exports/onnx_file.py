@@ -96,7 +96,7 @@ class _Graph:
 
 
 def _outputs(g, plain, precision):
-    """Names of loads, jacobian and status."""
+    """Return the names of loads, jacobian and status."""
     logs, ones = g.constant(plain.logs, bool), np.ones(1)
     logarithms = g("Log", g("Where", logs, "inputs", ones))
     values = g("Where", logs, logarithms, "inputs")
@@ -127,7 +127,7 @@ def _outputs(g, plain, precision):
 
 
 def _features(g, plain, scaled):
-    """Features at scaled inputs, and a function from derivatives in them to those in the inputs."""
+    """Return the features, and a function from derivatives in them to those in scaled inputs."""
     if plain.incidence < 0:
         return scaled, lambda by: by
     of, inputs = plain.sources, np.arange(len(plain.inputs))
@@ -154,7 +154,7 @@ def _features(g, plain, scaled):
 
 
 def _evaluated(g, plain, z):
-    """Outputs (n, 1) before they are made even or odd, and derivatives (n, inputs), by load."""
+    """Return by load the outputs (n, 1), not yet even or odd, and their derivatives (n, inputs)."""
     trace = [z]
     for weight, bias in zip(plain.weights[:-1], plain.biases[:-1], strict=True):
         trace.append(g("Tanh", g("Add", g("MatMul", trace[-1], weight.T), bias)))
@@ -178,7 +178,7 @@ def _evaluated(g, plain, z):
 
 
 def _with_moment(g, plain, z, outputs, derivatives):
-    """The same with the parts of the moment summed up, for 3-D bodies at incidence."""
+    """Return outputs and derivatives of 3-D bodies at incidence, the moment's parts summed up."""
     last, step, one = len(plain.mirror) - 1, plain.scale[-1], np.ones(1)
     log_re = g("Div", g("Sub", g("Gather", z, g.axes(last), axis=1), [plain.shift[-1]]), [step])
     inertia = g("Sigmoid", g("Sub", log_re, [math.log(plain.inertial)]))
@@ -196,7 +196,7 @@ def _with_moment(g, plain, z, outputs, derivatives):
 
 
 def _status(g, plain, precision, logarithms):
-    """Whether each case is valid, (n, 1), and its status, (n,)."""
+    """Return whether each case is valid, (n, 1), and its status, (n,)."""
     most = float(np.finfo(precision.dtype).max)
     least, highest = (np.clip(x, -most, most) for x in (plain.least, plain.most))
     low, high = precision.ends(plain)

@@ -27,7 +27,8 @@ from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.files import JsonObject
 from surrogate.flow.loads import LOADS
 from surrogate.model.features import features_of, incidence_index, stokes_moment_features
-from surrogate.model.network import CORRECTION_SCALE, INERTIAL_RE, PARITY
+from surrogate.model.network import CORRECTION_SCALE, INERTIAL_RE
+from surrogate.model.outputs import PARITY
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.limits import REYNOLDS
 

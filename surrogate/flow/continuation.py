@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
@@ -13,7 +12,6 @@ from surrogate.errors import NotConverged
 from surrogate.flow import programs
 from surrogate.flow.grid.domain import Domain
 from surrogate.flow.grid.immersed import Markers
-from surrogate.flow.loads import drag_coefficient
 from surrogate.flow.solver.newton import NewtonInfo, NewtonSettings
 from surrogate.flow.solver.steady import FlowState
 from surrogate.flow.streams import kept_operators
@@ -26,11 +24,6 @@ class FlowResult(NamedTuple):
 
     state: FlowState
     info: NewtonInfo
-
-    @property
-    def drag(self) -> float:
-        """The drag coefficient Cd."""
-        return drag_coefficient(np.asarray(self.state.amplitude)[None]).item()
 
 
 def solve_markers(
@@ -51,7 +44,7 @@ def solve_markers(
     """
     stream = kept_operators(domain, reynolds, *jax.tree.leaves(markers))
     operators = programs.assemble(domain, markers, reynolds, stream)
-    return FlowResult(*programs.solve(domain, settings, operators, guess))
+    return FlowResult(*programs.solve(domain, operators, guess, settings))
 
 
 def solve_by_continuation(

@@ -1,5 +1,7 @@
 """Which bodies and Reynolds numbers the flow of a scene answers, on its one grid."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -55,7 +57,7 @@ def checked(
     body = scene.family.check(parameters)
     _check_within(scene, bodies, reynolds)
     onset = float(bodies.check(body[None]).onset[0])
-    return body, check_reynolds(reynolds, allow_unsteady, scene.dimension, onset)
+    return body, check_reynolds(reynolds, scene.dimension, math.inf if allow_unsteady else onset)
 
 
 def checked_numbers(
@@ -89,12 +91,12 @@ def check_steady(
     late = reynolds > onset * (1 + ROUNDING)
     if np.any(late):
         first = int(np.argmax(late))
-        check_reynolds(reynolds[first], False, dimension, float(onset[first]))
+        check_reynolds(reynolds[first], dimension, float(onset[first]))
 
 
 def _check_within(scene, bodies, reynolds):
     """Raise InvalidInput unless a Reynolds number is one that the scene's grid is made for."""
-    value = check_reynolds(reynolds, True, scene.dimension)
+    value = check_reynolds(reynolds, scene.dimension)
     lowest, highest = bodies.domain.least_reynolds, scene.reynolds[1]
     wider = "; a Scene with a wider range of Reynolds numbers would do"
     if value > highest * (1 + ROUNDING):

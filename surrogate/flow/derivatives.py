@@ -120,7 +120,7 @@ def exact_gradients(
     if operators is None:
         operators = bodies.assembled(parameters, reynolds)
     efforts = (Effort(bodies.settings.linear_tolerance, bodies.settings.max_vectors),) * len(loads)
-    found = programs.load_gradients(loads, domain, efforts, operators, state, reynolds)
+    found = programs.load_gradients(loads, domain, operators, state, reynolds, efforts)
     at = domain, parameters, reynolds, operators, state
     by_re = _by_reynolds(*at, found, efforts) if by_reynolds else None
     return _in_parameters(bodies, parameters, found.by_markers, by_re, found.work.converged)
@@ -197,7 +197,7 @@ def loads_and_gradients(
     domain = bodies.domain
     operators, state, info = bodies.solved(parameters, reynolds)
     efforts = quick_efforts(bodies.loads)
-    found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, reynolds)
+    found = programs.load_gradients(bodies.loads, domain, operators, state, reynolds, efforts)
     by_re = _by_reynolds(domain, parameters, reynolds, operators, state, found, efforts)
     values = load_values(bodies.domain.modes, bodies.loads, state.amplitude, operators.markers)
     return _loads_and_gradients(

@@ -83,7 +83,7 @@ class DiscreteBodies:
     ) -> tuple[Operators, FlowState, NewtonInfo]:
         """Solve the flow past a body from its Oseen flow; return operators, state and outcome."""
         operators = self.assembled(parameters, reynolds)
-        return operators, *programs.solve(self.domain, self.settings, operators, None)
+        return operators, *programs.solve(self.domain, operators, None, self.settings)
 
     def coverage(self, parameters: Float[AnyArray, " parameters"]) -> Coverage:
         """Return whether a body fits the grid's box, is resolved, and where it becomes unstable."""

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 
 import jax
 import jax.numpy as jnp
@@ -55,8 +56,7 @@ class Flow:
     settings: NewtonSettings = NewtonSettings()
 
     def __post_init__(self):
-        if not isinstance(self.scene, Scene):
-            raise InvalidInput(f"flow: {self.scene!r} is no Scene")
+        expect("flow", self.scene, Scene, "Scene")
         expect("flow", self.settings, NewtonSettings, "NewtonSettings")
 
     def __str__(self) -> str:
@@ -256,7 +256,8 @@ class Flow:
             raise InvalidInput(
                 f"body: of dimension {shape.dimension}, in a scene of {self.scene.dimension}"
             )
-        reynolds = check_reynolds(reynolds, allow_unsteady, self.scene.dimension, onset_of(shape))
+        onset = math.inf if allow_unsteady else onset_of(shape)
+        reynolds = check_reynolds(reynolds, self.scene.dimension, onset)
         fidelity = self.scene.fidelity.for_body(reynolds, shape.height, shape.nose)
         domain = fitted_domain(self.scene.stream, self.scene.fidelity, shape, reynolds)
         return shape, reynolds, domain, fidelity

@@ -257,11 +257,7 @@ class Solution:
         return fields_mesh(self.fields)
 
     def surface_mesh(self) -> "pv.PolyData":
-        """Return the contour, or the skin of a 3-D body, as a pyvista mesh with Cp and Cf.
-
-        Raises:
-          InvalidInput: the 3-D body is not one of a family.
-        """
+        """Return the contour, or the skin of a 3-D body, as a pyvista mesh with Cp and Cf."""
         from surrogate.flow.output.meshes import surface_mesh
 
         return surface_mesh(self)

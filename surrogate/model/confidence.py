@@ -90,7 +90,7 @@ class Novelty:
         return gradients, self._explained(gradients)
 
     def _explained(self, gradients):
-        """The vectors v, a column for each of the gradients."""
+        """Return the vectors v, a column for each of the gradients."""
         return jax.scipy.linalg.solve_triangular(self.factor, self.known @ gradients, lower=True)
 
 
@@ -119,13 +119,13 @@ def coverage(bodies: int) -> float:
 
 @jax.jit
 def _all_gradients(network, parameters, reynolds):
-    """Gradients of all loads of some bodies in the weights, over Cd, a row for each."""
+    """Return the gradients of all loads of some bodies in the weights, over Cd, a row for each."""
     gradients = jax.vmap(_gradients, (None, 0, 0))(network, parameters, reynolds)
     return gradients.reshape(-1, gradients.shape[-1])
 
 
 def _gradients(network, *sample):
-    """Gradients of the loads of a body in the weights, over Cd."""
+    """Return the gradients of the loads of a body in the weights, over Cd."""
 
     def loads(weights):
         return network.with_load_weights(weights).loads(*sample)

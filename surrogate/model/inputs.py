@@ -82,7 +82,7 @@ def scene_inputs(scene: Scene) -> Inputs:
 
 
 def _keep_mirror_plane(body_class):
-    """Which parameters leave bodies symmetric in y = 0."""
+    """Return which parameters leave bodies symmetric in y = 0."""
     return np.array([parameter.keeps_mirror_plane for parameter in body_class.parameters])
 
 

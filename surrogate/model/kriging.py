@@ -31,7 +31,7 @@ from surrogate.model.gaussian_process import (
 )
 from surrogate.model.inputs import Inputs
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import OutputModel, load_gradients, outputs_of
+from surrogate.model.outputs import PARITY, OutputModel, gradients_of_loads, outputs_of
 
 FITTED = 64  # observations at most from which hyperparameters are fitted: bounds the cost
 MIN_CAPACITY, GROWTH = 16, 4  # of the padded arrays, so that few sizes are compiled
@@ -56,7 +56,7 @@ class Observation(NamedTuple):
     @property
     def load_slopes(self) -> Float[np.ndarray, "loads inputs"]:
         """Derivatives of the loads Cd (, Cl, Cm) in (parameters, log Re)."""
-        return np.asarray(load_gradients(self.loads, self.slopes))
+        return np.asarray(gradients_of_loads(self.loads, self.slopes))
 
 
 class Kriging(OutputModel):
@@ -129,7 +129,7 @@ def uncorrected(inputs: Inputs, base: LoadNetwork, loads: int) -> Kriging:
     size, zeros = len(inputs.mirror), np.zeros
     rows = zeros((loads, MIN_CAPACITY, 1 + size))
     data = Data(
-        zeros((MIN_CAPACITY, size)), rows, zeros(MIN_CAPACITY, bool), _parity(loads), inputs.mirror
+        zeros((MIN_CAPACITY, size)), rows, zeros(MIN_CAPACITY, bool), PARITY[:loads], inputs.mirror
     )
     hyper = Hyper(zeros(loads), zeros(loads), zeros((loads, size)))
     return Kriging(base, inputs, data, hyper, zeros(loads), rows)
@@ -183,12 +183,7 @@ def _data(observations, inputs, base):
     padded = [observations[min(k, count - 1)] for k in range(capacity)]
     arrays = [np.array(part, float) for part in zip(*padded, strict=True)]
     z, rows = map(np.asarray, _residuals(inputs, base, *arrays))
-    return Data(z, rows, np.arange(capacity) < count, _parity(len(rows)), inputs.mirror)
-
-
-def _parity(loads):
-    """Return the outputs' factors under mirroring: log Cd is even, the others are odd."""
-    return np.append(1.0, -np.ones(loads - 1))
+    return Data(z, rows, np.arange(capacity) < count, PARITY[: len(rows)], inputs.mirror)
 
 
 @compiled()

@@ -15,14 +15,13 @@ from surrogate.flow.grid.discretise import traction_modes
 from surrogate.flow.loads import AnyModes, drag_amplitude
 from surrogate.model.features import features_of, incidence_index, stokes_moment_features
 from surrogate.model.inputs import Inputs, quadratic, scene_inputs
-from surrogate.model.outputs import OutputModel
+from surrogate.model.outputs import PARITY, OutputModel
 from surrogate.scene.scene import Scene
 
 CORRECTION_SCALE = 0.3  # of the outputs about their trend, per unit of the MLP's output
 WIDTH, LIFTING_WIDTH = 20, 32  # of both hidden layers, for drag alone and for three loads
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
-PARITY = np.array([1.0, -1.0, -1.0])  # of log Cd, Cl / Cd, Cm / Cd under the mirror image
 INERTIAL_RE = 5.0  # a choice: below it Cm / Cd of spheroids grows about as Re, above it slowly
 FEWEST = 1e-3  # singular values over the largest that the initial trends of the moment keep
 
@@ -228,7 +227,7 @@ def _moment_factors(inputs, features):
 
 
 def _fitted_trends(inputs, z, outputs):
-    """Trends by least squares: of each output, and of the moment in space all heads together."""
+    """Fit the trends by least squares, those of the heads of a 3-D moment together."""
     images = inputs.feature_mirror * z
     has_incidence = incidence_index(inputs.body_class) is not None
     features, mirrored = (np.asarray(_monomials(x)) for x in (z, images))

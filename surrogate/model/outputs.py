@@ -9,6 +9,7 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from surrogate.arrays import AnyArray
@@ -16,6 +17,7 @@ from surrogate.model.inputs import Inputs
 
 SYMBOLS = {"drag": "Cd", "lift": "Cl", "moment": "Cm"}  # of the loads, by their names in records
 LOAD_NAMES = tuple(SYMBOLS)
+PARITY = np.array([1.0, -1.0, -1.0])  # of log Cd, Cl / Cd, Cm / Cd under the mirror image
 
 
 class OutputModel(eqx.Module):
@@ -51,7 +53,7 @@ def loads_of(outputs: Float[AnyArray, " loads"]) -> Float[Array, " loads"]:
 
 
 @jax.jit
-def output_gradients(
+def gradients_of_outputs(
     loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:
     """Return the gradients of the outputs from those of the loads."""
@@ -59,7 +61,7 @@ def output_gradients(
 
 
 @jax.jit
-def load_gradients(
+def gradients_of_loads(
     loads: Float[AnyArray, " loads"], gradients: Float[AnyArray, "loads inputs"]
 ) -> Float[Array, "loads inputs"]:
     """Return the gradients of the loads from those of the outputs."""

@@ -280,7 +280,7 @@ class Surrogate:
         many = real_numbers(reynolds)
         extremes = (many.min(), many.max()) if many is not None and many.size else (reynolds,)
         for value in extremes if np.size(many) else ():
-            check_reynolds(value, True, self.scene.dimension)
+            check_reynolds(value, self.scene.dimension)
         reynolds = np.asarray(reynolds, float)
         check_batch(parameters, reynolds, len(family.names))
         if not extrapolate and (outside := self.ranges.outside(parameters, reynolds)):

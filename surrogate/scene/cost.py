@@ -37,7 +37,7 @@ class Convolutions(NamedTuple):
     overhead: float
 
 
-# By the dimension, and whether bodies have the mirror plane y = 0, in 3-D z = 0.
+# Of one body, by the dimension, and whether bodies have the mirror plane y = 0, in 3-D z = 0.
 CONVOLUTIONS = {
     (2, True): Convolutions(35.0, 7.7, 0.0, 6.0, 1.7),
     (2, False): Convolutions(52.0, 40.0, 19.0, 9.1, 1.3),
@@ -46,23 +46,13 @@ CONVOLUTIONS = {
 }
 
 
-def convolutions(dimension: int, symmetric: bool = True) -> Convolutions:
-    """Return the average convolutions with G of one body.
-
-    Args:
-      dimension: 2 or 3.
-      symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
-    """
-    return CONVOLUTIONS[dimension, symmetric]
-
-
 @functools.cache
-def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool = True) -> float:
+def seconds_per_convolution(shape: tuple[int, ...], symmetric: bool) -> float:
     """Return the seconds of a flow divided by its convolutions with G, on this machine.
 
     Args:
       shape: cells of the grid.
-      symmetric: as for ``convolutions``.
+      symmetric: whether bodies have the mirror plane y = 0, in 3-D z = 0.
     """
     return CONVOLUTIONS[len(shape), symmetric].overhead * convolution_seconds(shape)
 

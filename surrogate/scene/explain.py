@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from surrogate.body.family import Family
 from surrogate.progress import duration
-from surrogate.scene.cost import convolutions, seconds_per_convolution
+from surrogate.scene.cost import CONVOLUTIONS, seconds_per_convolution
 from surrogate.scene.fidelity import NAMED, Fidelity, check_cells
 from surrogate.scene.limits import ONSET_OF_INSTABILITY
 from surrogate.scene.stream import Stream, describe_stream, domain_height
@@ -87,7 +87,7 @@ def explain_scene(
     seconds = seconds_per_convolution(shape, symmetric)
     sides = f"{f.upstream + f.downstream:g}" + f" x {height:g}" * (dimension - 1)
     ranges = ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in family.ranges)
-    takes = convolutions(dimension, symmetric)
+    takes = CONVOLUTIONS[dimension, symmetric]
 
     aim = f"The tolerance of its drags is {100 * f.tolerance:g} %"
     if NAMED[dimension].get(fidelity.name) == fidelity:
@@ -125,13 +125,13 @@ def explain_scene(
 
 
 def _refined(f, fidelity):
-    """What is said of a grid whose cells follow thin boundary layers."""
+    """Return what is said of a grid whose cells follow thin boundary layers."""
     finer = f", finer than its {fidelity.cells} for thin boundary layers"
     return finer if f.cells > fidelity.cells else ""
 
 
 def _kind(family):
-    """The family in a few words: symmetric, or what makes its bodies not so."""
+    """Return the family in a few words: symmetric, or what makes its bodies not so."""
     body = family.body_class
     parts = ["camber"] * bool(body.camber_modes) + ["incidence"] * ("incidence" in body.names)
     return f"family with {' and '.join(parts)}" if parts else "symmetric family"

@@ -144,7 +144,7 @@ class Fidelity:
             return fidelity
         return fidelity._lengthened(self.downstream + LONGER)
 
-    def for_modes(self, highest: int, lifting: bool = False) -> "Fidelity":
+    def for_modes(self, highest: int, lifting: bool) -> "Fidelity":
         """Return the fidelity with as many harmonics of the traction as the bodies' waves need.
 
         Fewer than two more than the bodies' highest mode miss up to 2 % of Cd (study
@@ -233,7 +233,7 @@ def check_cells(fidelity: Fidelity, shape: tuple[int, ...], symmetric: bool) -> 
         )
 
 
-def read_fidelity(value: object, dimension: int = 2) -> Fidelity:
+def read_fidelity(value: object, dimension: int) -> Fidelity:
     """Return a fidelity given by its name, by a table of its numbers, or as it is.
 
     Names and the defaults of ``wake`` and ``refinement`` depend on the dimension.

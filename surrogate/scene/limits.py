@@ -1,5 +1,6 @@
 """What can be asked: Reynolds numbers that are steady and tested, bodies that fit their stream."""
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -11,7 +12,7 @@ from surrogate.arrays import AnyArray, Number
 from surrogate.body.measures import streamwise_profile
 from surrogate.body.shape import NODES, Shape
 from surrogate.checks import finite_number
-from surrogate.errors import InvalidInput
+from surrogate.errors import InvalidInput, TooLarge
 from surrogate.scene.fidelity import Fidelity
 from surrogate.scene.stream import Stream, Tunnel
 
@@ -138,35 +139,28 @@ def onset_of(shape: Shape) -> float:
     return float(onset_of_instability(shape.extent, shape.draw(NODES)))
 
 
-def check_reynolds(
-    reynolds: Number,
-    allow_unsteady: bool = False,
-    dimension: int = 2,
-    onset: float | None = None,
-) -> float:
+def check_reynolds(reynolds: Number, dimension: int = 2, onset: float = math.inf) -> float:
     """Check that a steady laminar flow is a fair answer at a Reynolds number; return it as a float.
 
     Args:
       reynolds: U D / nu.
-      allow_unsteady: accept it beyond the onset of instability too.
       dimension: 2 or 3.
-      onset: that of the body, see ``onset_of``; by default of the cylinder or the sphere.
+      onset: of instability of the body, see ``onset_of``; infinite to accept unsteady flows too.
 
     Raises:
-      InvalidInput: it is not a number, is beyond what the solver is tested for, or the body's
-        steady flow is unstable there and ``allow_unsteady`` is not set.
+      InvalidInput: it is not a number, is beyond what the solver is tested for, or is beyond the
+        onset of instability.
     """
     many = "; a loop, flow.solve_all and net.drag take many"
     value = finite_number("Reynolds number", reynolds, of_several=many)
     if value <= 0:
         raise InvalidInput(f"Reynolds number {value:g}: must be a finite number above 0")
     low, high = REYNOLDS[dimension]
-    onset = ONSET_OF_INSTABILITY[dimension] if onset is None else onset
     if value < low * (1 - ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the solver is tested from {low:g}")
     if value > high * (1 + ROUNDING):
         raise InvalidInput(f"Reynolds number {value:g}: the steady solver is tested up to {high:g}")
-    if value > onset * (1 + ROUNDING) and not allow_unsteady:
+    if value > onset * (1 + ROUNDING):
         raise InvalidInput(
             f"Reynolds number {value:g}: the steady flow past such a body is unstable beyond "
             f"{onset:.3g} and not observed there; "
@@ -181,26 +175,31 @@ def check_stream(
     extent: Float[np.ndarray, " axes"],
     clearance: tuple[float, float],
 ) -> None:
-    """Raise InvalidInput unless a body fits the domain and, if there is one, the tunnel.
+    """Check that a body fits the domain and, if there is one, the tunnel.
 
     Args:
       stream: in which the body is.
       fidelity: whose domain it must fit.
       extent: sides in D of a box around the body as it lies: length, ..., height.
       clearance: D that accuracy needs between this box and the domain's edges, along and across.
+
+    Raises:
+      TooLarge: the body does not fit the domain.
+      InvalidInput: it does not fit the tunnel.
     """
     along, across = extent[0] / 2 + clearance[0], np.max(extent[1:]) / 2 + clearance[1]
     room = min(fidelity.upstream, fidelity.downstream)
     if along > room or across > fidelity.height / 2:
         sides = " x ".join(f"{side:g}" for side in extent)
         most = max(2 * (room - clearance[0]), 0), max(fidelity.height - 2 * clearance[1], 0)
-        raise InvalidInput(
+        raise TooLarge(
             f"body: {sides} D is too large for the {fidelity.name} domain, which holds "
             f"{most[0]:g} D along the stream and {most[1]:g} D across; bodies are best scaled to "
             "an equivalent diameter of 1, and a larger domain is a Fidelity of one's own"
         )
     if isinstance(stream, Tunnel) and stream.height < extent[1] + 1:
+        needed = math.ceil(100 * (extent[1] + 1)) / 100
         raise InvalidInput(
             f"tunnel:{stream.height:g} leaves less than half a diameter above and below a box "
-            f"{extent[1]:g} D high around the body as it lies; tunnel:{extent[1] + 1:g} would do"
+            f"{extent[1]:g} D high around the body as it lies; tunnel:{needed:g} would do"
         )

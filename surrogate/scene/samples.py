@@ -100,5 +100,5 @@ def network_key(seed: int) -> jax.Array:
 
 
 def _keys(seed):
-    """Keys of held-out samples and of weights."""
+    """Return the keys of held-out samples and of weights."""
     return jax.random.split(jax.random.key(seed), 3)[1:]

@@ -71,7 +71,7 @@ class Scene:
         put("dimension", self.family.dimension)
         reynolds = interval("Reynolds range", self.reynolds)
         for end in reynolds:
-            check_reynolds(end, allow_unsteady=True, dimension=self.dimension)
+            check_reynolds(end, self.dimension)
         put("reynolds", reynolds)
         put("fidelity", read_fidelity(self.fidelity, self.dimension))
         if not isinstance(self.stream, Stream):
@@ -175,7 +175,7 @@ class Scene:
           InvalidInput: it is not a number, or outside the scene's range.
         """
         low, high = self.reynolds
-        value = check_reynolds(reynolds, allow_unsteady=True, dimension=self.dimension)
+        value = check_reynolds(reynolds, self.dimension)
         if not low * (1 - ROUNDING) <= value <= high * (1 + ROUNDING):
             raise InvalidInput(f"Reynolds number {value:g}: the scene covers {low:g} to {high:g}")
         return value

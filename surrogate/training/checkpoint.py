@@ -104,7 +104,7 @@ def _read(path, plan, shapes):
     if found := checkpoint_differences(path, plan):
         raise InvalidInput(f"checkpoint {path}: belongs to another training ({found})")
     saved = read_leaves(path, shapes, "checkpoint", "; remove it")
-    if leaves_digest(saved) != read_header(path, "checkpoint").get(DIGEST):
+    if leaves_digest(saved) != read_header(path).get(DIGEST):
         raise InvalidInput(f"checkpoint {path}: damaged, not what was saved; remove it")
     return saved
 
@@ -115,7 +115,7 @@ def checkpoint_differences(path: Path, plan: Plan) -> str:
     Raises:
       InvalidInput: the file is damaged, or no checkpoint.
     """
-    header = read_header(path, "checkpoint")
+    header = read_header(path)
     known = _describe(plan)
     if not isinstance(header, dict) or set(header) - {DIGEST} != set(known):
         raise InvalidInput(f"checkpoint {path}: damaged, or of another program; remove it")
@@ -123,7 +123,7 @@ def checkpoint_differences(path: Path, plan: Plan) -> str:
 
 
 def _map_sharded(state, function):
-    """The state with ``function(rows)`` in place of sharded arrays."""
+    """Return the state with ``function(rows)`` in place of sharded arrays."""
     return jax.tree.map(
         lambda node: jax.tree.map(function, node.rows) if is_sharded(node) else node,
         state,

@@ -10,7 +10,7 @@ import numpy as np
 from surrogate.flow.flow import Flow
 from surrogate.flow.loads import LOADS
 from surrogate.model.network import blank_network
-from surrogate.scene.cost import convolutions, median_seconds, seconds_per_convolution
+from surrogate.scene.cost import CONVOLUTIONS, median_seconds, seconds_per_convolution
 from surrogate.training.methods.inversion import NewtonSteps
 from surrogate.training.methods.sip import LabelRegression
 from surrogate.training.plan import Plan
@@ -46,7 +46,7 @@ def forecast(plan: Plan) -> Forecast:
     """Forecast the cost of a training, from averages and a few timed operations."""
     lattice = Flow(plan.scene).domain.lattice
     symmetric = plan.scene.family.body_class.symmetric
-    takes = convolutions(plan.scene.dimension, symmetric)
+    takes = CONVOLUTIONS[plan.scene.dimension, symmetric]
     method = plan.make_method()
     evaluations = EVALUATIONS_OF_A_LABEL if isinstance(method.evaluator, NewtonSteps) else 1
     each = takes.flow + evaluations * takes.renewal + (0.0 if plan.published else takes.adjoint)
@@ -67,7 +67,7 @@ def forecast(plan: Plan) -> Forecast:
 
 
 def _gradient_seconds(plan):
-    """Seconds of one gradient of the network over all samples."""
+    """Return the seconds of one gradient of the network over all samples."""
     network = _network(plan)
     points = jnp.zeros((plan.samples, network.layers[0].in_features))
 
@@ -81,7 +81,7 @@ def _gradient_seconds(plan):
 
 
 def _inverse_seconds(plan, batch):
-    """Seconds of one eigendecomposition of the smaller Gram matrix; 0 for other methods."""
+    """Return the seconds of one eigendecomposition of the smaller Gram matrix, 0 without one."""
     if plan.method != "hig":
         return 0.0
     network = _network(plan)

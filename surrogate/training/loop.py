@@ -166,7 +166,7 @@ def run_training(
 
 
 def _first_state(plan, setup, method):
-    """The state before the first step: the work so far is that of the assembly."""
+    """Return the state before the first step, where the work so far is that of the assembly."""
     physics = setup.physics
     assembled = physics.count * physics.domain.assembly_cost
     return TrainingState(
@@ -179,7 +179,7 @@ def _first_state(plan, setup, method):
 
 
 def _evaluations(state: TrainingState, step: Step, batch: Batch) -> Iterator[TrainingState]:
-    """The states after each chunk of a step's evaluations."""
+    """Yield the state after each chunk of a step's evaluations."""
     start = time.perf_counter()
     for learner, chunk, cost in step.evaluations(state.learner, batch, state.evaluated):
         evaluated = np.array(state.evaluated)
@@ -198,7 +198,7 @@ def _evaluations(state: TrainingState, step: Step, batch: Batch) -> Iterator[Tra
 
 
 def _updated(state, step, batch):
-    """The state after the update that ends a step, and the loss before it."""
+    """Return the state after the update that ends a step, and the loss before it."""
     start = time.perf_counter()
     learner, loss = step.updated(state.learner, batch, float(state.done))
     loss = float(loss)  # waits for the update

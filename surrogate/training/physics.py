@@ -52,7 +52,7 @@ class Sample(eqx.Module):
 
         There is no last one where ``last`` is zero.
         """
-        return jnp.where(jnp.any(last), last, steady.oseen_velocity(operators, self.oseen))
+        return jnp.where(jnp.any(last), last, operators.response(self.oseen))
 
     @property
     def renewal(self) -> int:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Literal, get_args
 
-from surrogate.checks import finite_number, flag, whole_number
+from surrogate.checks import expect, finite_number, flag, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.model.network import default_width
 from surrogate.model.surrogate import Surrogate
@@ -161,8 +161,7 @@ def make_plan(
         raise InvalidInput(f"preset {preset!r}: one of {', '.join(PRESETS)}")
     chosen = PRESETS[preset]
     published = flag("published", published)
-    if scene is not None and not isinstance(scene, Scene):
-        raise InvalidInput(f"training: {scene!r} is no Scene")
+    expect("training", scene, Scene | None, "Scene")
     if budget_seconds is not None:
         budget_seconds = finite_number("budget in seconds", budget_seconds)
         if not 1 <= budget_seconds < 1e6:
@@ -200,8 +199,8 @@ def make_plan(
 def compared_plans(
     scene: Scene | None,
     preset: str,
+    seed: int,
     samples: int | None = None,
-    seed: int = 0,
     budget_seconds: float | None = None,
 ) -> dict[str, Plan]:
     """Return the plans of all trainings that the payoff command compares, by name.
@@ -212,8 +211,8 @@ def compared_plans(
     Args:
       scene: as for ``make_plan``.
       preset: "quick" or "full".
-      samples: number of training samples, in place of the preset's.
       seed: as for ``make_plan``.
+      samples: number of training samples, in place of the preset's.
       budget_seconds: of each training, in place of the preset's iterations.
 
     Raises:

@@ -15,7 +15,7 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences
 from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
-from surrogate.training.held_out import Report, silent, solve_held_out
+from surrogate.training.held_out import Report, solve_held_out
 from surrogate.training.history import load_errors
 from surrogate.training.loop import TrainingResult
 from surrogate.training.plan import Plan
@@ -77,14 +77,12 @@ def surrogate_of(
 
 
 def _beyond_onset(physics):
-    """How many training samples are beyond the onset of instability of their steady flow."""
+    """Return how many training samples are beyond the onset of instability of their flow."""
     onsets = physics.flow.bodies.check(np.asarray(physics.samples.parameters)).onset
     return int(np.sum(np.asarray(physics.samples.reynolds) > onsets))
 
 
-def measured_anew(
-    plan: Plan, surrogate: Surrogate, devices: Devices, report: Report = silent
-) -> Surrogate:
+def measured_anew(plan: Plan, surrogate: Surrogate, devices: Devices, report: Report) -> Surrogate:
     """Return a surrogate with its errors, and their bounds, on the held-out bodies of a plan.
 
     Args:
@@ -104,7 +102,7 @@ def measured_anew(
 
 
 def _errors(plan, network, held_out, loads):
-    """Errors of all loads on held-out bodies, over Cd, and the scales of the bounds for them."""
+    """Return the errors of loads on held-out bodies, over Cd, and the scales of their bounds."""
     errors = np.asarray(load_errors(network, held_out, loads))
     samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
     novelty = Novelty.of_answers(network, samples)
@@ -136,6 +134,6 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
 
 
 def _infill(positions):
-    """The samples added by infill, in words; older records have none."""
+    """Return the samples added by infill, in words; older records have none."""
     digest = zlib.crc32(json.dumps(list(positions)).encode())
     return f"{len(positions)} samples ({digest:08x})" if positions else "none"

@@ -150,19 +150,19 @@ def compile_step(method: Method, start: LearnerState, physics: Physics, batch: B
 
 @functools.lru_cache(maxsize=PROGRAMS)
 def _init(method: Method):
-    """The program of a method's first state."""
+    """Return the program of a method's first state."""
     return jax.jit(method.init)
 
 
 @functools.lru_cache(maxsize=PROGRAMS)
 def _update(method: Method):
-    """The program of a method's step from its labels."""
+    """Return the program of a method's step from its labels."""
     return jax.jit(method.update)
 
 
 @functools.lru_cache(maxsize=PROGRAMS)
 def _copies(devices: Devices):
-    """The programs that take the stored operators and velocities of a chunk, and put these back."""
+    """Return the programs that take a chunk's operators and velocities, and put the latter back."""
 
     def take_all(partition, batch, stores):
         return tuple(partition.take_local(batch, store) for store in stores)
@@ -178,7 +178,7 @@ def _copies(devices: Devices):
 
 @functools.lru_cache(maxsize=PROGRAMS)
 def _evaluation(evaluator: Evaluator, devices: Devices, dimension: int):
-    """The program of an evaluator, which methods with equal ones share."""
+    """Return the program of an evaluator, which methods with equal ones share."""
 
     def run(network, physics, labels, velocities, batch):
         arguments = network, physics, labels, velocities, batch

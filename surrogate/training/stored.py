@@ -18,7 +18,7 @@ from surrogate.training.plan import Plan
 from surrogate.training.record import plan_differences
 
 
-def stored_training(plan: Plan, folder: str | Path, overwrite: bool = False) -> Surrogate | None:
+def stored_training(plan: Plan, folder: str | Path, overwrite: bool) -> Surrogate | None:
     """Return the surrogate that a folder holds if this plan's training is done there, else None.
 
     Its errors may have been measured on another number of held-out bodies than the plan's. In a

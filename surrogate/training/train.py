@@ -157,8 +157,8 @@ def train_plan(
             update(1.0, "")
         return surrogate
     checkpoint = None if out is None else checkpoint_path(out)
-    setup = setup or setup_with_bar(plan, progress, devices)
-    trained = train_with_bar(plan, setup, checkpoint, title=title, progress=progress)
+    setup = setup or setup_with_bar(plan, devices, progress)
+    trained = train_with_bar(plan, setup, checkpoint, title, progress)
     surrogate = surrogate_of(plan, trained, setup, notes)
     if out is not None and first():
         save(out, surrogate)
@@ -202,7 +202,7 @@ def train_all(
             setup = None
             if found is None:
                 key = plan.scene, plan.seed, plan.samples, plan.infill, plan.width, plan.held_out
-                setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices=devices)
+                setup = setups[key] = setups.get(key) or setup_with_bar(plan, devices)
             surrogates[name] = train_plan(
                 plan, out / name, devices=devices, setup=setup, title=name, overwrite=overwrite
             )
@@ -215,9 +215,7 @@ def is_measured(surrogate: Surrogate, plan: Plan) -> bool:
     return surrogate.record.get("held_out") == plan.held_out
 
 
-def setup_with_bar(
-    plan: Plan, progress: bool = True, devices: Devices | None = None
-) -> TrainingSetup:
+def setup_with_bar(plan: Plan, devices: Devices | None, progress: bool = True) -> TrainingSetup:
     """Make the setup of a training as ``make_setup`` does, with progress on stderr."""
     start = time.perf_counter()
     with progress_bar("preparing flows", progress) as update:
@@ -236,9 +234,9 @@ def setup_with_bar(
 def train_with_bar(
     plan: Plan,
     setup: TrainingSetup,
-    checkpoint: Path | None = None,
-    title: str | None = None,
-    progress: bool = True,
+    checkpoint: Path | None,
+    title: str | None,
+    progress: bool,
 ) -> TrainingResult:
     """Train as ``run_training`` does, with progress on stderr.
 
@@ -246,7 +244,7 @@ def train_with_bar(
       plan: as for ``run_training``.
       setup: as for ``run_training``.
       checkpoint: as for ``run_training``.
-      title: of the progress bar; by default the method's name.
+      title: of the progress bar; None for the method's name.
       progress: whether to show progress.
     """
     with progress_bar(f"training {title or plan.method}", progress) as update:

@@ -16,7 +16,7 @@ from surrogate.flow.derivatives import quick_efforts
 from surrogate.flow.loads import LOADS, load_values
 from surrogate.flow.solver.adjoint import Effort
 from surrogate.model.inputs import scene_inputs
-from surrogate.model.outputs import output_gradients
+from surrogate.model.outputs import gradients_of_outputs
 from surrogate.scene.samples import training_samples
 
 CAMBERED = {"gamma2": 0.2, "incidence": 8.0}
@@ -97,7 +97,7 @@ def adjoints(run: Run, dimension: int) -> list[Row]:
     def slopes(efforts):
         rows, work = [], 0
         for body, re, stream, operators, state, _ in solved:
-            found = programs.load_gradients(bodies.loads, domain, efforts, operators, state, re)
+            found = programs.load_gradients(bodies.loads, domain, operators, state, re, efforts)
             if not found.work.converged:
                 raise NotConverged(f"adjoints: one at Re {re:g} has not converged")
             by_re = found.by_reynolds + programs.by_stream(
@@ -105,7 +105,7 @@ def adjoints(run: Run, dimension: int) -> list[Row]:
             )
             by_body = bodies.in_parameters(body, found.by_markers)
             loads = load_values(domain.modes, bodies.loads, state.amplitude, operators.markers)
-            by_inputs = output_gradients(loads, jnp.column_stack([by_body, re * by_re]))
+            by_inputs = gradients_of_outputs(loads, jnp.column_stack([by_body, re * by_re]))
             rows.append(np.asarray(by_inputs * inputs.steepness(body)))
             work += int(found.work.convolutions)
         return np.array(rows), work / len(solved)

@@ -28,7 +28,7 @@ from surrogate.flow.grid.discretise import traction_modes
 from surrogate.model.inputs import Inputs, scene_inputs
 from surrogate.model.kriging import Observation, kriging
 from surrogate.model.network import make_network
-from surrogate.model.outputs import output_gradients, outputs_of
+from surrogate.model.outputs import gradients_of_outputs, outputs_of
 from surrogate.scene.samples import (
     Samples,
     network_key,
@@ -104,7 +104,7 @@ def ground_from(scene: Scene, unseen: Samples, flows: SolvedFlows) -> Ground:
     z, steepness = scaled(*samples), jax.vmap(inputs.steepness)(samples.parameters)
     by_re = (samples.reynolds[:, None] * found.by_reynolds)[..., None]
     gradients = np.concatenate([found.gradients, by_re], axis=-1)
-    steep = np.asarray(jax.vmap(output_gradients)(found.loads, gradients))
+    steep = np.asarray(jax.vmap(gradients_of_outputs)(found.loads, gradients))
     outputs = np.asarray(jax.vmap(outputs_of)(found.loads))
     rows = zip(samples.parameters, samples.reynolds.tolist(), found.loads, steep, strict=True)
     return Ground(

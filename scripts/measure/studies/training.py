@@ -48,7 +48,7 @@ def measure(run: Run, seed: int = 0, bodies: int | None = None) -> list[Row]:
     if bodies:
         plans = {name: make_plan(Scene.read(SCENE), name, "full", bodies) for name in METHODS}
     else:
-        plans = compared_plans(None, run.pick("quick", run.options["preset"]), seed=seed)
+        plans = compared_plans(None, run.pick("quick", run.options["preset"]), seed)
     with tempfile.TemporaryDirectory() as scratch:
         if run.tiny:
             return compared({name: shrunk(plan) for name, plan in plans.items()}, Path(scratch))

@@ -9,7 +9,7 @@ import operator
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from surrogate.errors import InvalidInput, NotConverged
+from surrogate.errors import InvalidInput, NotConverged, TooLarge
 from surrogate.flow.check.error_model import ASYMPTOTIC_CELLS, ERROR_MODELS, Loads
 from surrogate.scene.fidelity import NAMED, Fidelity
 from surrogate.scene.limits import ROUNDING
@@ -92,7 +92,7 @@ def estimate_error(
         rough, missing = solve(coarser), ELSEWHERE
         other = solve(coarser.scaled(model.OTHER_DOMAIN))
     except (InvalidInput, NotConverged) as problem:
-        large = missing == ELSEWHERE and "body" in str(problem) and "too large" in str(problem)
+        large = missing == ELSEWHERE and isinstance(problem, TooLarge)
         return ErrorEstimate("degraded", cause=TOO_LARGE if large else missing)
     order = model.order(reynolds)
     growth = (whole.cells / coarser.cells) ** order - 1

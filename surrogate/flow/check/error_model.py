@@ -14,7 +14,7 @@ ASYMPTOTIC_CELLS = 16  # per D, from which the grid's error falls at its order
 
 
 class Loads(NamedTuple):
-    """The loads on one body at one fidelity: Cd, Cl and Cm."""
+    """One number for each load, Cd, Cl and Cm: its value, its error, or a tolerance of it."""
 
     drag: float
     lift: float

@@ -9,13 +9,13 @@ from typing import ClassVar, Protocol, runtime_checkable
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import Shape
 from surrogate.body.skin import SkinNodes
 from surrogate.errors import InvalidInput
-from surrogate.flow.grid.immersed import Markers, Spreading, Wall
+from surrogate.flow.grid.immersed import Markers, Spreading, Wall, spread_modes
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.modes_3d import Modes3D
@@ -34,6 +34,14 @@ class GreenFunction(Protocol):
 
     def __call__(self, force: Float[AnyArray, "axes ..."]) -> Float[AnyArray, "axes ..."]:
         """Return the velocity on faces due to a force density on faces: one convolution with G."""
+
+    def of_parity(
+        self, force: Float[AnyArray, "axes ..."], odd: Int[AnyArray, ""]
+    ) -> Float[AnyArray, "axes ..."]:
+        """Return the velocity due to a force that is its own mirror image, or minus it (``odd`` 1).
+
+        The mirror plane is the middle of the last axis, which is not folded.
+        """
 
     @property
     def transposed(self) -> "GreenFunction":
@@ -66,6 +74,7 @@ class Domain(abc.ABC):
     MIN_THICKNESS: ClassVar[float]  # cells across the mean thickness of a body
     CLEARANCE: ClassVar[tuple[float, float]]  # D from a fitted body to the domain's edges
     FAR_PRECISION: ClassVar[DTypeLike]  # of the coarse lattices of the far field
+    FAR_COMBINATIONS: ClassVar[int]  # of the modes of lifting bodies, see ``CompressedResponse``
     FORCE_UNIT: ClassVar[float]  # force, over rho U^2 D^(d-1), of a unit amplitude of mode 0
 
     @classmethod
@@ -111,8 +120,13 @@ class Domain(abc.ABC):
         """
 
     @abc.abstractmethod
-    def spread_body(self, markers: Markers, reynolds: Float[AnyArray, ""] | float) -> Spreading:
-        """Spread all traction modes from a body's surface to the grid."""
+    def wall(self, markers: Markers, reynolds: Float[AnyArray, ""] | float) -> Wall:
+        """Return the discretised wall of a body: the traction of every mode, and the slip law.
+
+        Args:
+          markers: of the body.
+          reynolds: U D / nu.
+        """
 
     @abc.abstractmethod
     def each_mode(
@@ -124,6 +138,11 @@ class Domain(abc.ABC):
     def half_extent(self) -> Float[np.ndarray, " axes"]:
         """The largest |x|, |y|, ... in D of a body that the box can hold."""
         return (np.array(self.box) / 2 - (SPLINE_CELLS - 1)) * self.lattice.step
+
+    def spread_body(self, markers: Markers, reynolds: Float[AnyArray, ""] | float) -> Spreading:
+        """Spread all traction modes from a body's surface to the grid."""
+        wall = self.conditioned(self.wall(markers, reynolds), reynolds)
+        return spread_modes(self.lattice, self.box, wall)
 
     def conditioned(self, wall: Wall, reynolds: Float[AnyArray, ""] | float) -> Wall:
         """Return a wall with a slight compliance of every traction mode, for conditioning.
@@ -155,8 +174,11 @@ class Domain(abc.ABC):
 
     @property
     def far_combinations(self) -> int | None:
-        """The number of combinations of modes in the response far away; None where all are kept."""
-        return None
+        """The number of combinations of modes in the response far away.
+
+        None, for all modes, if the bodies have no lift.
+        """
+        return None if self.modes.symmetric else self.FAR_COMBINATIONS
 
     @property
     def near(self) -> tuple[tuple[int, ...], Lattice]:

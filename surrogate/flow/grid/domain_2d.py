@@ -15,7 +15,7 @@ from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
 from surrogate.errors import InvalidInput
 from surrogate.flow.grid.domain import SPLINE_CELLS, Domain, box_around, check_far_field
-from surrogate.flow.grid.immersed import Spreading, spread_modes
+from surrogate.flow.grid.immersed import Wall
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_2d import Modes2D
 from surrogate.flow.grid.oseen_2d import Kernel, oseen_kernel
@@ -33,9 +33,6 @@ WIDE = 3  # heights of a tunnel, beyond which its walls have ended the far field
 # Orders of the far field's momentum flux in the body's force. The third takes 2 convolutions, and 7
 # with lift, where it changes Cd half as much (study ``far_field``).
 FAR_ORDER, LIFTING_FAR_ORDER = 3, 2
-# Of the modes of lifting bodies: a choice. Beyond, singular values on the edge of the box of known
-# responses are below 3 % of the largest, and flows take as many Krylov vectors as with all modes.
-FAR_COMBINATIONS = 8
 LEAST_EXTENT = (4.0, 2.0)  # D, of the box around a fitted body, each doubled as often as needed
 MARKER_SPACING = 0.8  # cells between markers, so that the spread force has no gaps (Peskin 2002)
 
@@ -54,6 +51,9 @@ class Domain2D(Domain):
     MIN_THICKNESS = 2.5
     CLEARANCE = (1.5, 1.25)
     FAR_PRECISION = jnp.float64  # in single precision drags of equal flows differ by some 1e-8
+    # A choice. Beyond, singular values on the edge of the box of known responses are below 3 % of
+    # the largest, and flows take as many Krylov vectors as with all modes.
+    FAR_COMBINATIONS = 8
     FORCE_UNIT = 1.0
 
     @classmethod
@@ -161,23 +161,17 @@ class Domain2D(Domain):
         extent = largest.shape[0] * largest.step[0]
         return FAR_REYNOLDS / extent if self.height is None else 0.0
 
-    @property
-    def far_combinations(self) -> int | None:
-        """The number of combinations of modes far from a body; None, for all, if symmetric."""
-        return None if self.modes.symmetric else FAR_COMBINATIONS
-
     def green_function(
         self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
     ) -> Kernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
         return oseen_kernel(lattice, reynolds, self.height, dtype)
 
-    def spread_body(
+    def wall(
         self, markers: Float[AnyArray, "nodes 2"], reynolds: Float[AnyArray, ""] | float
-    ) -> Spreading:
-        """Spread all traction modes from a body's contour to the grid; see ``wall_2d``."""
-        wall = wall_2d(self.lattice, self.modes, markers, reynolds)
-        return spread_modes(self.lattice, self.box, self.conditioned(wall, reynolds))
+    ) -> Wall:
+        """Return the discretised wall of a body with this contour; see ``wall_2d``."""
+        return wall_2d(self.lattice, self.modes, markers, reynolds)
 
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]

@@ -15,7 +15,7 @@ from surrogate.body.parameters import keep_mirror_plane
 from surrogate.body.shape import Shape
 from surrogate.body.skin import HALVES, QUARTERS, Skin, SkinNodes
 from surrogate.flow.grid.domain import Domain, box_around, check_far_field
-from surrogate.flow.grid.immersed import Spreading, spread_modes
+from surrogate.flow.grid.immersed import Wall
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import FORCE_UNIT, Modes3D
 from surrogate.flow.grid.oseen_3d import SpaceKernel, space_kernel
@@ -28,7 +28,6 @@ FAR_LEVELS = ((2.0, 24), (0.5, 96), (0.125, 384))  # cells per D, extent in D, a
 FLATTENED = (5,)  # highest degrees of the modes that vary around a flattened body
 ORDERS = 3  # highest order of the modes of bodies at incidence
 NUMBERS_AT_ONCE = 100_000  # in the velocities of modes that are computed at once
-FAR_COMBINATIONS = 6  # of those modes, see ``CompressedResponse``
 ROUNDING = 0.5  # D, to multiples of which the extent of a fitted body is rounded up
 MARKER_SPACING = 0.8  # cells between markers, as in 2-D
 
@@ -45,6 +44,7 @@ class Domain3D(Domain):
     MIN_THICKNESS = 2.0
     CLEARANCE = (1.0, 0.5)
     FAR_PRECISION = jnp.float32  # changes forces by some 1e-8 of the drag (study ``precision``)
+    FAR_COMBINATIONS = 6
     FORCE_UNIT = FORCE_UNIT
 
     @classmethod
@@ -107,21 +107,15 @@ class Domain3D(Domain):
         box = (length, *(min(pair) for pair in zip(sides, whole, strict=True)))
         return cls(lattice, far, modes, box, nodes, None)
 
-    @property
-    def far_combinations(self) -> int | None:
-        """The number of combinations of modes far from a body; None, for all, without incidence."""
-        return None if self.modes.symmetric else FAR_COMBINATIONS
-
     def green_function(
         self, lattice: Lattice, reynolds: Float[AnyArray, ""], dtype: DTypeLike = jnp.float64
     ) -> SpaceKernel:
         """Return the Green's function G of the discrete Oseen operator on a lattice."""
         return space_kernel(lattice, reynolds, dtype)
 
-    def spread_body(self, markers: Skin, reynolds: Float[AnyArray, ""] | float) -> Spreading:
-        """Spread all traction modes from a body's skin to the grid; see ``wall_3d``."""
-        wall = wall_3d(self.lattice, self.modes, markers, reynolds)
-        return spread_modes(self.lattice, self.box, self.conditioned(wall, reynolds))
+    def wall(self, markers: Skin, reynolds: Float[AnyArray, ""] | float) -> Wall:
+        """Return the discretised wall of a body with this skin; see ``wall_3d``."""
+        return wall_3d(self.lattice, self.modes, markers, reynolds)
 
     def each_mode(
         self, function: Callable[[Array], Array], amplitudes: Float[AnyArray, "rows modes"]

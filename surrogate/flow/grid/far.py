@@ -208,11 +208,11 @@ def refinement(lattice: Lattice, coarse: Lattice) -> Callable[[Array], Array]:
     return refine
 
 
-def _spline(fine, rough, parity=0, walled=False):
+def _spline(fine, rough, parity, walled):
     """Return the matrix from values at ``rough`` to values at ``fine``.
 
-    With a parity (1 even, -1 odd) the mirror image of the values is added first. ``walled``: the
-    function vanishes on the lower wall, one step below the first of ``rough``.
+    With a parity (1 even, -1 odd, 0 for none) the mirror image of the values is added first.
+    ``walled``: the function vanishes on the lower wall, one step below the first of ``rough``.
     """
     values, knots = np.eye(len(rough)), rough
     if parity:

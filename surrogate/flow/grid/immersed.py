@@ -124,7 +124,7 @@ def _summed(lattice, wall, own, faces):
 
 
 def _scattered(lattice, wall, own, faces):
-    """The same in 3-D, where each marker's values are added to the cells of its splines alone."""
+    """Add each marker's values, times its splines, to the cells that the splines reach (3-D)."""
     index, weight = zip(
         *(_stencil(lattice, wall.points[:, axis], axis, own, x) for axis, x in enumerate(faces)),
         strict=True,

@@ -85,7 +85,7 @@ class Modes3D:
         return terms
 
     def _all_terms(self):
-        """Even in y along x and z, odd along y: cosines and sines of alternating orders."""
+        """Return all terms: even in y along x and z, odd along y, cosines and sines by turns."""
         axes, terms = np.eye(3, dtype=int).tolist(), []
         for own in range(3):
             axis = tuple(axes[own])

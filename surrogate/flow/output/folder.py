@@ -73,13 +73,13 @@ def check_stored_flow(folder: str | Path, asked: JsonObject | None) -> None:
         check_record(path_of(folder) / RECORD, "flow", asked)
 
 
-def write_flow(solution: Solution, folder: str | Path, notes: JsonObject | None = None) -> Path:
+def write_flow(solution: Solution, folder: str | Path, notes: JsonObject | None) -> Path:
     """Write a solved flow into a folder, whole or not at all, and return its path.
 
     Args:
       solution: the flow.
       folder: to be written.
-      notes: further entries of the record.
+      notes: further entries of the record, if any.
 
     Raises:
       InvalidInput: the folder holds something else, or is not writable, or a note is no value of

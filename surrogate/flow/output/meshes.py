@@ -7,7 +7,6 @@ from jaxtyping import Float
 
 from surrogate.arrays import AnyArray
 from surrogate.body.shape import FamilyShape
-from surrogate.errors import InvalidInput
 from surrogate.flow.fields import Fields
 from surrogate.flow.solution import Solution
 
@@ -51,19 +50,13 @@ def skin_mesh(shape: FamilyShape) -> tuple[pv.PolyData, np.ndarray]:
 
 
 def surface_mesh(solution: Solution) -> pv.PolyData:
-    """Return the contour of a solved body as a line, or its skin in 3-D, with Cp and Cf.
-
-    Raises:
-      InvalidInput: the 3-D body is not one of a family.
-    """
+    """Return the contour of a solved body as a line, or its skin in 3-D, with Cp and Cf."""
     shape = solution.shape
     if shape.dimension == 2:
         surface = solution.surface()
         mesh = outline(surface.markers)
         mesh["Cp"], mesh["Cf"] = surface.cp, surface.cf
         return mesh
-    if not isinstance(shape, FamilyShape):
-        raise InvalidInput("surface mesh: a 3-D body must be one of a family")
     mesh, areas = skin_mesh(shape)
     mesh["Cp"], mesh["Cf"] = solution.skin_loads(mesh.points.astype(float), areas)
     return mesh

@@ -42,8 +42,8 @@ RENEWAL_MARGIN = 0.7  # of the reduction still needed, so that rounding does not
 class Effort(NamedTuple):
     """The effort of one linear solve: relative tolerance, and largest number of Krylov vectors."""
 
-    tolerance: float = 1e-2
-    max_vectors: int = 40
+    tolerance: float
+    max_vectors: int
 
 
 def is_rough(efforts: tuple[Effort, ...]) -> bool:
@@ -51,8 +51,8 @@ def is_rough(efforts: tuple[Effort, ...]) -> bool:
     return all(one.tolerance >= SINGLE_SUFFICES for one in efforts)
 
 
-class Work(NamedTuple):
-    """The work of linear solves: convolutions with G, and whether all reached their tolerance."""
+class LinearSolveInfo(NamedTuple):
+    """How linear solves ended: convolutions with G, and whether all reached their tolerance."""
 
     convolutions: Int[Array, ""]
     converged: Bool[Array, ""]
@@ -71,7 +71,7 @@ class LoadGradients(NamedTuple):
     by_markers: Markers
     by_reynolds: Float[Array, " loads"]
     adjoints: FlowState
-    work: Work
+    work: LinearSolveInfo
 
 
 @full_single_precision
@@ -123,7 +123,8 @@ def load_gradients(
     by_body, by_re, adjoints, work = jax.lax.map(one_load, (by_amplitude, tolerances))
     by_markers = jax.tree.map(jnp.add, explicit, by_body)
     convolutions = jnp.sum(work.convolutions) + len(loads)
-    return LoadGradients(by_markers, by_re, adjoints, Work(convolutions, jnp.all(work.converged)))
+    total = LinearSolveInfo(convolutions, jnp.all(work.converged))
+    return LoadGradients(by_markers, by_re, adjoints, total)
 
 
 @full_single_precision
@@ -161,7 +162,7 @@ def by_stream(
 @full_single_precision
 def adjoint_solver(
     domain: Domain, operators: Operators, state: FlowState, max_vectors: int
-) -> Callable[[Float[Array, " modes"], Float[AnyArray, ""]], tuple[FlowState, Work]]:
+) -> Callable[[Float[Array, " modes"], Float[AnyArray, ""]], tuple[FlowState, LinearSolveInfo]]:
     """Return a function that solves A^T lambda = -dJ/dx, given a load's dJ/da and a tolerance.
 
     A Newton step from x, x - A^-1 F(x), then changes the load by lambda . F(x) to first order.
@@ -208,7 +209,7 @@ def adjoint_solver(
 
         start = nothing, target, jnp.array(0), jnp.array(0)
         x, left, steps, _ = jax.lax.while_loop(unfinished, improve, start)
-        return x, Work(steps, optax.tree.norm(left) <= tolerance * size)
+        return x, LinearSolveInfo(steps, optax.tree.norm(left) <= tolerance * size)
 
     return solve
 
@@ -219,7 +220,7 @@ def slip_weights(
     operators: Operators,
     state: FlowState,
     effort: Effort,
-) -> tuple[Float[Array, " modes"], Work]:
+) -> tuple[Float[Array, " modes"], LinearSolveInfo]:
     """Return the weights lambda by which removing a slip y changes a load: dJ = lambda . y.
 
     Args:

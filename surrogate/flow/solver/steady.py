@@ -158,13 +158,6 @@ def influence_matrix(operators: Operators) -> Float[AnyArray, "modes modes"]:
     return operators.response.slips(operators.body) + wall_compliance(operators)
 
 
-def oseen_velocity(
-    operators: Operators, amplitude: Float[AnyArray, " modes"]
-) -> Float[AnyArray, "axes ..."]:
-    """Return G B a, the velocity that a traction drives without convection of the perturbation."""
-    return operators.response(amplitude)
-
-
 def body_flow(
     domain: Domain,
     operators: Operators,
@@ -195,8 +188,8 @@ def forced_flow(
     domain: Domain,
     operators: Operators,
     amplitude: Float[AnyArray, " modes"],
-    guess: Float[AnyArray, "axes ..."] | None = None,
-    settings: NewtonSettings = DEFAULT,
+    guess: Float[AnyArray, "axes ..."],
+    settings: NewtonSettings,
 ) -> tuple[Float[AnyArray, "axes ..."], NewtonInfo]:
     """Solve for the flow that a given traction drives, whatever its slip on the wall.
 
@@ -204,7 +197,7 @@ def forced_flow(
       domain: the discrete problem.
       operators: of the body.
       amplitude: of the traction modes a, force on the fluid.
-      guess: velocity u' to begin from; that of the Oseen flow by default.
+      guess: velocity u' to begin from, such as G B a, ``operators.response(amplitude)``.
       settings: tolerances of Newton's method.
 
     Returns:
@@ -214,8 +207,6 @@ def forced_flow(
     def forced_residual(data, velocity):
         return flow_residual(domain, data[0], FlowState(velocity, data[1]))
 
-    if guess is None:
-        guess = oseen_velocity(operators, amplitude)
     system = System(forced_residual, (operators, amplitude), Identity())
     return root(system, guess, lambda velocity: _size(domain, velocity), settings)
 

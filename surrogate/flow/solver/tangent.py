@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from surrogate.arrays import full_single_precision, single
 from surrogate.flow.grid.domain import Domain
-from surrogate.flow.solver.adjoint import Effort, Work, transposed_jacobian
+from surrogate.flow.solver.adjoint import Effort, LinearSolveInfo, transposed_jacobian
 from surrogate.flow.solver.krylov import gmres
 from surrogate.flow.solver.steady import FlowState, Operators, flow_residual, wall_compliance
 
@@ -21,7 +21,7 @@ def slip_adjoint(
     state: FlowState,
     weights: Float[Array, " modes"],
     effort: Effort,
-) -> tuple[Float[Array, " modes"], Work]:
+) -> tuple[Float[Array, " modes"], LinearSolveInfo]:
     """Return (dy/da)^T weights for the slip y of a forced flow, by one adjoint solve.
 
     Args:
@@ -40,13 +40,13 @@ def slip_adjoint(
     pulled = jax.vjp(operators.body.slip, state.velocity)[1](weights)[0]
     result = gmres(lambda z: adjoint(z).velocity, pulled, *effort)
     gradient = wall_compliance(operators).T @ weights - adjoint(result.x).amplitude
-    return gradient.astype(float), Work(result.steps + 1, result.converged)
+    return gradient.astype(float), LinearSolveInfo(result.steps + 1, result.converged)
 
 
 @full_single_precision
 def slip_jacobian(
     domain: Domain, operators: Operators, state: FlowState, effort: Effort
-) -> tuple[Float[Array, "modes modes"], Work]:
+) -> tuple[Float[Array, "modes modes"], LinearSolveInfo]:
     """Return dy/da of the slip y of a forced flow, by one tangent solve per mode.
 
     Args:
@@ -71,7 +71,7 @@ def slip_jacobian(
         column, jnp.eye(state.amplitude.size, dtype=state.amplitude.dtype)
     )
     matrix = (columns.T + wall_compliance(operators)).astype(float)
-    return matrix, Work(jnp.sum(steps), jnp.all(converged))
+    return matrix, LinearSolveInfo(jnp.sum(steps), jnp.all(converged))
 
 
 def _flow_jacobian(domain, operators, state):

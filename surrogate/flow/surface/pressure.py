@@ -81,7 +81,7 @@ def head_loss(
     forces: Float[np.ndarray, "axes ..."],
     point: Sequence[float],
     reynolds: float,
-    height: float | None = None,
+    height: float | None,
 ) -> float:
     """Return by how much the total head p + u^2 / 2 at a point is below the stream's.
 

@@ -39,6 +39,7 @@ from surrogate.training.methods.method import (
     moment_residual,
     predict,
     with_cosine_rate,
+    with_rows,
 )
 from surrogate.training.physics import Physics, Sample
 
@@ -160,13 +161,13 @@ class PublishedDifferentiablePhysics(Method, Evaluator):
         """
         predicted = predict(network, physics.samples, batch)
         found = physics.evaluate(batch, velocities, self._differentiate, predicted)
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, found.results)
+        labels = with_rows(labels, batch, found.results)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _differentiate(
         self, sample: Sample, velocity: Array, traction: Float[Array, " modes"]
     ) -> tuple[LossGradient, Array]:
-        """The loss of one sample and its gradient in the traction; the velocity to start from."""
+        """Return a sample's loss, its gradient in the traction, and the velocity to start from."""
         domain, operators = sample.domain, sample.operators()
         start = sample.start(operators, velocity)
         velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)

@@ -38,6 +38,7 @@ from surrogate.training.methods.method import (
     evaluation_cost,
     moment_residual,
     predict,
+    with_rows,
 )
 from surrogate.training.methods.partial_inverse import samples_with_residuals, weight_step
 from surrogate.training.physics import Physics, Sample
@@ -180,8 +181,7 @@ class PublishedHalfInverseGradients(Method, Evaluator):
         results = results._replace(valid=results.valid & finite)
         y = jnp.where(results.valid[:, None], y, 0.0)
         by_traction = jnp.where(results.valid[:, None, None], by_traction, 0.0)
-        new = LinearisedSlip(y, by_traction)
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
+        labels = with_rows(labels, batch, LinearisedSlip(y, by_traction))
         found = found._replace(results=results)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
@@ -215,7 +215,7 @@ class PublishedHalfInverseGradients(Method, Evaluator):
 
 
 def _linearise(sample: Sample, velocity: Array, traction: Array) -> tuple[ForcedFlowResult, Array]:
-    """Slip and influence matrix of the flow that a traction drives; the velocity to start from."""
+    """Return slip and influence matrix of a driven flow, and the velocity to start from."""
     domain, operators = sample.domain, sample.operators()
     start = sample.start(operators, velocity)
     velocity, info = steady.forced_flow(domain, operators, traction, start, FLOW)

@@ -21,7 +21,7 @@ from surrogate.flow.solver.adjoint import by_stream, load_gradients
 from surrogate.flow.solver.newton import NewtonSettings
 from surrogate.flow.solver.steady import FlowState, stream_derivatives
 from surrogate.model.network import LoadNetwork
-from surrogate.model.outputs import output_gradients
+from surrogate.model.outputs import gradients_of_outputs
 from surrogate.training.methods.labels import TrainingLabels
 from surrogate.training.methods.method import (
     Batch,
@@ -29,6 +29,7 @@ from surrogate.training.methods.method import (
     Evaluator,
     evaluation_cost,
     predict,
+    with_rows,
 )
 from surrogate.training.physics import Physics, Sample
 
@@ -127,8 +128,7 @@ class Inversion(Evaluator):
         predicted = predict(network, physics.samples, batch)
         old = jax.tree.map(lambda leaf: leaf[batch], labels)
         found = physics.evaluate(batch, velocities, evaluate_sample, predicted, old)
-        new = found.results.label
-        labels = jax.tree.map(lambda all, new: all.at[batch].set(new), labels, new)
+        labels = with_rows(labels, batch, found.results.label)
         return labels, found.states, evaluation_cost(found, physics, batch)
 
     def _solved(self, sample, operators, start=None):
@@ -161,7 +161,7 @@ class Inversion(Evaluator):
             )
             by_shape = sample.flow.bodies.in_parameters(sample.parameters, found.by_markers)
             slopes = jnp.column_stack([by_shape, reynolds * by_re])
-            slopes = output_gradients(sample.loads(state.amplitude), slopes)
+            slopes = gradients_of_outputs(sample.loads(state.amplitude), slopes)
             sound = found.work.converged & jnp.all(jnp.isfinite(slopes))
             return jnp.where(sound, slopes, 0.0), sound, found.work.convolutions
 
@@ -196,7 +196,7 @@ class NewtonSteps(Inversion):
         """
         operators = sample.operators()
         traction = predicted if self.from_prediction else stored.amplitude
-        velocity = jnp.where(valid, stored.velocity, steady.oseen_velocity(operators, traction))
+        velocity = jnp.where(valid, stored.velocity, operators.response(traction))
         start = FlowState(velocity, traction)
         state, info, slopes, sound, convolutions = self._solved(sample, operators, start)
         found = sound & ~info.stalled

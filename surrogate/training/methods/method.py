@@ -141,6 +141,17 @@ class Method(abc.ABC):
         """
 
 
+def with_rows(labels: LabelStore, batch: Batch, rows: PyTree) -> LabelStore:
+    """Return the label store with new rows for the samples of a batch.
+
+    Args:
+      labels: the label store of all samples.
+      batch: indices of the samples; rows of indices beyond the last sample are dropped.
+      rows: the new rows, a pytree like the label store with as many rows as the batch.
+    """
+    return jax.tree.map(lambda all, new: all.at[batch].set(new), labels, rows)
+
+
 def evaluation_cost(found: Evaluated, physics: Physics, batch: Batch) -> EvaluationCost:
     """Return the cost of a batch of evaluations, whose results have ``valid`` and ``convolutions``.
 

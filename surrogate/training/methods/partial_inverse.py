@@ -161,7 +161,7 @@ def partial_inverse_lanczos(
 
 
 def _powers(squares, tau, kappa, limited):
-    """S^-(1 + kappa) of ascending squares S^2, if limited at most 1.5 S^-2; 0 where truncated."""
+    """Return S^-(1 + kappa) of ascending S^2, if limited at most 1.5 S^-2; 0 where truncated."""
     S = jnp.sqrt(jnp.maximum(squares, 0.0))
     kept = tau * S[-1] < S
     S = jnp.where(kept, S, 1.0)

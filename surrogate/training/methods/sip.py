@@ -82,7 +82,7 @@ class LabelRegression(Method):
         return network.with_weights(weights), state, losses[-1]
 
     def _loss(self, weights, network, labels, samples):
-        """Mean loss of all samples with a valid label."""
+        """Return the mean loss of all samples with a valid label."""
         everyone, moved = jnp.arange(samples.count), network.with_weights(weights)
         residuals = jax.vmap(lambda k: load_residuals(moved, samples, labels, k))(everyone)
         total = self.goal**2 * jnp.sum(residuals[..., 0] ** 2)
