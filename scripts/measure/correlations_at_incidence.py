@@ -2,7 +2,10 @@
 
 Cd and Cl are over the cross-section of the sphere of equal volume, whose diameter D makes Re; Cm is
 over that and D. Outside of what a correlation was made for it answers None. No paper was at hand;
-the codes with which the constants were compared are named with each correlation.
+the codes with which the constants were compared are named with each correlation. One of them, of
+spheroids that fall through a gas, is a Python file with a class SystemConstants and a function
+systemDynamics, of which the repository is not known here; its comments call some of its conversions
+not verified.
 """
 
 import math
@@ -66,7 +69,8 @@ def froehlich(body: Inclined, re: float, as_in_code: bool = False) -> Loads | No
     second code for those of drag and moment. m-AIA raises Re to the sum of the last two constants
     of the lift, 0.88 and -0.05, and so does this where ``as_in_code`` is set; else the latter is
     the factor of log(aspect), as that of every other such pair, by which the lift is closer to this
-    flow.
+    flow. Near the sphere the moment is too large, by a fifth at aspect 1.25, as it is no linear
+    function of aspect - 1.
     """
     aspect = body.aspect
     if body.flatness != 1 or body.beta2 or not (1 < aspect <= 8 and 1 <= re <= 100):
@@ -100,10 +104,11 @@ def ouchene(body: Inclined, re: float) -> Loads | None:
     """Return loads on oblate spheroids at Re 1 to 100, by Ouchene (Phys. Fluids 32, 2020).
 
     Cd is answered along the axis only, and no Cl. None outside of the correlation's range, which is
-    taken to be aspects from 0.2 on. Seen: the source of a model of spheroids that fall through air,
-    which quotes equation 18 for the drag along the axis, and equation 24 for the moment at 45
-    degrees, over the sphere's cross-section and radius; at other angles it is as sin cos here. The
-    drag does not tend to the sphere's: at aspect 0.95 and Re 20 it is 23 % too low.
+    taken to be aspects from 0.2 on. Seen: the Python file of the module's docstring, which quotes
+    equation 18 for the drag along the axis, and equation 24 for the moment at 45 degrees, over the
+    sphere's cross-section and radius; at other angles it is as sin cos here. Near the sphere both
+    are wrong: at aspect 0.95 and Re 20 the drag is 23 % too low, and from Re 4 on the moment is a
+    quarter too large or more, as it is no linear function of 1 - aspect.
     """
     aspect = body.aspect
     if body.flatness != 1 or body.beta2 or not (0.2 <= aspect < 1 and 1 <= re <= 100):
@@ -116,14 +121,15 @@ def ouchene(body: Inclined, re: float) -> Loads | None:
 
 
 def moment_by_inertia(aspect: float, incidence: float) -> float:
-    """Return Cm of a spheroid in the limit of small Re, exact: -F sin cos a^3 over pi D^3 / 8.
+    """Return Cm of a spheroid in the limit of small Re, -F sin cos a^3 over pi D^3 / 8.
 
     F is by Dabade, Marath and Subramanian (J. Fluid Mech. 778, 2015), equations 4.1 and 4.2, and a
-    the longer half axis. Seen: the source that ``ouchene`` names.
+    the longer half axis. Seen: the Python file of the module's docstring. F has its limits of
+    spheres, 811 pi / 560 times 1 - aspect (Cox 1965), and of discs, and flows converge to it.
 
     Args:
-      aspect: Length over thickness, not 1.
-      incidence: Of the axis to the stream, in degrees.
+      aspect: length over thickness, at least 0.1 % from 1, where rounding errors dominate.
+      incidence: of the axis to the stream, in degrees.
     """
     phi, half = math.radians(incidence), ellipsoid(aspect)
     factor = prolate_factor(aspect) if aspect > 1 else oblate_factor(aspect)

@@ -1,8 +1,8 @@
-"""Small swings of spheroids that fall through a gas, by a published model with correlations.
+"""The small swings of spheroids that fall through a gas, by a model with correlations of the loads.
 
-Bhowmick et al. (Phys. Rev. Lett. 132, 034101, 2024) describe by it the swings that they measured.
-The paper was not at hand but for its abstract; seen was the source of a later model of the same
-form, as for ``correlations_at_incidence.ouchene``. With lengths in D and velocities in nu / D,
+The model is that of a Python file (see ``correlations_at_incidence``) that cites Bhowmick et al.
+(Phys. Rev. Lett. 132, 034101, 2024), of which the abstract alone was at hand. With lengths in D,
+velocities in nu / D and forces in rho nu^2,
 
     F = -K v - c |v| (3 K - v.K v / |v|^2) K v,    T = -(pi/4) m (e.v) (e x v) - k omega,
 
@@ -34,8 +34,8 @@ def small_swings_by_correlations(aspect: float, particle: Particle) -> tuple[flo
     """Return Re of the steady broadside fall, and frequency (Hz) and decay (1/s) of small swings.
 
     Args:
-      aspect: Of the spheroid.
-      particle: Its size and density, and the fluid's viscosity.
+      aspect: length over thickness of the spheroid.
+      particle: its size and density, and the fluid's viscosity.
     """
     correlation, stable = (froehlich, 90.0) if aspect > 1 else (ouchene, 0.0)
     weight = DISPLACED * particle.archimedes
@@ -65,11 +65,11 @@ def accelerations(
     """Return the rates of horizontal and upward velocity, tilt of the axis and angular velocity.
 
     Args:
-      state: These four, the tilt in radians above the horizontal.
-      aspect: Of the spheroid.
-      density: Over that of the fluid.
-      weight: Less the buoyancy.
-      speed: Of the steady fall.
+      state: these four, the tilt in radians above the horizontal.
+      aspect: length over thickness of the spheroid.
+      density: density over that of the fluid.
+      weight: weight less the buoyancy, over rho nu^2.
+      speed: Reynolds number of the steady fall.
       moment: Cm at 45 degrees.
     """
     velocity, tilt, turning = state[:2], state[2], state[3]

@@ -175,12 +175,15 @@ def _inclined(rows):
     return [r for r in rows if ALIGNED < r["parameters"]["incidence"] < 90.0 - ALIGNED]
 
 
-def _over_themselves(rows):
-    """Errors of the surrogate's Cl and Cm over these loads, by symbol."""
-    names = {"Cl": "cl", "Cm": "cm"}
+def _over_themselves(rows, by="surrogate"):
+    """Return the errors of Cl and Cm over these loads by a model or correlation, by symbol."""
+    answered = {
+        "Cl": [(row, "cl") for row in rows if row[by]["cl"] is not None],
+        "Cm": [(row, "cm") for row in rows if row[by]["cm"] is not None],
+    }
     return {
-        symbol: [abs(row["surrogate"][name] * row["cd"] / row[name]) for row in rows]
-        for symbol, name in names.items()
+        symbol: [abs(row[by][name] * row["cd"] / row[name]) for row, name in each]
+        for symbol, each in answered.items()
     }
 
 
@@ -198,16 +201,16 @@ def in_short(result: Result) -> str:
         for row in theirs
     ]
     lift = mean_and_most([each["cl"] for each in as_in_code])[0]
-    oblate = [row for row in rows if row["Ouchene"]["cm"] is not None]
-    moments = [mean_and_most([r[n]["cm"] for r in oblate])[0] for n in ("surrogate", "Ouchene")]
+    oblate = [row for row in _inclined(rows) if row["Ouchene"]["cm"] is not None]
+    ours, other = (np.median(_over_themselves(oblate, n)["Cm"]) for n in ("surrogate", "Ouchene"))
     slow = _over_themselves([row for row in _inclined(rows) if row["reynolds"] < 1.0])["Cm"]
     return (
         f"On {len(theirs)} prolate spheroids at incidence `{SURROGATE}` is off this flow by "
         f"{means('surrogate', theirs)} %, Froehlich's correlation (of another solver) by "
-        f"{means('Froehlich', theirs)} % (Cl by the authors' code {100 * lift:.2f} %); on Cm of "
-        f"{len(oblate)} oblate ones by {100 * moments[0]:.2f} %, Ouchene's by "
-        f"{100 * moments[1]:.2f} %. Below Re 1 its Cm errs by {100 * np.median(slow):.0f} % of "
-        f"itself (median), {100 * max(slow):.0f} % at most."
+        f"{means('Froehlich', theirs)} % (Cl by the authors' code {100 * lift:.2f} %). Cm of "
+        f"{len(oblate)} oblate ones errs by {100 * ours:.1f} % of itself (median), "
+        f"Ouchene's by {100 * other:.1f} %; below Re 1 the surrogate's Cm by "
+        f"{100 * np.median(slow):.0f} %, {100 * max(slow):.0f} % at most."
     )
 
 
