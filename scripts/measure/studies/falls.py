@@ -97,7 +97,7 @@ def _agreement(rows):
     found = against_model(rows)
     reynolds = max(abs(row["reynolds_off"]) for row in found)
     worst = max(found, key=lambda row: abs(row["frequency_off"]))
-    rest = max(abs(row["frequency_off"]) for row in found if row is not worst)
+    rest = max((abs(r["frequency_off"]) for r in found if r is not worst), default=math.nan)
     return (
         f"Re differs by {100 * reynolds:.0f} % at most, the frequency by {100 * rest:.0f} %, but "
         f"for aspect {worst['aspect']:g}, where it is {100 * worst['frequency_off']:+.1f} %: near "
