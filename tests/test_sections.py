@@ -202,7 +202,7 @@ def test_moments_of_a_solution_about_its_centroid_and_its_quarter_chord():
         found.moment_about(np.nan)
 
 
-def test_errors_excess_words_their_bounds_are_named_where_they_mean_something():
+def test_errors_beyond_their_bounds_are_named_where_they_mean_something():
     row = {"cd": 1.0, "cd_error_bound": 2e-3, "cd_error": 1e-3}
     row |= {"cl_error_bound": 1e-3, "cl_error": 5e-3, "cm_error_bound": 0.0, "cm_error": 1e-7}
     assert _excess_words(row, True) == "; of Cl more than the bound"
