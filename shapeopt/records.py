@@ -50,7 +50,10 @@ def load_run(folder: str | Path) -> dict[str, Any]:
     except OSError:
         raise InvalidInput(f"run {folder}: no {RECORD} there; a run has one") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise InvalidInput(f"run {folder}: {RECORD} is damaged or of another program") from None
+        raise InvalidInput(
+            f"run {folder}: {RECORD} is damaged, or of another program or version; overwrite "
+            "(--overwrite) replaces it"
+        ) from None
 
 
 def run_scene(record: dict[str, Any]) -> Scene:

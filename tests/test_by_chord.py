@@ -116,7 +116,7 @@ def test_the_optimum_is_that_of_scipy(pretrained, generator):
     assert found.kkt_residual < KKT_TOLERANCE
 
 
-def test_settings_of_runs_by_diameter_are_those_of_earlier_versions(pretrained):
+def test_settings_say_whether_a_run_is_by_chord(pretrained):
     by_diameter, by_chord = (Problem(pretrained.scene, 30.0, by_chord=b) for b in (False, True))
     for problem in (by_diameter, by_chord):
         assert design_settings(problem, pretrained, False)["by_chord"] is problem.by_chord

@@ -99,7 +99,7 @@ def test_an_altered_run_is_refused(designed, tmp_path, change):
     save_run(tmp_path / "run", designed, verify=False)
     record = json.loads((tmp_path / "run" / "run.json").read_text())
     (tmp_path / "run" / "run.json").write_text(json.dumps(record | change))
-    with pytest.raises(InvalidInput, match="damaged or of another program"):
+    with pytest.raises(InvalidInput, match="damaged, or of another program or version"):
         load_run(tmp_path / "run")
 
 

@@ -156,8 +156,10 @@ def compared(
             finest = fine.solve(shape, reynolds, estimate=extrapolated, allow_unsteady=True)
             truth = finest.extrapolated_drag or finest.drag
             lift, moment = finest.lift, finest.moment
-    except (InvalidInput, NotConverged) as error:
-        return row | {"status": type(error).__name__}
+    except InvalidInput:
+        return row | {"status": "InvalidInput"}
+    except NotConverged:
+        return row | {"status": "NotConverged"}
     grid, domain = parts[0] if parts else (None, None)
     return row | {
         "status": found.status,
