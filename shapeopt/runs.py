@@ -65,10 +65,10 @@ def save_run(
       The record, as in run.json. Coefficients and constraints are by the length that "reference"
       names, "diameter" or "chord"; "chord", "thickness" and "camber" are in D, "reynolds" is U D /
       nu and "chord_reynolds" U c / nu. "constraints" are those the problem sets, "about_lift" is as
-      ``Problem.is_about_lift``. cd_* are values of
-      the problem's objective: Cd where that is the drag at one Reynolds number; of the glide ratio
-      and of a settling speed Cd itself at the nominal Reynolds number, and "glide" is the optimal
-      ratio, of several scenarios their mean or that of the worst. cd_start is that of the cylinder
+      ``Problem.is_about_lift``. cd_* are values of the problem's objective: Cd where that is the
+      drag at one Reynolds number; of the glide ratio and of a settling speed Cd itself at the
+      nominal Reynolds number, and "glide" is the optimal ratio, of several scenarios their mean or
+      that of the worst. cd_start is that of the cylinder
       (sphere) in the same scenarios, None where it is not known; it is not where the search began.
       cl_verified and cm_verified, and such a cd_verified, are those of the body itself at the
       nominal Reynolds number, None where that flow does not converge; of several lifts, those at

@@ -51,17 +51,22 @@ def check_settings(folder: object, what: str, stored: object, asked: JsonObject)
         raise InvalidInput(refusal(folder, what, found))
 
 
-def check_record(record: Path, what: str, asked: JsonObject) -> None:
-    """Raise InvalidInput if a record's file, where there is one, is of other settings than asked.
+def check_record(record: Path, what: str, asked: JsonObject) -> JsonObject | None:
+    """Return a result's record, or None if there is none, and check that it is of what is asked.
 
     Args:
       record: JSON file of a result, with the entry "settings".
       what: kind of result, as "flow".
       asked: settings of what is asked for.
+
+    Raises:
+      InvalidInput: the result is of other settings.
     """
-    if record.is_file():
-        stored = strict_json(record.read_text(encoding="utf-8"))
-        check_settings(record.parent, what, stored.get("settings"), asked)
+    if not record.is_file():
+        return None
+    stored = strict_json(record.read_text(encoding="utf-8"))
+    check_settings(record.parent, what, stored.get("settings"), asked)
+    return stored
 
 
 def _flat(table: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:

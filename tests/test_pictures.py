@@ -234,7 +234,7 @@ def runs(tiny_scene, tmp_path_factory):
 
 
 def test_the_search_of_a_run_without_a_named_surrogate_is_drawn(tiny_scene, tmp_path):
-    """As ``save_run`` writes it where it is told no name."""
+    """Such runs are of ``save_run`` without a name for the surrogate."""
     (tmp_path / "run.json").write_text(json.dumps(record_of(tiny_scene) | {"surrogate": "unnamed"}))
     gif = tmp_path / "search.gif"
     assert run(render_shapes.main, ["--runs", str(tmp_path), "--out", str(gif)]) == 0

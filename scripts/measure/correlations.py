@@ -29,6 +29,11 @@ class Ellipsoid(NamedTuple):
         return 4 * self.width * self.height
 
     @property
+    def turned(self) -> "Ellipsoid":
+        """The same ellipsoid nose up by 90 degrees, its length and height exchanged."""
+        return Ellipsoid(self.height, self.width, self.length)
+
+    @property
     def side(self) -> float:
         """The area seen from across the stream, averaged round it, over the sphere's."""
         low, high = sorted([self.width, self.height])
@@ -44,13 +49,20 @@ def ellipsoid(aspect: float, flatness: float = 1.0) -> Ellipsoid:
 def oberbeck(body: Ellipsoid, reynolds: float) -> float:
     """Return Cd of an ellipsoid, exact in Stokes flow (Oberbeck 1876), with Oseen's correction.
 
-    Oberbeck, J. reine angew. Math. 81, 1876. The force F over mu U D is that of the ellipsoid's own
-    potentials; at small Re it grows by F Re / (16 pi) (Brenner, J. Fluid Mech. 11, 1961).
+    At small Re the ``stokes_force`` F grows by F Re / (16 pi) (Brenner, J. Fluid Mech. 11, 1961).
+    """
+    force = stokes_force(body)
+    return 8 * force / (np.pi * reynolds) * (1 + force * reynolds / (16 * np.pi))
+
+
+def stokes_force(body: Ellipsoid) -> float:
+    """Return the force on an ellipsoid in Stokes flow over mu U D, exact by its own potentials.
+
+    Oberbeck, J. reine angew. Math. 81, 1876.
     """
     a, b, c = (axis**2 for axis in body)
     potential = 2 * elliprf(a, b, c) + a * 2 / 3 * elliprd(b, c, a)
-    force = 16 * np.pi / float(potential)
-    return 8 * force / (np.pi * reynolds) * (1 + force * reynolds / (16 * np.pi))
+    return 16 * np.pi / float(potential)
 
 
 def hoelzer_sommerfeld(body: Ellipsoid, reynolds: float) -> float:

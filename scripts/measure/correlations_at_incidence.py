@@ -12,13 +12,12 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from correlations import ellipsoid, oberbeck
+from correlations import ellipsoid, stokes_force
 
 from surrogate import family_shape
 from surrogate.body.skin import HALVES, Skin, SkinNodes, skin_weights
 
 NODES = SkinNodes(60, 120, HALVES)  # of surface integrals
-SLOW = 1e-9  # Re at which a drag is that of Stokes flow
 
 
 class Inclined(NamedTuple):
@@ -113,7 +112,7 @@ def ouchene(body: Inclined, re: float) -> Loads | None:
     aspect = body.aspect
     if body.flatness != 1 or body.beta2 or not (0.2 <= aspect < 1 and 1 <= re <= 100):
         return None
-    stokes = oberbeck(ellipsoid(aspect), SLOW) * SLOW / 24
+    stokes = stokes_force(ellipsoid(aspect)) / (3 * math.pi)
     inertia = 0.15 * aspect**95.91 * re**0.687 + 0.2927 * (1 - aspect) ** 0.4374 * re**0.7512
     along = None if body.incidence else 24 / re * (stokes + inertia)
     phi, torque = math.radians(body.incidence), 1.85 / 2 * (1 / aspect - 1) ** 0.832 * re**-0.146

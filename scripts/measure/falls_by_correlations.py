@@ -17,7 +17,7 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
-from correlations import Ellipsoid, ellipsoid, oberbeck
+from correlations import ellipsoid, stokes_force
 from correlations_at_incidence import Inclined, froehlich, ouchene
 from jaxtyping import Array, Float
 from scipy.optimize import brentq
@@ -26,7 +26,6 @@ from surrogate import Particle
 from surrogate.arrays import AnyArray
 from surrogate.body.ellipsoid import DISPLACED, equivalent_ellipsoid
 
-CREEPING = 1e-9  # Re at which a drag is that of Stokes flow
 RANGE = 1.0, 100.0  # Re of the correlations
 
 
@@ -73,7 +72,8 @@ def accelerations(
       moment: Cm at 45 degrees.
     """
     velocity, tilt, turning = state[:2], state[2], state[3]
-    along, across = stokes_resistances(aspect)
+    spheroid = ellipsoid(aspect)
+    along, across = stokes_force(spheroid), stokes_force(spheroid.turned)
     broadside = across if aspect > 1 else along
     inertia = (weight / (broadside * speed) - 1) / (2 * broadside * speed)
     axis = jnp.stack([jnp.cos(tilt), jnp.sin(tilt)])
@@ -88,11 +88,3 @@ def accelerations(
     torque -= body.resistance_to_rotation * turning
     rates = force / (density * DISPLACED), jnp.stack([turning, torque / (density * body.inertia)])
     return jnp.concatenate(rates)
-
-
-def stokes_resistances(aspect: float) -> tuple[float, float]:
-    """Return the force over mu U D in Stokes flow along a spheroid's axis and across it."""
-    body = ellipsoid(aspect)
-    sideways = Ellipsoid(body.height, body.width, body.length)
-    along, across = (oberbeck(one, CREEPING) * CREEPING * math.pi / 8 for one in (body, sideways))
-    return along, across

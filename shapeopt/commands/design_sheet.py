@@ -8,9 +8,9 @@ python scripts/design_sheet.py --surrogate pretrained:lift --chord-reynolds 100 
 
 They are the surrogate's own optima, or with --until flow those of the flow, led by the surrogate,
 or with --surrogate none by the flows alone: one after the other, each with the flows of those
-before. With --lifts: the bodies of least Cd whose
-Cl is at least each of these, and the one of the best glide ratio Cl / Cd, for surrogates of
-sections with camber or incidence; optimize_shape.py --lift finds one section for several lifts.
+before. With --lifts: the bodies of least Cd whose Cl is at least each of these, and the one of the
+best glide ratio Cl / Cd, for sections with camber or incidence; optimize_shape.py --lift finds one
+section for several lifts.
 """
 
 import argparse

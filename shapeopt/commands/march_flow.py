@@ -31,12 +31,12 @@ from shapeopt.render.pictures import render_march
 from surrogate.arrays import AnyArray
 from surrogate.body.measures import mean_thickness
 from surrogate.errors import InvalidInput, NotConverged
-from surrogate.files import JsonObject, check_target, strict_json, whole_files
+from surrogate.files import JsonObject, check_target, whole_files
 from surrogate.flow.check.march import Box, growth_rate, make_marcher, march, start, strouhal
 from surrogate.flow.flow import Flow
 from surrogate.flow.grid.domain_2d import Domain2D
 from surrogate.progress import print_message, progress_bar
-from surrogate.repeats import check_settings
+from surrogate.repeats import check_record
 from surrogate.scene.limits import onset_of
 from surrogate.scene.scene import Scene
 from surrogate.scene.stream import Tunnel
@@ -176,11 +176,8 @@ def _stored(out: Path, asked: JsonObject, overwrite: bool) -> JsonObject | None:
       InvalidInput: it holds another march and ``overwrite`` is not set, or something else.
     """
     check_target(out, RECORD, ("blockage", "gif"), others=(GIF,))
-    if overwrite or not (out / RECORD).is_file():
-        return None
-    record = strict_json((out / RECORD).read_text(encoding="utf-8"))
-    check_settings(out, "march", record.get("settings"), asked)
-    return record | {"gif": str(out / GIF)} if (out / GIF).is_file() else None
+    record = None if overwrite else check_record(out / RECORD, "march", asked)
+    return record | {"gif": str(out / GIF)} if record and (out / GIF).is_file() else None
 
 
 def _text(r: JsonObject) -> str:

@@ -4,7 +4,7 @@ import functools
 from collections.abc import Mapping
 
 import numpy as np
-from correlations import Ellipsoid, ellipsoid, oberbeck
+from correlations import ellipsoid, oberbeck
 from elements import BOX
 from lifting_elements import ElementLoads, loads_in_space
 from studies.accuracy_3d import SPHERE
@@ -106,8 +106,7 @@ def stokes(run: Run, aspect: float, flatness: float, incidence: float) -> Row:
     shape = family_shape(given, dimension=3)
     found = Flow(Scene(dimension=3, fidelity=level)).solve(shape, CREEPING, estimate=False)
     body = ellipsoid(aspect, flatness)
-    sideways = Ellipsoid(body.height, body.width, body.length)
-    along, across = (oberbeck(one, CREEPING) for one in (body, sideways))
+    along, across = (oberbeck(one, CREEPING) for one in (body, body.turned))
     cosine, sine = np.cos(np.deg2rad(incidence)), np.sin(np.deg2rad(incidence))
     drag, lift = along * cosine**2 + across * sine**2, (across - along) * sine * cosine
     return {

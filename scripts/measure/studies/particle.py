@@ -156,7 +156,7 @@ def _mean_and_largest(rows, name):
 
 
 def _is_answered(row, name):
-    """Whether a model or correlation answers any load of a body."""
+    """Return whether a model or correlation answers any load of a body."""
     return any(error is not None for error in row[name].values())
 
 
