@@ -18,8 +18,8 @@ from collections.abc import Sequence
 
 from shapeopt.commands.arguments import REYNOLDS_HELP
 from shapeopt.commands.cli import Parser, emit
+from shapeopt.commands.objective_arguments import CHORD_HELP
 from shapeopt.commands.problem_arguments import (
-    CHORD_HELP,
     add_constraint_arguments,
     add_model_arguments,
     add_search_arguments,

@@ -1,20 +1,12 @@
 """Options of optimisation problems: model, objective, constraints."""
 
 import argparse
-from collections.abc import Sequence
 
-from shapeopt.commands.arguments import REYNOLDS_HELP, SURROGATES_HELP
+from shapeopt.commands.arguments import SURROGATES_HELP
 from shapeopt.commands.cli import Parser
-from shapeopt.commands.particle import add_particle_argument, particle_of
-from shapeopt.commands.ranges import numbers
-from shapeopt.commands.reference import SEVERAL
+from shapeopt.commands.objective_arguments import add_objective_arguments, lifts_of, objective_of
 from shapeopt.problem.constraints import Station
-from shapeopt.problem.multipoint import MultiPoint
-from shapeopt.problem.objective import AtReynolds, Glide, Objective, Weighted
-from shapeopt.problem.particles import Settling, Tumbling
 from shapeopt.problem.problem import Problem
-from shapeopt.problem.robust import Robust
-from shapeopt.problem.uncertainty import LogNormal, Uniform
 from shapeopt.search.optimality import KKT_ACCEPTED, KKT_TOLERANCE
 from surrogate.body.parameters import FAMILY
 from surrogate.errors import InvalidInput
@@ -22,50 +14,19 @@ from surrogate.model.store import load
 from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 
-GLIDE = "glide"  # the objective at one Reynolds number, which may be uncertain
-SINGLE = {GLIDE: Glide, "tumbling": Tumbling}  # objectives at one Reynolds number
-SETTLING = "settling"  # the objective that finds its Reynolds number
 UNTIL_HELP = (
     "end at the surrogate's optimum (default, where there is one), or at the flow's, where the KKT "
     f"residual, with the violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most "
     f"{KKT_ACCEPTED:g}"
 )
-CHORD_HELP = (
-    "chord Reynolds number U c / nu instead of --reynolds: optimise at fixed chord c, with the "
-    "area free (2-D, one number, no tunnel). Unlike in solve_drag.py, Cd, Cl and Cm are then over "
-    "c (Cm: c^2) and lengths of bounds in c: --min-thickness 0.3 is t/c, without which the "
-    "thinnest body of the family mostly wins"
-)
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
-UNCERTAINTIES = ("distribution", "spread", "tolerance", "cvar", "cases", "seed")
 
 
 def add_problem_arguments(parser: Parser) -> None:
     """Add the options of an optimisation problem: model, objective and constraints."""
     add_model_arguments(parser)
-    add = parser.add_argument
-    add("--reynolds", help=f"{SEVERAL}: {REYNOLDS_HELP}")
-    add("--chord-reynolds", help=f"without --spread or several lifts: {CHORD_HELP}")
-    objective = "drag: least Cd (default); glide: greatest Cl / Cd, also under --spread; tumbling: "
-    objective += "least mean Cd over all orientations of a body of revolution; settling: greatest "
-    objective += "terminal velocity of a particle of --archimedes, held at its incidence"
-    add("--objective", choices=["drag", *SINGLE, SETTLING], default="drag", help=objective)
-    add("--archimedes", type=float, help="number |density ratio - 1| g D^3 / nu^2, for settling")
-    add_particle_argument(parser, "for settling, in place of --archimedes: ")
-    lifts = "lower bound on Cl; several, as 0.2,0.5,0.8: least mean Cd of one section over them, "
-    lifts += "each at an incidence of its own, for --objective drag by D (none); "
-    lifts += "design_sheet.py --lifts finds a section for each"
-    add("--lift", help=lifts)
-    add("--weights", help="weight of each Reynolds number or lift, as 1,2,1 (equal)")
-    spread = "standard deviation of log Re; of the uniform distribution half its width over Re (0)"
-    add("--spread", type=float, help=spread)
-    add("--distribution", choices=["lognormal", "uniform"], help="distribution of Re (lognormal)")
-    tolerance = "standard deviation of each parameter over its range's width, truncated at 2 (0)"
-    add("--tolerance", type=float, help=tolerance)
-    add("--cvar", type=float, help="CVaR level; 0.9: mean over the worst tenth of cases (0: all)")
-    add("--cases", type=int, help="samples of the uncertainty, 2 to 4096 (32)")
-    add("--seed", type=int, help="seed of the samples, from 0 (0)")
-    add("--max-length", type=float, help="bound on the chord in D (none)")
+    add_objective_arguments(parser)
+    parser.add_argument("--max-length", type=float, help="bound on the chord in D (none)")
     add_constraint_arguments(parser)
 
 
@@ -138,10 +99,10 @@ def ends_on_flow(arguments: argparse.Namespace, surrogate: Surrogate | None) -> 
 
 def problem_of(arguments: argparse.Namespace, surrogate: Surrogate | None) -> Problem:
     """Return the optimisation problem that the options describe."""
-    lifts = _lifts(arguments.lift)
+    lifts = lifts_of(arguments.lift)
     return Problem(
         surrogate.scene if surrogate else scene_of(arguments),
-        _objective(arguments, lifts),
+        objective_of(arguments, lifts),
         max_length=arguments.max_length,
         lift=lifts[0] if len(lifts) == 1 else None,
         by_chord=arguments.chord_reynolds is not None,
@@ -175,104 +136,6 @@ def scene_of(arguments: argparse.Namespace) -> Scene:
     if arguments.fidelity:
         raise InvalidInput("--fidelity: is in the scene's file")
     return Scene.read(arguments.scene)
-
-
-def _objective(arguments: argparse.Namespace, lifts: Sequence[float]) -> Objective:
-    if arguments.reynolds is not None and arguments.chord_reynolds is not None:
-        raise InvalidInput("--reynolds, --chord-reynolds: give one of them, not both")
-    given = {name: getattr(arguments, name) for name in UNCERTAINTIES}
-    without = {"spread": 0.0, "tolerance": 0.0}  # as if the option were not given
-    uncertain = [n for n, value in given.items() if value not in (None, without.get(n))]
-    settles, archimedes = arguments.objective == SETTLING, _archimedes(arguments)
-    if settles != (archimedes is not None):
-        raise InvalidInput(
-            "--archimedes, --particle: one of them goes with --objective settling, which needs it"
-        )
-    if len(lifts) > 1:
-        return _multipoint(arguments, lifts, uncertain)
-    if settles:
-        others = ("reynolds", "chord_reynolds", "weights")
-        others = [name for name in others if getattr(arguments, name) is not None]
-        if others or uncertain:
-            name = [*others, *uncertain][0].replace("_", "-")
-            raise InvalidInput(
-                f"--{name}: does not go with --objective {SETTLING}, which finds its Reynolds "
-                "number itself"
-            )
-        return Settling(archimedes)
-    if arguments.chord_reynolds is not None:
-        reynolds = numbers(arguments.chord_reynolds, "--chord-reynolds")
-    elif arguments.reynolds is not None:
-        reynolds = numbers(arguments.reynolds)
-    else:
-        others = "or --chord-reynolds; only --objective settling finds its own"
-        raise InvalidInput(f"--reynolds: give it, {others}")
-    glides = arguments.objective == GLIDE
-    if arguments.objective in SINGLE and arguments.weights is not None:
-        words = f"does not go with --objective {arguments.objective}"
-        raise InvalidInput(f"--weights: {words}, which takes one Reynolds number")
-    if arguments.objective in SINGLE and not (glides and uncertain):
-        if len(reynolds) > 1 or uncertain:
-            words = "goes with one Reynolds number" + ", without spread" * (not glides)
-            raise InvalidInput(f"--objective {arguments.objective}: {words}")
-        return SINGLE[arguments.objective](reynolds[0])
-    if len(reynolds) > 1:
-        if uncertain:
-            raise InvalidInput(f"--{uncertain[0]}: belongs to one Reynolds number, not to several")
-        return Weighted(tuple(reynolds), _weights(arguments) or (1.0,) * len(reynolds))
-    if arguments.weights:
-        raise InvalidInput(
-            "--weights: belongs to several Reynolds numbers or lifts, as --reynolds 1,10,40"
-        )
-    if not uncertain:
-        return AtReynolds(reynolds[0])
-    if not (given["spread"] or given["tolerance"]):
-        raise InvalidInput(f"--{uncertain[0]}: needs an uncertainty, --spread or --tolerance")
-    if given["distribution"] and not given["spread"]:
-        raise InvalidInput("--distribution: goes with --spread, the spread of Re")
-    kind = Uniform if given["distribution"] == "uniform" else LogNormal
-    return Robust(
-        reynolds[0],
-        kind(given["spread"] or 0.0),
-        tolerance=given["tolerance"] or 0.0,
-        level=given["cvar"] or 0.0,
-        cases=32 if given["cases"] is None else given["cases"],
-        seed=given["seed"] or 0,
-        glide=glides,
-    )
-
-
-def _archimedes(arguments: argparse.Namespace) -> float | None:
-    """Return the Archimedes number of --archimedes or --particle; None where neither is given."""
-    if arguments.particle is None:
-        return arguments.archimedes
-    if arguments.archimedes is not None:
-        raise InvalidInput("--archimedes, --particle: give one of them, not both")
-    return particle_of(arguments.particle).archimedes
-
-
-def _lifts(text: str | None) -> list[float]:
-    if text is None:
-        return []
-    return numbers(text, "--lift", "0.2,0.5,0.8", "0.2:0.8:4", logarithmic=False)
-
-
-def _multipoint(
-    arguments: argparse.Namespace, lifts: Sequence[float], uncertain: Sequence[str]
-) -> MultiPoint:
-    """Return the objective over several lifts, at one Reynolds number without uncertainty."""
-    reynolds = [] if arguments.reynolds is None else numbers(arguments.reynolds)
-    if arguments.objective != "drag" or len(reynolds) != 1 or uncertain:
-        raise InvalidInput(
-            "--lift: several go with --objective drag and one --reynolds, without spread"
-        )
-    return MultiPoint(reynolds[0], tuple(lifts), _weights(arguments))
-
-
-def _weights(arguments: argparse.Namespace) -> tuple[float, ...] | None:
-    if arguments.weights is None:
-        return None
-    return tuple(numbers(arguments.weights, "--weights", "1,2,1"))
 
 
 def _stations(text: str | None) -> tuple[Station, ...]:
