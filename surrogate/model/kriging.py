@@ -16,7 +16,6 @@ from scipy.optimize import minimize
 
 from surrogate.arrays import AnyArray
 from surrogate.compilation import compiled
-from surrogate.errors import NotConverged
 from surrogate.model.gaussian_process import (
     AMPLITUDE,
     BOUNDS,
@@ -105,13 +104,9 @@ def kriging(
     data, mean = _data(observations, inputs, base), _mean(observations, base)
     hyper = likeliest(observations, inputs, base) if hyper is None else hyper
     coefficients = [
-        np.asarray(
-            solve(data.of_load(k), mean[k], jax.tree.map(lambda leaf, k=k: leaf[k, ...], hyper))
-        )
+        solve(data.of_load(k), float(mean[k]), jax.tree.map(lambda leaf, k=k: leaf[k, ...], hyper))
         for k in range(len(mean))
     ]
-    if not np.isfinite(coefficients).all():
-        raise NotConverged("kriging: the covariance of these observations is singular to rounding")
     return Kriging(base, inputs, data, hyper, mean, np.array(coefficients))
 
 
