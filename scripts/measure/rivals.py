@@ -1,4 +1,4 @@
-"""Regressions on solved drags without a network: polynomials, kriging with gradients or without."""
+"""Rival regressions on solved flows: polynomials, kriging with gradients or without, and JENN."""
 
 import math
 import warnings
@@ -14,6 +14,8 @@ from surrogate.model.inputs import Inputs
 from surrogate.model.kriging import Observation, kriging
 
 COMPONENTS = 4  # of partial least squares, and points that replace a flow's gradient
+# The settings of JENN are the best of those tried on 256 sections; its rates fall one by one.
+JENN_LAYERS, JENN_RATES, JENN_STEPS, JENN_SLOPES = (64, 64), (1e-2, 3e-3, 1e-3, 3e-4), 2000, 1.0
 
 
 class Solved(NamedTuple):
@@ -150,3 +152,26 @@ def gekpls(solved: SolvedLoads) -> Predictor:
         model.train()
         models.append(model)
     return lambda z: np.concatenate([model.predict_values(z) for model in models], axis=1)
+
+
+def jenn(solved: SolvedLoads, steps: int | None = None) -> Predictor:
+    """Fit a network to outputs and slopes by the package JENN (Berguin 2024).
+
+    Args:
+      solved: flows.
+      steps: of Adam at each of the rates ``JENN_RATES``; by default ``JENN_STEPS``.
+
+    Raises:
+      Unavailable: JENN is not installed.
+    """
+    try:
+        from jenn import NeuralNet
+    except ImportError:
+        raise Unavailable("JENN is not installed: pip install -e '.[bench]'") from None
+    inputs, outputs = solved.z.shape[1], solved.outputs.shape[1]
+    network = NeuralNet([inputs, *JENN_LAYERS, outputs])
+    labels = solved.z.T, solved.outputs.T, solved.slopes.transpose(1, 2, 0)
+    for k, rate in enumerate(JENN_RATES):
+        settings = {"alpha": rate, "gamma": JENN_SLOPES, "max_iter": steps or JENN_STEPS}
+        network.fit(*labels, is_normalize=True, random_state=0, is_warmstart=k > 0, **settings)
+    return lambda z: network.predict(z.T).T

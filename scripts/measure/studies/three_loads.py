@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from figures import lines
-from rivals import SolvedLoads, gekpls, polynomial_with_slopes
+from rivals import SolvedLoads, gekpls, jenn, polynomial_with_slopes
 from solved_flows import SolvedFlows, bodies_of, read_or_solve
 from study import Row, Run, Study, Table, columns
 from tools import medians
@@ -40,18 +40,17 @@ from surrogate.training.plan import make_plan
 
 COUNTS = {"particle": (16, 32, 64, 128, 256), "lift": (64, 256, 1024, 4096)}
 TRUNCATED = "hig, tau 1e-3"  # which drops more small singular values than HIG's default
-# Bodies of a scene up to which a method is fitted: fits of GEKPLS take longest, and one matrix of
-# gradient-enhanced kriging for 4,096 sections takes 11 GB.
+# Bodies of a scene up to which a method is fitted; fits of GEKPLS take longest.
 MOST = {
     ("lift", TRUNCATED): 1024,
     ("lift", "GEKPLS"): 256,
-    ("lift", "gradient-enhanced kriging"): 1024,
     ("particle", "hig"): 256,
     ("particle", TRUNCATED): 0,
     ("particle", "GEKPLS"): 128,
+    ("particle", "JENN"): 0,
 }
 METHODS = (
-    *("hig", TRUNCATED, "gradient-enhanced kriging", "GEKPLS"),
+    *("hig", TRUNCATED, "gradient-enhanced kriging", "GEKPLS", "JENN"),
     *("polynomial with gradients", "supervised"),
 )
 MANY = 1000  # answers whose time is taken
@@ -172,6 +171,8 @@ def fitted(
     part = SolvedLoads(*(x[:count] for x in ground.known))
     if method == "GEKPLS":
         return gekpls(part), nothing
+    if method == "JENN":
+        return jenn(part, iterations), nothing
     if method == "polynomial with gradients":
         return polynomial_with_slopes(part), nothing
     if method == "gradient-enhanced kriging":
