@@ -71,6 +71,14 @@ def test_kriging_interpolates_its_observations_and_predicts_between(observations
     assert np.ptp(np.log([f.drag for f in observations[16:]])) > 0.5
 
 
+def test_kriging_is_the_same_in_blocks(observations, monkeypatch):
+    inputs = scene_inputs(Scene())
+    whole = kriging(observations, inputs).coefficients
+    monkeypatch.setattr("surrogate.model.gaussian_process.BLOCK", 9)
+    parts = kriging(observations, inputs).coefficients
+    np.testing.assert_allclose(parts, whole, rtol=1e-7, atol=1e-7 * np.abs(whole).max())
+
+
 def test_slopes_improve_kriging_more_than_as_many_drags(observations):
     """Half the flows with their slopes predict better than all of them would with none."""
     inputs = scene_inputs(Scene())

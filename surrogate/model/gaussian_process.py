@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg import LinAlgError, cho_solve, cholesky, solve_triangular
 
 from surrogate.arrays import AnyArray
 from surrogate.compilation import compiled
@@ -33,6 +33,7 @@ RESIDUAL_AMPLITUDE = (-7.0, 1.5)  # the same for the residual of a trained base
 NOISE_DEVIATION = 0.5  # prior deviation of the log of the noise over VALUE_NOISE, SLOPE_NOISE
 BOUNDS = ((-10.0, 2.0), (-1.0, 4.0), (-2.0, 3.0))  # of amplitude, noise, lengths
 PART = 64  # flows whose rows of the covariance are computed together
+BLOCK = 4096  # rows of the covariance that are factorised together
 
 
 class Data(eqx.Module):
@@ -156,14 +157,29 @@ def solve(data: Data, mean: float, hyper: Hyper) -> Float[np.ndarray, "flows row
         matrix[size * flows[0] : size * (flows[-1] + 1)] = _some_rows(data, hyper, flows)
     matrix[np.diag_indices_from(matrix)] += np.asarray(_noise(data, hyper))
     centred = np.asarray(_centred(data, mean))
-    try:  # the matrix is symmetric, and its transpose has the order of LAPACK
-        factor = cho_factor(matrix.T, lower=True, overwrite_a=True, check_finite=False)
-        found = cho_solve(factor, centred.ravel(), check_finite=False)
+    try:
+        _factorise(matrix)
+        found = cho_solve((matrix.T, False), centred.ravel(), check_finite=False)
     except LinAlgError:
         found = np.array(np.nan)
     if not np.all(np.isfinite(found)):
         raise NotConverged("kriging: the covariance of these observations is singular to rounding")
     return found.reshape(centred.shape)
+
+
+def _factorise(matrix):
+    """Overwrite the lower triangle of a symmetric matrix by its Cholesky factor, block by block.
+
+    A single call of LAPACK would do, but that of OpenBLAS 0.3 on several threads ends the process
+    by a segmentation fault where a matrix has tens of thousands of rows.
+    """
+    for start in range(0, len(matrix), BLOCK):
+        end = start + BLOCK
+        own, below = matrix[start:end, start:end], matrix[end:, start:end]
+        own[:] = cholesky(own, lower=True, check_finite=False)
+        below[:] = solve_triangular(own, below.T, lower=True, check_finite=False).T
+        for k in range(0, len(below), BLOCK):
+            matrix[end + k :, end + k : end + k + BLOCK] -= below[k:] @ below[k : k + BLOCK].T
 
 
 _some_rows = jax.jit(_covariance_rows)
