@@ -15,7 +15,7 @@ from surrogate.model.kriging import Observation, kriging
 
 COMPONENTS = 4  # of partial least squares, and points that replace a flow's gradient
 # The settings of JENN are the best of those tried on 256 sections; its rates fall one by one.
-JENN_LAYERS, JENN_RATES, JENN_STEPS, JENN_SLOPES = (64, 64), (1e-2, 3e-3, 1e-3, 3e-4), 2000, 1.0
+JENN_WIDTHS, JENN_RATES, JENN_STEPS, JENN_SLOPES = (16, 32, 64), (1e-2, 3e-3, 1e-3, 3e-4), 2000, 1.0
 
 
 class Solved(NamedTuple):
@@ -157,6 +157,9 @@ def gekpls(solved: SolvedLoads) -> Predictor:
 def jenn(solved: SolvedLoads, steps: int | None = None) -> Predictor:
     """Fit a network to outputs and slopes by the package JENN (Berguin 2024).
 
+    Its two hidden layers are the widest of ``JENN_WIDTHS`` with fewer weights than there are
+    numbers to fit.
+
     Args:
       solved: flows.
       steps: of Adam at each of the rates ``JENN_RATES``; by default ``JENN_STEPS``.
@@ -169,7 +172,10 @@ def jenn(solved: SolvedLoads, steps: int | None = None) -> Predictor:
     except ImportError:
         raise Unavailable("JENN is not installed: pip install -e '.[bench]'") from None
     inputs, outputs = solved.z.shape[1], solved.outputs.shape[1]
-    network = NeuralNet([inputs, *JENN_LAYERS, outputs])
+    numbers = solved.outputs.size + solved.slopes.size
+    fits = (w for w in JENN_WIDTHS if w * (inputs + 1) + (w + outputs) * (w + 1) < numbers)
+    width = max(fits, default=JENN_WIDTHS[0])
+    network = NeuralNet([inputs, width, width, outputs])
     labels = solved.z.T, solved.outputs.T, solved.slopes.transpose(1, 2, 0)
     for k, rate in enumerate(JENN_RATES):
         settings = {"alpha": rate, "gamma": JENN_SLOPES, "max_iter": steps or JENN_STEPS}
