@@ -47,20 +47,34 @@ MOST_MAPS = 50_000  # memory maps of a process, of 65530
 COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
-def pytest_collection_modifyitems(items):
-    """Let one worker run the files that share programs; those that clear them come first.
+def group_of(file: str | Path) -> str:
+    """Return the name of the tests that one worker runs together with those of a file."""
+    name = Path(file).stem.removeprefix("test_")
+    return next((group for group, files in SHARING.items() if name in files.split()), name)
 
-    In a file the tests that clear JAX's caches come last.
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Let one worker run the files that share programs.
+
+    xdist's own ``--dist loadgroup`` gives every test to either worker under pytest 9.2, of which
+    node identifiers cannot be changed.
     """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Groups(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            return group_of(nodeid.split("::")[0])
+
+    return Groups(config, log)
+
+
+def pytest_collection_modifyitems(items):
+    """Let files that clear JAX's caches come first, and in a file the tests that do so last."""
     clearing = {item.path for item in items if "compiled" in item.fixturenames}
-    for item in items:
-        name = item.path.stem.removeprefix("test_")
-        group = next((group for group, files in SHARING.items() if name in files.split()), name)
-        item.add_marker(pytest.mark.xdist_group(group))
 
     def place(item):
-        (group,) = item.get_closest_marker("xdist_group").args
-        clears = "compiled" in item.fixturenames
+        group, clears = group_of(item.path), "compiled" in item.fixturenames
         return item.path not in clearing, group not in SHARING, group, item.path, clears
 
     items.sort(key=place)
