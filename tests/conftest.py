@@ -27,8 +27,7 @@ import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
-from surrogate import Family, Fidelity, Scene, Unbounded, load  # noqa: E402
-from surrogate.flow.grid.domain_2d import Domain2D  # noqa: E402
+from surrogate import Family, Fidelity, Scene, load  # noqa: E402
 
 TESTS = Path(__file__).parent
 SCRIPTS = TESTS.parent / "scripts"
@@ -36,11 +35,14 @@ sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
 SECTIONS = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
+ARCHED = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
-SHARING = {  # files of tests that share programs
-    "symmetric": "designer folders front hints infill pictures plan problems refusals shapeopt "
-    "training",
-    "sections": "by_chord camber labels lift lift_models multipoint",
+SHARING = {  # files of tests that share programs, or pages of a browser
+    "pages": "explore explore_clicks",
+    "symmetric": "designer folders front gradients hints infill pictures plan problems refusals "
+    "shapeopt streams training",
+    "sections": "by_chord camber commands crosscheck error_estimate fields flow golden labels lift "
+    "lift_models multipoint sections tunnel",
     "space": "3d_bodies 3d_commands 3d_designs 3d_flow 3d_incidence 3d_settling",
 }
 MOST_MAPS = 50_000  # memory maps of a process, of 65530
@@ -93,11 +95,6 @@ def pytest_runtest_teardown(item, nextitem):
 @pytest.fixture(scope="session")
 def tiny_scene() -> Scene:
     return Scene(fidelity=TINY)
-
-
-@pytest.fixture(scope="session")
-def cylinder_domain():
-    return Domain2D.make(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
 
 
 @pytest.fixture(scope="session", autouse=True)
