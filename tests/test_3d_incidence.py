@@ -14,7 +14,6 @@ from correlations_at_incidence import moment_by_inertia
 
 from surrogate import Family, Flow, InvalidInput, Scene, family_shape
 from surrogate.body.skin import HALVES, SkinNodes
-from surrogate.flow import programs
 from surrogate.flow.grid.discretise import fitted_domain
 from surrogate.flow.grid.lattice import Lattice
 from surrogate.flow.grid.modes_3d import Modes3D
@@ -22,7 +21,6 @@ from surrogate.flow.grid.oseen_3d import space_kernel
 from surrogate.flow.loads import LOADS
 from surrogate.flow.solver import steady
 from surrogate.flow.solver.newton import NewtonSettings
-from surrogate.flow.streams import kept_operators
 from surrogate.model.network import blank_network
 from surrogate.scene.fidelity import NAMED
 from surrogate.scene.limits import onset_of
@@ -93,10 +91,7 @@ def test_exact_transposed_kernel(folded):
 
 def test_few_combinations_of_modes_give_the_velocity_far_away():
     """That of the Oseen flow; near the body all modes are known."""
-    body, reynolds = family_shape({"aspect": 2.0, "incidence": 45.0}, dimension=3), 40.0
-    domain = fitted_domain(Unbounded(), NAMED[3]["draft"], body, reynolds)  # of ``solved``
-    at = body.markers(domain.nodes), jnp.asarray(reynolds, float)
-    operators = programs.assemble(domain, *at, kept_operators(domain, at[1]))
+    operators = FLOW.bodies.assembled(jnp.asarray(BODY), jnp.asarray(40.0))
 
     @jax.jit
     def responses(operators):
@@ -105,7 +100,7 @@ def test_few_combinations_of_modes_give_the_velocity_far_away():
 
     few, whole = responses(operators)
     error = jnp.abs(few - whole) / float(jnp.abs(whole).max())
-    corner, near = domain.near
+    corner, near = FLOW.domain.near
     box = (slice(None), *(slice(k, k + side) for k, side in zip(corner, near.shape, strict=True)))
     assert float(error[box].max()) < 1e-5
     assert 1e-5 < float(error.max()) < 0.02
