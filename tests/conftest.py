@@ -27,7 +27,8 @@ import jax  # noqa: E402
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
-from surrogate import Family, Fidelity, Scene, load  # noqa: E402
+from surrogate import Family, Fidelity, Scene, Unbounded, load  # noqa: E402
+from surrogate.flow.grid.domain_2d import Domain2D  # noqa: E402
 
 TESTS = Path(__file__).parent
 SCRIPTS = TESTS.parent / "scripts"
@@ -95,6 +96,11 @@ def pytest_runtest_teardown(item, nextitem):
 @pytest.fixture(scope="session")
 def tiny_scene() -> Scene:
     return Scene(fidelity=TINY)
+
+
+@pytest.fixture(scope="session")
+def cylinder_domain():
+    return Domain2D.make(Unbounded(), TINY, (1.5, 1.5), symmetric=True)
 
 
 @pytest.fixture(scope="session", autouse=True)
