@@ -36,31 +36,48 @@ sys.path[:0] = map(str, (SCRIPTS, SCRIPTS / "measure", TESTS / "oracles"))
 
 TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in every part
 SECTIONS = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
+ARCHED = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
-SHARING = {  # files of tests that share programs
-    "symmetric": "designer folders front hints infill pictures plan problems refusals shapeopt "
-    "training",
-    "sections": "by_chord camber labels lift lift_models multipoint",
+SHARING = {  # files of tests that share programs, or pages of a browser
+    "pages": "explore explore_clicks",
+    "symmetric": "designer folders front gradients hints infill pictures plan problems refusals "
+    "shapeopt streams training",
+    "sections": "by_chord camber commands crosscheck error_estimate fields flow golden labels lift "
+    "lift_models multipoint sections tunnel",
     "space": "3d_bodies 3d_commands 3d_designs 3d_flow 3d_incidence 3d_settling",
 }
 MOST_MAPS = 50_000  # memory maps of a process, of 65530
 COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
-def pytest_collection_modifyitems(items):
-    """Let one worker run the files that share programs; those that clear them come first.
+def group_of(file: str | Path) -> str:
+    """Return the name of the tests that one worker runs together with those of a file."""
+    name = Path(file).stem.removeprefix("test_")
+    return next((group for group, files in SHARING.items() if name in files.split()), name)
 
-    In a file the tests that clear JAX's caches come last.
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Let one worker run the files that share programs.
+
+    xdist's own ``--dist loadgroup`` gives every test to either worker under pytest 9.2, of which
+    node identifiers cannot be changed.
     """
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Groups(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            return group_of(nodeid.split("::")[0])
+
+    return Groups(config, log)
+
+
+def pytest_collection_modifyitems(items):
+    """Let files that clear JAX's caches come first, and in a file the tests that do so last."""
     clearing = {item.path for item in items if "compiled" in item.fixturenames}
-    for item in items:
-        name = item.path.stem.removeprefix("test_")
-        group = next((group for group, files in SHARING.items() if name in files.split()), name)
-        item.add_marker(pytest.mark.xdist_group(group))
 
     def place(item):
-        (group,) = item.get_closest_marker("xdist_group").args
-        clears = "compiled" in item.fixturenames
+        group, clears = group_of(item.path), "compiled" in item.fixturenames
         return item.path not in clearing, group not in SHARING, group, item.path, clears
 
     items.sort(key=place)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import ROUGH_3D
 from correlations import ellipsoid, oberbeck
+from scipy.interpolate import RegularGridInterpolator
 
 from surrogate import Family, Fidelity, Flow, InvalidInput, Scene, family_shape
 from surrogate.flow.grid.lattice import Lattice
@@ -71,6 +72,26 @@ def test_golden_ellipsoids_in_stokes_flow(aspect, flatness):
     assert float(DRAFT.drag(body, 0.01)) == pytest.approx(
         oberbeck(ellipsoid(aspect, flatness), 0.01), rel=0.01
     )
+
+
+@pytest.fixture(scope="module")
+def slow():
+    """The flow past a sphere at Re 0.01."""
+    return DRAFT.solve(SPHERE, 0.01, estimate=False)
+
+
+def test_pressure_of_slow_flow_is_that_of_stokes(slow):
+    """Past a sphere p = -3 x / (4 Re r^3), where the head is far from the stream's."""
+    found = RegularGridInterpolator((slow.x, slow.y, slow.z), slow.p)
+    for x in (-1.4, -1.1, 1.1, 1.4):
+        point = np.array([[x, 0.3, -0.2]])
+        expected = -0.75 * x / (0.01 * np.linalg.norm(point) ** 3)
+        assert found(point)[0] == pytest.approx(expected, rel=0.05)
+
+
+def test_forces_in_newtons(slow):
+    forces = slow.forces(speed=0.3, diameter=1e-3, density=1.2)
+    assert forces.drag == pytest.approx(slow.drag * 0.5 * 1.2 * 0.3**2 * np.pi / 4 * 1e-6)
 
 
 @pytest.mark.parametrize(("reynolds", "drag"), [(1, 27.3175), (40, 1.7891), (100, 1.0881)])

@@ -168,7 +168,7 @@ def test_solve_drag_of_contours(capsys, tmp_path, no_estimates):
     angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     ellipse = np.stack([np.cos(angle), 0.5 * np.sin(angle)], axis=1)
     np.savetxt(tmp_path / "e.csv", ellipse, delimiter=",", header="x,y", comments="")
-    common = ["--reynolds", "20", "--cells", "8", "--incidence", "20"]
+    common = ["--reynolds", "20", "--fidelity", "draft", "--cells", "8", "--incidence", "20"]
     contour = answer(capsys, "solve_drag", "--contour", tmp_path / "e.csv", *common)["results"][0]
     family = answer(capsys, "solve_drag", "--aspect", "2", *common)["results"][0]
     assert contour["cd"] == pytest.approx(family["cd"], rel=2e-3)

@@ -35,6 +35,9 @@ def test_drag_gradient_and_solution_share_their_programs(compiled):
     assert compiled.count("jit(load_gradients)") == 2  # to full precision, and to that of designs
     assert float(drag) == float(slope.drag) == solution.drag
     assert list(solution.gradient.values())[:4] == pytest.approx(gradient.tolist(), rel=1e-6)
+    before = len(compiled)
+    assert np.isfinite(solution.surface().cp).all()
+    assert len(compiled) - before <= 12  # by which a surface is drawn
 
 
 def test_vmap_alone_compiles_whole_programs(compiled):
@@ -48,14 +51,6 @@ def test_vmap_alone_compiles_whole_programs(compiled):
     assert before <= 250
     assert jax.vmap(flow.drag)(bodies, numbers).tolist() == drags.tolist()
     assert len(compiled) == before
-
-
-def test_a_surface_is_drawn_by_few_programs(compiled):
-    flow = Flow(Scene(fidelity=Fidelity("drawn", 8, 2.5, 4, 4, 5, wake=0.0)))
-    solution = flow.solve(LENS, 10.0, estimate=False)
-    before = len(compiled)
-    assert np.isfinite(solution.surface().cp).all()
-    assert len(compiled) - before <= 12
 
 
 def test_a_prediction_takes_few_programs_and_another_one_none(compiled, capsys):

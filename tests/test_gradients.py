@@ -18,6 +18,7 @@ LENS = jnp.array([2.2, 0.12, -0.05, 0.03])
 SCENE = Scene(reynolds=(0.5, 45), fidelity=TINY)
 EXACT = NewtonSettings(tolerance=1e-10, linear_tolerance=1e-8)
 UNBOUNDED = Flow(SCENE, EXACT)
+DOMAIN = UNBOUNDED.domain
 TUNNEL = Flow(dataclasses.replace(SCENE, stream=Tunnel(6.0)), EXACT)
 DIRECTION = np.array([0.4, 0.1, -0.08, 0.05, 0.3])  # in shape and Re
 
@@ -96,28 +97,21 @@ def test_the_slope_by_a_short_adjoint_solve_has_three_digits(reynolds):
 
 
 @pytest.fixture(scope="module")
-def driven(cylinder_domain):
-    """A flow driven by a traction that is not the body's."""
-    domain, tight = cylinder_domain, NewtonSettings(tolerance=1e-11, linear_tolerance=1e-8)
-    angle = 2 * np.pi * np.arange(96) / 96
-    cylinder = jnp.asarray(np.stack([-np.cos(angle), np.sin(angle)], axis=1) / 2)
-
-    @jax.jit
-    def start():
-        operators = steady.assemble(domain, cylinder, jnp.asarray(20.0))
-        return operators, steady.body_flow(domain, operators)[0].amplitude
-
-    operators, solved = start()
+def driven():
+    """A flow past the cylinder, driven by a traction that is not the body's."""
+    tight = NewtonSettings(tolerance=1e-11, linear_tolerance=1e-8)
+    cylinder, reynolds = jnp.asarray(SCENE.family.ellipse(1.0)), jnp.asarray(20.0, float)
+    operators, solved, _ = UNBOUNDED.bodies.solved(cylinder, reynolds)
 
     @jax.jit
     def drive(amplitude):
         velocity, info = steady.forced_flow(
-            domain, operators, amplitude, operators.response(amplitude), tight
+            DOMAIN, operators, amplitude, operators.response(amplitude), tight
         )
         state = steady.FlowState(velocity, amplitude)
         return state, steady.slip_residual(operators, state), info.converged
 
-    state, _, converged = drive(0.9 * solved)
+    state, _, converged = drive(0.9 * solved.amplitude)
     assert bool(converged)
     return operators, state, lambda amplitude: drive(amplitude)[1]
 
@@ -127,10 +121,9 @@ ONE_STEP = NewtonSettings(max_steps=1, max_vectors=60, forcing=1e-6)
 
 
 @pytest.fixture(scope="module")
-def slip_jacobian(cylinder_domain, driven):
+def slip_jacobian(driven):
     operators, state, _ = driven
-    domain = cylinder_domain
-    matrix, cost = jax.jit(lambda: tangent.slip_jacobian(domain, operators, state, TIGHT))()
+    matrix, cost = jax.jit(lambda: tangent.slip_jacobian(DOMAIN, operators, state, TIGHT))()
     assert bool(cost.converged)
     return matrix
 
@@ -142,27 +135,25 @@ def test_slip_jacobian_is_the_derivative_of_the_slip(driven, slip_jacobian):
     assert np.allclose(difference, slip_jacobian @ step, atol=1e-11)
 
 
-def test_slip_adjoint_agrees_with_the_slip_jacobian(cylinder_domain, driven, slip_jacobian):
+def test_slip_adjoint_agrees_with_the_slip_jacobian(driven, slip_jacobian):
     """And both with a central difference."""
     operators, state, slip = driven
     weights = jnp.linspace(-1, 2, state.amplitude.size)
-    gradient, _ = jax.jit(
-        lambda: tangent.slip_adjoint(cylinder_domain, operators, state, weights, TIGHT)
-    )()
+    gradient, _ = jax.jit(lambda: tangent.slip_adjoint(DOMAIN, operators, state, weights, TIGHT))()
     assert np.allclose(gradient, slip_jacobian.T @ weights, rtol=1e-5, atol=1e-6)
     step = 1e-5 * np.cos(np.arange(state.amplitude.size))
     difference = weights @ (slip(state.amplitude + step) - slip(state.amplitude - step)) / 2
     assert float(gradient @ step) == pytest.approx(float(difference), abs=1e-10)
 
 
-def test_load_weights_predict_the_newton_step(cylinder_domain, driven):
+def test_load_weights_predict_the_newton_step(driven):
     """lambda . y is the drag that one Newton step removes, for the flow a traction drives."""
     operators, state, _ = driven
 
     @jax.jit
     def steps():
-        weights, _ = slip_weights(drag, cylinder_domain, operators, state, TIGHT)
-        moved, _ = steady.body_flow(cylinder_domain, operators, state, ONE_STEP)
+        weights, _ = slip_weights(drag, DOMAIN, operators, state, TIGHT)
+        moved, _ = steady.body_flow(DOMAIN, operators, state, ONE_STEP)
         return weights, moved.amplitude, steady.slip_residual(operators, state)
 
     weights, moved, slip = steps()

@@ -8,7 +8,7 @@ import pickle
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from conftest import TINY
+from conftest import ARCHED, TINY
 from pictures import pixels
 
 import shapeopt
@@ -39,8 +39,6 @@ from shapeopt.search.designer import Designer
 from shapeopt.search.evaluated import EvaluatedDesign, best_design
 from shapeopt.search.verify import drags_of_round_body
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, Tunnel, load
-
-LIFTING = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +100,7 @@ def test_a_design_is_verified_where_the_cylinders_flow_does_not_converge(
 
 
 def test_problems_about_lift_are_not_compared_with_the_cylinder():
-    scene = Scene(family=LIFTING, fidelity=TINY)
+    scene = Scene(family=ARCHED, fidelity=TINY)
     for problem in (Problem(scene, Glide(10.0)), Problem(scene, 10.0, max_moment=0.1)):
         assert drags_of_round_body(problem) == (None,)
     assert not Problem(scene, 10.0).is_about_lift
@@ -365,7 +363,7 @@ def test_a_run_has_the_constraints_that_are_set(tmp_path):
         "lift": 0.1,
         "within": {"aspect": (2, 3)},
     }
-    scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))
+    scene = Scene(family=ARCHED, fidelity=TINY, reynolds=(5, 20))
     problem = Problem(scene, 10.0, **bounds)
     body = np.array([2.0, 0.1, 5.0])
     design = Design(problem, body, 1.0, (2.0, 0.0, 0.0), 1e-4, 2.0, body[None], 0, 1, 100, 1.0)
@@ -378,7 +376,7 @@ def test_a_run_has_the_constraints_that_are_set(tmp_path):
 @pytest.mark.parametrize("glide", [False, True])
 def test_loads_of_a_robust_run_are_those_of_its_body(tmp_path, no_estimates, glide):
     """Not those of one of the cases; each case says to which Re its flow is steady."""
-    scene = Scene(family=LIFTING, fidelity=TINY, reynolds=(5, 20))
+    scene = Scene(family=ARCHED, fidelity=TINY, reynolds=(5, 20))
     objective = Robust(10.0, LogNormal(0.3), tolerance=0.02, cases=2, glide=glide)
     body = np.array([2.0, 0.1, 5.0])
     problem = Problem(scene, objective)
