@@ -38,8 +38,8 @@ TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in 
 SECTIONS = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
 SHARING = {  # files of tests that share programs
-    "symmetric": "designer folders front hints infill pictures plan problems refusals shapeopt "
-    "training",
+    "symmetric": "designer explore explore_clicks folders front hints infill pictures plan "
+    "problems refusals shapeopt training",
     "sections": "by_chord camber labels lift lift_models multipoint",
     "space": "3d_bodies 3d_commands 3d_designs 3d_flow 3d_incidence 3d_settling",
 }
