@@ -119,20 +119,24 @@ def choose_devices(count: Number | None = None, device_batch: Number | None = No
 
 
 def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
-    """Evaluate ``function(model, *rows)`` with the rows split over the devices.
+    """Evaluate ``function(model, *row)`` of every row, with the rows split over the devices.
+
+    On one device this is a call for each row, so that any number of rows is one program.
 
     Args:
       devices: the mesh; the rows are padded to a multiple of their number.
-      function: of a model and the rows of one device; returns arrays with one row for each of them.
+      function: of a model and the arrays of one row; returns arrays.
       model: pytree that is replicated.
       rows: tuple of arrays with the same number of rows.
 
     Returns:
       The results of all rows, in their order, on the host.
     """
-    if devices.count == jax.process_count() == 1:
-        return jax.tree.map(np.asarray, _on_one_device(function, model, rows))
     count = len(jax.tree.leaves(rows)[0])
+    if devices.count == jax.process_count() == 1:
+        single = (jax.tree.map(lambda leaf, k=k: leaf[k], rows) for k in range(count))
+        results = [_on_one_device(function, model, row) for row in single]
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *results)
     padded = np.arange(-(-count // devices.count) * devices.count) % count
     rows = Sharded(jax.tree.map(lambda leaf: np.asarray(leaf)[padded], rows))
     results = _mapped(devices, function)(*devices.place((model, rows)))
@@ -140,15 +144,15 @@ def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: 
 
 
 @compiled("function", options=lambda *_: same_options())
-def _on_one_device(function, model, rows):
-    return function(model, *rows)
+def _on_one_device(function, model, row):
+    return function(model, *row)
 
 
 @functools.cache
 def _mapped(devices, function):
     def mapped(model, rows):
         def local(model, shard):
-            return Sharded(function(model, *shard.rows))
+            return Sharded(jax.lax.map(lambda row: function(model, *row), shard.rows))
 
         return devices.shard_map(local, (model, rows), Sharded(()))(model, rows)
 

@@ -38,10 +38,9 @@ TINY = Fidelity("tiny", 8, 2.5, 4, 4, 5, wake=0.0)  # for tests: small, real in 
 SECTIONS = Family(aspect=(1.5, 4), beta2=(-0.2, 0.2), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ARCHED = Family(aspect=(1.5, 3), gamma2=(-0.3, 0.3), incidence=(-4, 12))
 ROUGH_3D = Fidelity("rough", 5, 3, 4, 4, harmonics=5, wake=0.0, tolerance=0.1)  # the same in 3-D
-SHARING = {  # files of tests that share programs, or pages of a browser
-    "pages": "explore explore_clicks",
-    "symmetric": "designer folders front gradients hints infill pictures plan problems refusals "
-    "shapeopt streams training",
+SHARING = {  # files of tests that share programs
+    "symmetric": "designer explore explore_clicks folders front gradients hints infill pictures "
+    "plan problems refusals shapeopt streams training",
     "sections": "by_chord camber commands crosscheck error_estimate fields flow golden labels lift "
     "lift_models multipoint sections tunnel",
     "space": "3d_bodies 3d_commands 3d_designs 3d_flow 3d_incidence 3d_settling",

@@ -186,11 +186,17 @@ FAILURES = {
 }
 
 
+@pytest.fixture(scope="module")
+def optimum(tiny_scene):
+    """A design on the flow."""
+    return optimise(Problem(tiny_scene, 10.0, max_length=1.3), Flow(tiny_scene))
+
+
 @pytest.mark.parametrize("fails", FAILURES.values(), ids=list(FAILURES))
-def test_flows_that_are_not_found_do_not_end_a_design(tiny_scene, monkeypatch, fails):
+def test_flows_that_are_not_found_do_not_end_a_design(tiny_scene, monkeypatch, optimum, fails):
     """These bodies are left out, and the search ends at the same optimum."""
-    problem, bodies = Problem(tiny_scene, 10.0, max_length=1.3), []
-    optimum, width = optimise(problem, Flow(tiny_scene)), problem.limits.width
+    problem, bodies = optimum.problem, []
+    width = problem.limits.width
 
     def not_found(body):
         bodies.append(body)

@@ -17,6 +17,11 @@ from surrogate.body.validity import CLEAR_THICKNESS_RATIO
 PITCH = 0.35  # of the page's view of 3-D bodies, from above
 
 
+@jax.jit
+def network_loads(network, body, log_re):
+    return network.loads(body, jnp.exp(log_re))
+
+
 def body_of(name, state):
     return np.array([state["values"][key] for key in surrogate_of(name).scene.family.names], float)
 
@@ -24,7 +29,7 @@ def body_of(name, state):
 def drag_at(name, state):
     """Cd of the sliders' body and Reynolds number, by the network in Python."""
     body, log_re = body_of(name, state), state["values"]["reynolds"]
-    return float(surrogate_of(name).network.drag(body, jnp.exp(log_re)))
+    return float(network_loads(surrogate_of(name).network, body, log_re)[0])
 
 
 @functools.cache
@@ -156,7 +161,7 @@ def test_only_pages_with_lift_show_it():
 def loads_of(state):
     """Cd, Cl and Cm of the sliders' body and Reynolds number, by the network in Python."""
     body, log_re = body_of("with lift", state), state["values"]["reynolds"]
-    return np.asarray(surrogate_of("with lift").network.loads(body, jnp.exp(log_re)))
+    return np.asarray(network_loads(surrogate_of("with lift").network, body, log_re))
 
 
 def test_sliders_move_lift_moment_and_the_force():
@@ -210,7 +215,7 @@ def test_best_glide_over_the_incidence_is_marked():
     """It is that of the shape that is shown, at its Reynolds number."""
     states, family = used_page("with lift")["states"], surrogate_of("with lift").scene.family
     turns = np.linspace(*family.bounds[-1], 801)
-    loads_of_all = jax.vmap(surrogate_of("with lift").network.loads, (0, None))
+    loads_of_all = jax.jit(jax.vmap(surrogate_of("with lift").network.loads, (0, None)))
     for key in ("opened", "cambered", "glide"):
         body = body_of("with lift", states[key])
         shapes = jnp.asarray([[*body[:-1], turn] for turn in turns])

@@ -34,7 +34,7 @@ from shapeopt.payoff.queries import query_stream
 from shapeopt.render.sheets import origin
 from shapeopt.search.optimality import KKT_TOLERANCE
 from shapeopt.search.over_lift import designs_over_lift
-from shapeopt.search.propose import propose, propose_all
+from shapeopt.search.propose import propose_all
 from shapeopt.search.verify import violated_bounds
 from surrogate import Family, Fidelity, Flow, InvalidInput, NotConverged, Scene, load, train
 from surrogate.flow.solver import steady
@@ -167,14 +167,24 @@ def test_kriging_of_loads_interpolates_and_has_the_mirror_symmetry(generator):
     assert spread > 0.1  # or the test would prove little
 
 
+ELLIPSE = {"aspect": (2.0, 2.0), "beta2": (0.0, 0.0)}
+WITHOUT_MOMENT = {"min_moment": 0.0, "max_moment": 0.0}
+FLAT = Problem(SCENE, Glide(10.0), **WITHOUT_MOMENT, max_camber=0.1, within=ELLIPSE)
+
+
+def on_polar(*problems):
+    """Optima on the polar: of these problems, of ``FLAT`` and of one with three cases.
+
+    With the last two every call has the same padding, so that all are one program.
+    """
+    robust = Problem(SCENE, Robust(10.0, Uniform(0.2), cases=3, glide=True))
+    return propose_all([*problems, FLAT, robust], Polar())
+
+
 def test_optima_of_a_known_polar():
-    ellipse = {"aspect": (2.0, 2.0), "beta2": (0.0, 0.0)}
-    without_moment = {"min_moment": 0.0, "max_moment": 0.0}
-    flat = Problem(SCENE, Glide(10.0), **without_moment, max_camber=0.1, within=ellipse)
     problems = [Problem(SCENE, Glide(10.0)), Problem(SCENE, 10.0, lift=1.25)]
-    problems += [Problem(SCENE, Glide(10.0), **without_moment), flat]
-    problems.append(Problem(SCENE, Robust(10.0, Uniform(0.2), cases=3, glide=True)))
-    glide, bound, trimmed, flattened, robust = propose_all(problems, Polar())
+    problems.append(Problem(SCENE, Glide(10.0), **WITHOUT_MOMENT))
+    glide, bound, trimmed, flattened, robust = on_polar(*problems)
     assert glide.value == pytest.approx(-0.5, rel=1e-9)
     assert robust.value == pytest.approx(-0.5, rel=1e-9)  # this polar is the same at every Re
     assert glide.variables[3] == pytest.approx(8.0, rel=1e-4)
@@ -189,9 +199,9 @@ def test_optima_of_a_known_polar():
     with pytest.raises(
         InvalidInput, match=r"max camber 0\.1 and ranges of the parameters contradict"
     ):
-        propose(dataclasses.replace(flat, within=ellipse | {"gamma2": (0.2, 0.3)}), Polar())
+        on_polar(dataclasses.replace(FLAT, within=ELLIPSE | {"gamma2": (0.2, 0.3)}))
     with pytest.raises(NotConverged, match=r"lift 3\.5 is out of reach .* Cl 3$"):
-        propose(Problem(SCENE, 10.0, lift=3.5), Polar())
+        on_polar(Problem(SCENE, 10.0, lift=3.5))
 
 
 def test_bodies_over_lift_are_optima_of_the_flow_and_share_its_flows():
@@ -285,8 +295,7 @@ def test_a_sheet_with_a_lift_out_of_reach_shows_the_other_bodies(tmp_path, capsy
 
 
 def test_a_moment_that_is_given_is_met():
-    problem = Problem(SCENE, 10.0, min_moment=0.2, max_moment=0.2)
-    found = propose(problem, Polar())
+    found, *_ = on_polar(Problem(SCENE, 10.0, min_moment=0.2, max_moment=0.2))
     assert found.kkt_residual < 1e-6
     loads = Polar().loads(found.variables, RE)
     assert float(loads[2]) == pytest.approx(0.2, abs=1.1e-5)

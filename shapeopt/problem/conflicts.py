@@ -122,8 +122,10 @@ def _nearest_value(constraint: _Constraint, free: Problem, alone: Problem) -> st
     if constraint.measure is None:
         return "no body of the family closes properly there"
     drawn = drawn_bodies(free.limits)
-    nearest = jnp.concatenate([drawn, repaired_bodies(drawn, alone.limits)])
-    nearest = nearest[np.asarray(satisfied(nearest, free.limits))]
-    violation = jax.vmap(lambda body: -jnp.min(constraint_values(body, alone.limits)))(nearest)
-    value = float(constraint.measure(free.body(nearest[jnp.argmin(violation)])))
+    parts = drawn, np.asarray(repaired_bodies(drawn, alone.limits))
+    clear = np.concatenate([satisfied(part, free.limits) for part in parts])
+    bodies = np.concatenate(parts)
+    values = np.asarray(jax.vmap(constraint_values, (0, None))(bodies, alone.limits))
+    nearest = bodies[np.argmax(np.where(clear, values.min(axis=1), -np.inf))]
+    value = float(jax.jit(constraint.measure)(free.body(nearest)))
     return f"{constraint.conflict} {value:.3g} {free.reference.symbol}"

@@ -133,8 +133,9 @@ def constraint_values(
         if name in limits.bounds:
             lengths = bound.values(body, parameters) / unit
             values.append(bound.sense * (lengths - limits.bounds[name]))
-    thicknesses = jax.vmap(body.thickness_at, (None, 0))(parameters, limits.stations[:, 0]) / unit
-    values.append(thicknesses - limits.stations[:, 1])
+    if len(limits.stations):
+        thicknesses = jax.vmap(body.thickness_at, (None, 0))(parameters, limits.stations[:, 0])
+        values.append(thicknesses / unit - limits.stations[:, 1])
     return jnp.hstack(values)
 
 

@@ -76,7 +76,7 @@ def propose_all(
     require_converged: bool = True,
     devices: Devices | None = None,
 ) -> list[Proposal]:
-    """Return the global optimum of every problem on a model, all in one compiled call.
+    """Return the global optimum of every problem on a model, all by one program.
 
     Args:
       problems: of one scene; their constraints and objectives may be of different kinds.
@@ -149,72 +149,61 @@ def without_padding(end: SqpResult, problem: Problem) -> SqpResult:
 
 def best_draws(
     model: LoadModel,
-    drawn: Float[AnyArray, "problems bodies variables"],
+    drawn: Float[AnyArray, "bodies variables"],
     limits: Limits,
     scenarios: Scenarios,
-) -> tuple[Float[Array, "problems starts variables"], Int[Array, " problems"]]:
-    """Return the best draws of every problem, and how many of its draws are feasible.
+) -> tuple[Float[Array, "starts variables"], Int[Array, ""]]:
+    """Return the best draws of a problem, and how many of its draws are feasible.
 
     Args:
       model: a differentiable model of the loads.
-      drawn: bodies for every problem.
-      limits: of all problems, stacked.
-      scenarios: of all problems, stacked.
+      drawn: bodies.
+      limits: ranges of the variables and constraints on the body.
+      scenarios: of the objective, with the bounds on loads.
 
     Returns:
       The draws of least objective, with a penalty on violated bounds on loads, best first; where
       too few are feasible, the last ones are not. Then the number of feasible draws.
     """
-    count = number_of_starts(drawn.shape[-1])
-
-    def one(case):
-        drawn, limits, scenarios = case
-        objectives = jax.vmap(objective_and_constraints, in_axes=(None, 0, None))
-        values, constraints = objectives(model, drawn, scenarios)
-        violation = jnp.max(-constraints, axis=1, initial=0.0)
-        values += PENALTY * jnp.maximum(jnp.abs(values), LEAST_OBJECTIVE) * violation
-        values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
-        return drawn[jax.lax.top_k(-values, count)[1]], jnp.sum(jnp.isfinite(values))
-
-    return jax.lax.map(one, (drawn, limits, scenarios))
+    objectives = jax.vmap(objective_and_constraints, in_axes=(None, 0, None))
+    values, constraints = objectives(model, drawn, scenarios)
+    violation = jnp.max(-constraints, axis=1, initial=0.0)
+    values += PENALTY * jnp.maximum(jnp.abs(values), LEAST_OBJECTIVE) * violation
+    values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
+    best = jax.lax.top_k(-values, number_of_starts(drawn.shape[-1]))[1]
+    return drawn[best], jnp.sum(jnp.isfinite(values))
 
 
 def minimise_from_all(
     model: LoadModel,
-    starts: Float[AnyArray, "problems starts variables"],
+    starts: Float[AnyArray, "starts variables"],
     limits: Limits,
     scenarios: Scenarios,
-) -> tuple[SqpResult, Float[Array, " problems"], Int[Array, " problems"]]:
-    """Return the best end of the searches of every problem, from all of its starts.
+) -> tuple[SqpResult, Float[Array, ""], Int[Array, ""]]:
+    """Return the best end of the searches of a problem, from all of its starts.
 
     Args:
       model: a differentiable model of the loads.
-      starts: bodies from which the searches of every problem start.
-      limits: of all problems, stacked.
-      scenarios: of all problems, stacked.
+      starts: bodies from which the searches start.
+      limits: ranges of the variables and constraints on the body.
+      scenarios: of the objective, with the bounds on loads.
 
     Returns:
-      For every problem the best converged end, or else the best feasible one, or else the one of
-      least violation; the objective where that search began, and the number of evaluations of all
-      its searches.
+      The best converged end, or else the best feasible one, or else the one of least violation;
+      the objective where that search began, and the number of evaluations of all searches.
     """
-
-    def one(case):
-        starts, limits, scenarios = case
-        objectives = jax.vmap(model_objective, (None, 0, None))(model, starts, scenarios)
-        search = jax.vmap(minimise_sqp, (None, 0, 0, None, None))
-        ends = search(model, starts, jnp.abs(objectives), limits, scenarios)
-        sound = jnp.isfinite(ends.value) & (ends.feasibility >= FEASIBLE)
-        feasible = jnp.where(sound, ends.value, jnp.inf)
-        reached = jnp.where(ends.converged, feasible, jnp.inf)
-        any_reached = jnp.isfinite(jnp.min(reached))
-        nearest = jnp.argmax(jnp.where(jnp.isfinite(ends.value), ends.feasibility, -jnp.inf))
-        best = jnp.where(jnp.any(sound), jnp.argmin(feasible), nearest)
-        best = jnp.where(any_reached, jnp.argmin(reached), best)
-        end = jax.tree.map(lambda leaf: leaf[best], ends)
-        return end, objectives[best], len(starts) + jnp.sum(ends.evaluations)
-
-    return jax.lax.map(one, (starts, limits, scenarios))
+    objectives = jax.vmap(model_objective, (None, 0, None))(model, starts, scenarios)
+    search = jax.vmap(minimise_sqp, (None, 0, 0, None, None))
+    ends = search(model, starts, jnp.abs(objectives), limits, scenarios)
+    sound = jnp.isfinite(ends.value) & (ends.feasibility >= FEASIBLE)
+    feasible = jnp.where(sound, ends.value, jnp.inf)
+    reached = jnp.where(ends.converged, feasible, jnp.inf)
+    any_reached = jnp.isfinite(jnp.min(reached))
+    nearest = jnp.argmax(jnp.where(jnp.isfinite(ends.value), ends.feasibility, -jnp.inf))
+    best = jnp.where(jnp.any(sound), jnp.argmin(feasible), nearest)
+    best = jnp.where(any_reached, jnp.argmin(reached), best)
+    end = jax.tree.map(lambda leaf: leaf[best], ends)
+    return end, objectives[best], len(starts) + jnp.sum(ends.evaluations)
 
 
 def _failure(problem, model, end):

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 
 from surrogate.arrays import AnyArray, Bodies, Body, Number
 from surrogate.body.body_class import BodyClass, Range
-from surrogate.body.drawing import drawn_outline
+from surrogate.body.drawing import body_markers, drawn_outline
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin, SkinNodes
@@ -104,7 +104,7 @@ class Family:
 
         In 2-D the contour, clockwise from the nose; in 3-D the skin at (rings, azimuths).
         """
-        return self.body_class.markers(parameters, nodes)
+        return body_markers(self.body_class, parameters, nodes)
 
     def outline(
         self, parameters: Float[AnyArray, " parameters"], nodes: int

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from surrogate.arrays import AnyArray
 from surrogate.body.body_class import BodyClass
 from surrogate.body.contour import contour_curve, contour_length, highest_harmonic, smoothed
-from surrogate.body.drawing import drawn_contour
+from surrogate.body.drawing import body_markers, drawn_contour
 from surrogate.body.incidence import check_incidence, rotate
 from surrogate.body.nose import nose_of_contour
 from surrogate.body.registry import body_class
@@ -207,13 +207,3 @@ def _draw_family_body(body_class, parameters, nodes):
 
 def _draw_contour(curve, keep_size, incidence, nodes):
     return rotate(smoothed(curve, nodes, keep_size), incidence)
-
-
-@functools.partial(jax.jit, static_argnums=(0, 2))
-def body_markers(
-    body_class: BodyClass,
-    parameters: Float[AnyArray, " parameters"],
-    nodes: int | SkinNodes,
-) -> Float[AnyArray, "nodes 2"] | Skin:
-    """Return the surface markers of a family body as it lies, by one program for each class."""
-    return body_class.markers(parameters, nodes)

@@ -1,7 +1,9 @@
 """Which bodies and Reynolds numbers the flow of a scene answers, on its one grid."""
 
+import functools
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -15,6 +17,7 @@ from surrogate.scene.limits import REYNOLDS, ROUNDING, check_reynolds
 from surrogate.scene.scene import Scene
 
 
+@functools.partial(jax.jit, static_argnames=("scene", "bodies", "allow_unsteady"), inline=True)
 def covers(
     scene: Scene,
     bodies: DiscreteBodies,
@@ -31,6 +34,7 @@ def covers(
       reynolds: U D / nu.
       allow_unsteady: accept what is beyond the onset of instability too.
     """
+    parameters, reynolds = jax.lax.stop_gradient((parameters, reynolds))
     found = bodies.coverage(parameters)
     onset = jnp.inf if allow_unsteady else found.onset
     lowest = max(REYNOLDS[scene.dimension][0], bodies.domain.least_reynolds)

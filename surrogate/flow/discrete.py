@@ -10,8 +10,8 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from surrogate.arrays import AnyArray, padded
 from surrogate.body.body_class import BodyClass
+from surrogate.body.drawing import body_markers
 from surrogate.body.measures import least_mean_thickness
-from surrogate.body.shape import body_markers
 from surrogate.compilation import compiled
 from surrogate.errors import InvalidInput
 from surrogate.flow import programs

@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -96,4 +97,8 @@ def _inverse_seconds(plan, batch):
 
 
 def _network(plan):
-    return blank_network(plan.scene, 2 * (plan.width,), jax.random.key(0))
+    """Return a network of the plan's sizes, all numbers of which are zero."""
+    shapes = eqx.filter_eval_shape(
+        lambda: blank_network(plan.scene, 2 * (plan.width,), jax.random.key(0))
+    )
+    return jax.tree.map(lambda shape: jnp.asarray(np.zeros(shape.shape)), shapes)
