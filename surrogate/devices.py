@@ -119,7 +119,7 @@ def choose_devices(count: Number | None = None, device_batch: Number | None = No
 
 
 def map_over_devices(devices: Devices, function: Callable, model: PyTree, rows: PyTree) -> PyTree:
-    """Evaluate ``function(model, *row)`` of every row, with the rows split over the devices.
+    """Evaluate ``function(model, *row)`` for every row, with the rows split over the devices.
 
     On one device this is a call for each row, so that any number of rows is one program.
 

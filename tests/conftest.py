@@ -62,6 +62,8 @@ def pytest_xdist_make_scheduler(config, log):
     xdist's own ``--dist loadgroup`` gives every test to either worker under pytest 9.2, of which
     node identifiers cannot be changed.
     """
+    if config.getvalue("dist") != "loadscope":
+        return None  # another schedule is asked for
     from xdist.scheduler import LoadScopeScheduling
 
     class Groups(LoadScopeScheduling):

@@ -16,6 +16,7 @@ from shapeopt.search import designer as designer_module
 from shapeopt.search import sqp
 from shapeopt.search.propose import propose
 from surrogate import Family, Flow, InvalidInput, NotConverged, Scene, load
+from surrogate.model.gaussian_process import Hyper
 from surrogate.model.inputs import scene_inputs
 from surrogate.model.kriging import Observation, kriging, uncorrected
 
@@ -77,6 +78,14 @@ def test_kriging_is_the_same_in_blocks(observations, monkeypatch):
     parts = kriging(observations[:16], scene_inputs(Scene()), hyper=whole.hyper)
     for flow in observations[16:]:
         assert predict(parts, flow) == pytest.approx(predict(whole, flow), 1e-8)
+
+
+@pytest.mark.parametrize("block", [4, 4096])
+def test_kriging_of_one_flow_many_times_without_noise_is_refused(observations, monkeypatch, block):
+    monkeypatch.setattr("surrogate.model.gaussian_process.BLOCK", block)
+    exact = Hyper(np.zeros(1), np.full(1, -40.0), np.ones((1, 5)))
+    with pytest.raises(NotConverged, match="singular to rounding"):
+        kriging([observations[0]] * 16, scene_inputs(Scene()), hyper=exact)
 
 
 def test_slopes_improve_kriging_more_than_as_many_drags(observations):

@@ -423,8 +423,8 @@ def test_weights_without_several_reynolds_numbers_are_refused(tmp_path):
 
 def test_a_design_beyond_its_onset_says_so(tmp_path, capsys, no_estimates):
     """The steady flow past the best wide body at Re 45 is unstable."""
-    nearly = dict.fromkeys(("beta2", "beta3", "beta4"), (-1e-3, 1e-3))  # ellipses
-    scene = Scene(family=Family(aspect=(0.5, 0.6), **nearly), reynolds=(1, 45), fidelity=TINY)
+    slight = dict.fromkeys(("beta2", "beta3", "beta4"), (-1e-3, 1e-3))  # nearly ellipses
+    scene = Scene(family=Family(aspect=(0.5, 0.6), **slight), reynolds=(1, 45), fidelity=TINY)
     scene.write(tmp_path / "wide.toml")
     words = ["--surrogate", "none", "--scene", str(tmp_path / "wide.toml"), "--reynolds", "45"]
     record = optimize_shape([*words, "--until", "flow", "--out", str(tmp_path / "run")])

@@ -14,8 +14,11 @@ from surrogate.model.inputs import Inputs
 from surrogate.model.kriging import Observation, kriging
 
 COMPONENTS = 4  # of partial least squares, and points that replace a flow's gradient
-# The settings of JENN are the best of those tried on 256 sections; its rates fall one by one.
-JENN_WIDTHS, JENN_RATES, JENN_STEPS, JENN_SLOPES = (16, 32, 64), (1e-2, 3e-3, 1e-3, 3e-4), 2000, 1.0
+# Of JENN, the best of those tried on sections whose loads are those of ``pretrained:lift``.
+JENN_WIDTHS = 16, 32, 64  # of both hidden layers
+JENN_RATES = 1e-2, 3e-3, 1e-3, 3e-4  # of Adam, one after the other
+JENN_STEPS = 2000  # at each rate
+JENN_SLOPES = 1.0  # weight of the gradients
 
 
 class Solved(NamedTuple):

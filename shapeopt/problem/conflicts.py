@@ -126,6 +126,6 @@ def _nearest_value(constraint: _Constraint, free: Problem, alone: Problem) -> st
     clear = np.concatenate([satisfied(part, free.limits) for part in parts])
     bodies = np.concatenate(parts)
     values = np.asarray(jax.vmap(constraint_values, (0, None))(bodies, alone.limits))
-    nearest = bodies[np.argmax(np.where(clear, values.min(axis=1), -np.inf))]
+    nearest = bodies[clear][np.argmax(values[clear].min(axis=1))]
     value = float(jax.jit(constraint.measure)(free.body(nearest)))
     return f"{constraint.conflict} {value:.3g} {free.reference.symbol}"

@@ -56,7 +56,7 @@ def follow_all(
     problems, calls = list(problems), [0] * len(problems)
     last: dict[int, Proposal] = {}
     for _ in range(MAX_PROBLEMS):
-        proposals = propose_all(problems, model, devices=devices)  # all, by one program
+        proposals = propose_all(problems, model, devices=devices)  # all, by the same programs
         for k in sorted(set(range(len(problems))) - set(last)):
             calls[k] += proposals[k].calls
             found = _following(model, problems[k], proposals[k])

@@ -49,7 +49,7 @@ def optimise(problem: Problem, model: Surrogate | Flow, until: str | None = None
 def optimise_all(
     problems: Sequence[Problem], surrogate: Surrogate | Flow, devices: int | None = None
 ) -> list[Design]:
-    """Return the surrogate's own optimum of every problem, all by one program.
+    """Return the surrogate's own optimum of every problem, all by the same programs.
 
     Args:
       problems: of the surrogate's scene, all or none ``by_chord``; objectives and constraints may

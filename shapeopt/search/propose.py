@@ -76,7 +76,7 @@ def propose_all(
     require_converged: bool = True,
     devices: Devices | None = None,
 ) -> list[Proposal]:
-    """Return the global optimum of every problem on a model, all by one program.
+    """Return the global optimum of every problem on a model, all by the same programs.
 
     Args:
       problems: of one scene; their constraints and objectives may be of different kinds.

@@ -34,7 +34,7 @@ def covers(
       reynolds: U D / nu.
       allow_unsteady: accept what is beyond the onset of instability too.
     """
-    parameters, reynolds = jax.lax.stop_gradient((parameters, reynolds))
+    parameters, reynolds = jax.lax.stop_gradient((parameters, reynolds))  # a truth value has none
     found = bodies.coverage(parameters)
     onset = jnp.inf if allow_unsteady else found.onset
     lowest = max(REYNOLDS[scene.dimension][0], bodies.domain.least_reynolds)

@@ -95,6 +95,9 @@ def _covariance_rows(data, hyper, flows):
     return jnp.where(own[:, None] & others, rows, 0.0)
 
 
+_compiled_rows = jax.jit(_covariance_rows)
+
+
 def _noise(data, hyper):
     """Return the variance of the noise of every row; of padding 1."""
     count, size = data.rows.shape
@@ -141,30 +144,39 @@ def _free_covariance(hyper, z, y):
 def solve(data: Data, mean: float, hyper: Hyper) -> Float[np.ndarray, "flows rows"]:
     """Return the coefficients of the observations in the predictions of one output.
 
-    The covariance is made in parts and factorised in place, so that there is one such matrix in
-    memory: 11 GB for 4,096 flows with eight slopes each.
+    The covariance is made in parts and factorised in place, on the host, so that there is one such
+    matrix in memory: 11 GB for 4,096 flows with eight slopes each.
 
     Args:
-      data: observations of one output.
+      data: observations of one output, the valid ones first.
       mean: of the process.
       hyper: of this output.
+
+    Returns:
+      The coefficients, which are zero in the padding.
 
     Raises:
       NotConverged: the covariance matrix is not positive definite to rounding.
     """
-    matrix, size = np.empty((data.rows.size, data.rows.size)), data.rows.shape[1]
-    for flows in np.array_split(np.arange(len(data.z)), -(-len(data.z) // PART)):
-        matrix[size * flows[0] : size * (flows[-1] + 1)] = _some_rows(data, hyper, flows)
-    matrix[np.diag_indices_from(matrix)] += np.asarray(_noise(data, hyper))
-    centred = np.asarray(_centred(data, mean))
+    capacity, size = data.rows.shape
+    flows = int(np.sum(data.valid))
+    matrix = np.empty((flows * size, flows * size))
+    for start in range(0, flows, PART):
+        part = np.arange(start, min(start + PART, capacity))
+        rows = matrix[start * size : (start + PART) * size]
+        rows[:] = _compiled_rows(data, hyper, part)[: len(rows), : len(matrix)]
+    matrix[np.diag_indices_from(matrix)] += np.asarray(_noise(data, hyper))[: len(matrix)]
+    found = np.asarray(_centred(data, mean)).copy()
     try:
         _factorise(matrix)
-        found = cho_solve((matrix.T, False), centred.ravel(), check_finite=False)
+        found[:flows] = cho_solve(
+            (matrix.T, False), found[:flows].ravel(), check_finite=False
+        ).reshape(flows, size)
     except LinAlgError:
-        found = np.array(np.nan)
+        found[:] = np.nan
     if not np.all(np.isfinite(found)):
         raise NotConverged("kriging: the covariance of these observations is singular to rounding")
-    return found.reshape(centred.shape)
+    return found
 
 
 def _factorise(matrix):
@@ -180,9 +192,6 @@ def _factorise(matrix):
         below[:] = solve_triangular(own, below.T, lower=True, check_finite=False).T
         for k in range(0, len(below), BLOCK):
             matrix[end + k :, end + k : end + k + BLOCK] -= below[k:] @ below[k : k + BLOCK].T
-
-
-_some_rows = jax.jit(_covariance_rows)
 
 
 @compiled()

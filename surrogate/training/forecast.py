@@ -97,8 +97,8 @@ def _inverse_seconds(plan, batch):
 
 
 def _network(plan):
-    """Return a network of the plan's sizes, all numbers of which are zero."""
+    """Return a network of zeros of the plan's sizes, on which alone the seconds depend."""
     shapes = eqx.filter_eval_shape(
         lambda: blank_network(plan.scene, 2 * (plan.width,), jax.random.key(0))
     )
-    return jax.tree.map(lambda shape: jnp.asarray(np.zeros(shape.shape)), shapes)
+    return jax.tree.map(lambda leaf: jnp.asarray(np.zeros(leaf.shape, leaf.dtype)), shapes)
