@@ -189,6 +189,14 @@ class Family:
         spread = np.where(wide, high / np.where(wide, low, 1.0), 1.0)
         return np.where(wide, low * spread**shares, low + (high - low) * shares)
 
+    def symmetric_fore_and_aft(
+        self, bodies: Float[np.ndarray, "bodies parameters"]
+    ) -> Float[np.ndarray, "bodies parameters"]:
+        """Return the bodies without their even sine modes, as far as these ranges hold zero."""
+        low, high = self.bounds.T
+        even = np.array([parameter.odd_fore_and_aft for parameter in self.body_class.parameters])
+        return np.where(even & (low <= 0) & (high >= 0), 0.0, bodies)
+
     def clear(self, bodies: Float[AnyArray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
         """Return which bodies are so far from crossing themselves that they can be solved.
 

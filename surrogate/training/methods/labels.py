@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from surrogate.arrays import AnyArray
-from surrogate.model.network import LoadNetwork
+from surrogate.model.features import incidence_index
+from surrogate.model.network import LoadNetwork, moment_factors
 from surrogate.scene.samples import Samples
 from surrogate.training.methods.method import Batch
 from surrogate.training.physics import Physics
@@ -65,7 +66,10 @@ def load_residuals(
 ) -> Float[Array, "loads outcomes"]:
     """Return the residuals of one sample: of every output, and of its gradient in scaled inputs.
 
-    Residuals of labels that are not valid (gradient: not converged) are zero.
+    Residuals of labels that are not valid (gradient: not converged) are zero. Those of Cm / Cd of
+    3-D bodies at incidence are divided by the norm of the factors of its heads, see
+    ``LoadNetwork``, and of the derivatives of these factors. So a head's error weighs as much where
+    its factor is small: at low Re, the head of the moment by inertia.
 
     Args:
       network: whose outputs are compared with the label.
@@ -82,4 +86,18 @@ def load_residuals(
     residuals = jnp.where(labels.valid[index], outputs - labels.outputs[index], 0.0)
     known = labels.valid[index] & labels.converged[index]
     slopes = jnp.where(known, gradients - steepness * labels.slopes[index], 0.0)
-    return jnp.column_stack([residuals, slopes])
+    return _weights(network.inputs, z, len(outputs)) * jnp.column_stack([residuals, slopes])
+
+
+def _weights(inputs, z, loads):
+    """Return the factors of all residuals of one sample, see ``load_residuals``."""
+    weights = jnp.ones((loads, 1 + len(z)))
+    if incidence_index(inputs.body_class) is None:
+        return weights
+
+    def factors(z):
+        return moment_factors(inputs, inputs.features(z))
+
+    values, slopes = factors(z), jax.jacfwd(factors)(z)
+    squares = jnp.sum(values**2) + jnp.append(0.0, jnp.sum(slopes**2, axis=0))
+    return weights.at[2].set(jax.lax.rsqrt(squares))
