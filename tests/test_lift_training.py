@@ -2,12 +2,20 @@
 
 import dataclasses
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from conftest import ROUGH_3D, TINY
 
 from surrogate import Family, NotConverged, Scene
+from surrogate.model.features import Wave, features_of
+from surrogate.model.inputs import scene_inputs
+from surrogate.model.network import blank_network
+from surrogate.scene.samples import Samples, training_samples
 from surrogate.training.loop import load_errors, run_training
+from surrogate.training.methods.labels import TrainingLabels, load_residuals
 from surrogate.training.plan import METHODS, make_plan
 from surrogate.training.setup import make_setup
 
@@ -17,6 +25,7 @@ SCENES = {
     "sections": Scene(family=SECTIONS, fidelity=TINY, reynolds=(5, 20)),
     "spheroids": Scene(dimension=3, family=SPHEROIDS, fidelity=ROUGH_3D, reynolds=(1, 20)),
 }
+PARTICLES = {"aspect": (0.5, 3), "beta2": (-0.3, 0.3), "beta3": (-0.1, 0.1), "incidence": (0, 90)}
 STEPS = {"dp": 60, "sip": 9, "hig": 8, "supervised": 9}
 
 
@@ -54,3 +63,44 @@ def test_a_training_whose_flows_are_all_lost_says_so(start):
     plan = dataclasses.replace(plan, method="hig", published=True, iterations=4, report_every=1)
     with pytest.raises(NotConverged, match="found none of 12 flows up to iteration 1"):
         run_training(plan, setup)
+
+
+def test_every_fourth_training_body_in_space_is_symmetric_fore_and_aft():
+    """Those at incidence; the others, and all bodies of other scenes, are as the sequence says."""
+    inclined = Scene(dimension=3, family=Family(3, **PARTICLES), reynolds=(0.1, 100))
+    even, odd = inclined.family.names.index("beta2"), inclined.family.names.index("beta3")
+    bodies = training_samples(inclined, 0, 32, infill=(40, 43)).parameters
+    symmetric = bodies[:, even] == 0
+    assert np.flatnonzero(symmetric[:30]).tolist() == list(range(3, 30, 4))
+    assert symmetric[30:].tolist() == [False, True]
+    assert np.all(bodies[:, odd] != 0)
+    without_zero = PARTICLES | {"beta2": (0.1, 0.3)}
+    for family in (without_zero, {k: v for k, v in PARTICLES.items() if k != "incidence"}):
+        scene = Scene(dimension=3, family=Family(3, **family), reynolds=(0.1, 100))
+        assert np.all(training_samples(scene, 0, 32).parameters[:, even] != 0)
+
+
+@pytest.mark.parametrize("reynolds", [0.1, 1.0, 100.0])
+def test_an_error_of_the_moment_by_inertia_weighs_as_much_at_any_reynolds_number(reynolds):
+    """Of a spheroid its residual is that of the head, and those of the gradients hardly differ."""
+    family, change = Family(3, **PARTICLES), 1e-3
+    scene = Scene(dimension=3, family=family, reynolds=(0.1, 100))
+    network = blank_network(scene, (4, 4), jax.random.key(0))
+    network = eqx.tree_at(lambda net: net.inputs, network, scene_inputs(scene))
+    waves = [feature.wave for feature in features_of(family.body_class)]
+    trend = network.trends[2].at[1 + waves.index(Wave.SIN_2)].add(change)
+    moved = eqx.tree_at(lambda net: net.trends[2], network, trend)
+    body = jnp.array([2.0, 0.0, 0.05, 30.0])
+    samples = Samples(body[None], jnp.array([reynolds]))
+    z = network.inputs(body, samples.reynolds[0])
+    steepness = network.inputs.steepness(body)
+    exact = network.outputs(z), jax.jacrev(network.outputs)(z) / steepness
+    known, modes = jnp.ones(1, bool), jnp.zeros((1, network.modes.count))
+    labels = TrainingLabels(modes, *(each[None] for each in exact), known, known)
+    found = load_residuals(moved, samples, labels, jnp.array(0))
+    turn = family.names.index("incidence")
+    sine, cosine = np.sin(np.deg2rad(60)), np.cos(np.deg2rad(60))
+    np.testing.assert_allclose(found[2, 0], change * sine, rtol=1e-9)
+    np.testing.assert_allclose(found[2, 1 + turn], change * np.pi * cosine, rtol=1e-9)
+    assert abs(found[2, -1]) < change * sine
+    np.testing.assert_allclose(found[:2], 0.0, atol=1e-12)
