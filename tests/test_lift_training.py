@@ -65,22 +65,37 @@ def test_a_training_whose_flows_are_all_lost_says_so(start):
         run_training(plan, setup)
 
 
-def test_every_fourth_training_body_in_space_is_symmetric_fore_and_aft():
-    """Those at incidence; the others, and all bodies of other scenes, are as the sequence says."""
-    inclined = Scene(dimension=3, family=Family(3, **PARTICLES), reynolds=(0.1, 100))
-    even, odd = inclined.family.names.index("beta2"), inclined.family.names.index("beta3")
-    bodies = training_samples(inclined, 0, 32, infill=(40, 43)).parameters
-    symmetric = bodies[:, even] == 0
-    assert np.flatnonzero(symmetric[:30]).tolist() == list(range(3, 30, 4))
-    assert symmetric[30:].tolist() == [False, True]
-    assert np.all(bodies[:, odd] != 0)
-    without_zero = PARTICLES | {"beta2": (0.1, 0.3)}
-    for family in (without_zero, {k: v for k, v in PARTICLES.items() if k != "incidence"}):
-        scene = Scene(dimension=3, family=Family(3, **family), reynolds=(0.1, 100))
-        assert np.all(training_samples(scene, 0, 32).parameters[:, even] != 0)
+def test_a_quarter_of_the_training_bodies_in_space_is_symmetric_fore_and_aft():
+    """Those at incidence, all over the ranges; other bodies are as the sequence has them."""
+    scene = Scene(dimension=3, family=Family(3, **PARTICLES), reynolds=(0.1, 100))
+    plan = make_plan(scene, "sip", samples=256)
+    samples, plain = plan.training_samples, training_samples(scene, plan.seed, 256)
+    even, odd = scene.family.names.index("beta2"), scene.family.names.index("beta3")
+    symmetric = samples.parameters[:, even] == 0
+    assert 0.15 < np.mean(symmetric) < 0.35
+    shares = (samples.parameters - scene.family.bounds[:, 0]) / np.ptp(scene.family.bounds, axis=1)
+    for chosen in (shares[symmetric][:, [0, odd, -1]], shares[~symmetric]):
+        np.testing.assert_allclose(np.median(chosen, axis=0), 0.5, atol=0.15)
+    np.testing.assert_array_equal(samples.parameters[~symmetric], plain.parameters[~symmetric])
+    others = np.arange(len(scene.family.names)) != even
+    np.testing.assert_array_equal(samples.parameters[:, others], plain.parameters[:, others])
+    later = dataclasses.replace(plan, samples=20, infill=(200, 30)).training_samples
+    np.testing.assert_array_equal(later.parameters[18:], samples.parameters[np.array([200, 30])])
 
 
-@pytest.mark.parametrize("reynolds", [0.1, 1.0, 100.0])
+@pytest.mark.parametrize(
+    "changes", [{"beta2": (0.1, 0.3), "beta4": (-0.1, 0.1)}, {"incidence": None}]
+)
+def test_other_training_bodies_in_space_are_as_drawn(changes):
+    """Where a range has no zero, as some bodies would cross themselves, and without incidence."""
+    ranges = {name: r for name, r in (PARTICLES | changes).items() if r}
+    scene = Scene(dimension=3, family=Family(3, **ranges), reynolds=(0.1, 100))
+    plan = make_plan(scene, "sip", samples=32)
+    drawn = training_samples(scene, plan.seed, 32)
+    np.testing.assert_array_equal(plan.training_samples.parameters, drawn.parameters)
+
+
+@pytest.mark.parametrize("reynolds", [1.0, 10.0, 100.0])
 def test_an_error_of_the_moment_by_inertia_weighs_as_much_at_any_reynolds_number(reynolds):
     """Of a spheroid its residual is that of the head, and those of the gradients hardly differ."""
     family, change = Family(3, **PARTICLES), 1e-3

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from surrogate.arrays import AnyArray, Bodies, Body, Number
 from surrogate.body.body_class import BodyClass, Range
 from surrogate.body.drawing import body_markers, drawn_outline
+from surrogate.body.incidence import reversal
 from surrogate.body.parameters import PARAMETERS, Kind
 from surrogate.body.registry import BODY_CLASSES, body_class, check_dimension
 from surrogate.body.skin import Skin, SkinNodes
@@ -192,10 +193,11 @@ class Family:
     def symmetric_fore_and_aft(
         self, bodies: Float[np.ndarray, "bodies parameters"]
     ) -> Float[np.ndarray, "bodies parameters"]:
-        """Return the bodies without their even sine modes, as far as these ranges hold zero."""
+        """Return the bodies without their even sine modes; as they are if a range has no zero."""
         low, high = self.bounds.T
-        even = np.array([parameter.odd_fore_and_aft for parameter in self.body_class.parameters])
-        return np.where(even & (low <= 0) & (high >= 0), 0.0, bodies)
+        even = reversal(self.body_class.parameters) < 0
+        possible = np.all((low <= 0) & (high >= 0), where=even)
+        return np.where(even & possible, 0.0, bodies)
 
     def clear(self, bodies: Float[AnyArray, "bodies parameters"]) -> Bool[np.ndarray, " bodies"]:
         """Return which bodies are so far from crossing themselves that they can be solved.

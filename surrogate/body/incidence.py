@@ -56,8 +56,7 @@ def in_first_quarter(
     values = jnp.asarray(values)
     angle = jnp.mod(values[index] + HALF_TURN, 2 * HALF_TURN) - HALF_TURN
     backward = jnp.abs(angle) > QUARTER_TURN
-    odd = np.array([p.odd_fore_and_aft for p in parameters])
-    values = jnp.where(backward & odd, -values, values)
+    values = jnp.where(backward, reversal(parameters) * values, values)
     nearest = jnp.where(backward, HALF_TURN - jnp.abs(angle), jnp.abs(angle))
     image = jnp.where((angle < 0) ^ backward, -1.0, 1.0)
     return values.at[index].set(nearest), image

@@ -251,8 +251,8 @@ class Surrogate:
         Raises:
           InvalidInput: the record lacks their seed or number.
         """
-        seed, count = self.recorded("seed"), self.recorded("samples")
-        return training_samples(self.scene, seed, count, self.record.get("infill", ()))
+        drawn = self.recorded("seed"), self.recorded("samples"), self.record.get("infill", ())
+        return training_samples(self.scene, *drawn, self.record.get("symmetric_share", 0.0))
 
     @property
     def error_scales(self) -> Float[np.ndarray, " loads"]:

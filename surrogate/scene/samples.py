@@ -13,7 +13,6 @@ from surrogate.scene.scene import Scene
 
 LARGEST_SEED = 2**31 - 1
 MIN_DRAW = 128  # Sobol points at a time: enough to find out that all bodies cross themselves
-SYMMETRIC = 4  # one of so many training bodies in 3-D at incidence is symmetric fore and aft
 
 
 class Samples(NamedTuple):
@@ -36,18 +35,24 @@ class Samples(NamedTuple):
         return Samples(*(part[index] for part in self))
 
 
-def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] = ()) -> Samples:
+def training_samples(
+    scene: Scene,
+    seed: int,
+    count: int,
+    infill: Sequence[int] = (),
+    symmetric_share: float = 0.0,
+) -> Samples:
     """Draw training samples by a scrambled Sobol sequence over the ranges and log Re.
 
-    Bodies that cross themselves are skipped. Of 3-D bodies at incidence every fourth has no even
-    sine modes: at low Re the moment of the others is nearly that in Stokes flow, and does not show
-    the one by inertia, which is all that bodies symmetric fore and aft have.
+    Bodies that cross themselves are skipped. A random share of the others can be made symmetric
+    fore and aft (``Family.symmetric_fore_and_aft``).
 
     Args:
       scene: whose family and Reynolds numbers they are drawn from.
       seed: of the sequence.
       count: number of samples.
       infill: the positions in the sequence of the last samples; the others are the first of it.
+      symmetric_share: of the bodies that are made symmetric.
     """
     positions = np.concatenate([np.arange(count - len(infill)), np.asarray(infill, int)])
     needed = int(positions.max(initial=-1)) + 1
@@ -61,9 +66,10 @@ def training_samples(scene: Scene, seed: int, count: int, infill: Sequence[int] 
         bodies = np.concatenate([bodies, drawn[clear]])
         log_re = np.concatenate([log_re, low + (high - low) * shares[clear, -1]])
     bodies = bodies[positions]
-    if scene.dimension == 3 and scene.family.has_lift:
-        symmetric = positions % SYMMETRIC == SYMMETRIC - 1
-        bodies[symmetric] = scene.family.symmetric_fore_and_aft(bodies[symmetric])
+    if symmetric_share:
+        draws = np.random.default_rng([seed, 1]).random(needed)[positions]
+        symmetric = scene.family.symmetric_fore_and_aft(bodies)
+        bodies = np.where((draws < symmetric_share)[:, None], symmetric, bodies)
     return Samples(bodies, np.exp(log_re[positions]))
 
 

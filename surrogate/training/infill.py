@@ -13,7 +13,9 @@ from surrogate.scene.scene import Scene
 CANDIDATES = 2048  # further points of the Sobol sequence, of which the samples are chosen
 
 
-def infill_positions(surrogate: Surrogate, scene: Scene, seed: int, count: int) -> tuple[int, ...]:
+def infill_positions(
+    surrogate: Surrogate, scene: Scene, seed: int, count: int, symmetric_share: float = 0.0
+) -> tuple[int, ...]:
     """Return the positions in the Sobol sequence of the samples to add to those of a surrogate.
 
     One after the other, the candidate whose error bound is largest is taken, the bounds being those
@@ -26,6 +28,7 @@ def infill_positions(surrogate: Surrogate, scene: Scene, seed: int, count: int) 
       scene: of the new training.
       seed: of the new training.
       count: number of samples of the new training, those of the surrogate included.
+      symmetric_share: of the new training.
 
     Returns:
       The positions of the surrogate's own infill, then the new ones.
@@ -48,7 +51,8 @@ def infill_positions(surrogate: Surrogate, scene: Scene, seed: int, count: int) 
         )
     chosen = None
     if first():
-        candidates = training_samples(scene, seed, start + CANDIDATES).at(positions)
+        drawn = training_samples(scene, seed, start + CANDIDATES, (), symmetric_share)
+        candidates = drawn.at(positions)
         chosen = positions[_largest_bounds(surrogate, candidates, count - trained)].tolist()
     return (*own, *broadcast_json(chosen))
 

@@ -10,7 +10,7 @@ from surrogate.checks import expect, finite_number, flag, whole_number
 from surrogate.errors import InvalidInput
 from surrogate.model.network import default_width
 from surrogate.model.surrogate import Surrogate
-from surrogate.scene.samples import LARGEST_SEED
+from surrogate.scene.samples import LARGEST_SEED, Samples, training_samples
 from surrogate.scene.scene import Scene
 from surrogate.training.infill import infill_positions
 from surrogate.training.methods.dp import DifferentiablePhysics, PublishedDifferentiablePhysics
@@ -36,6 +36,9 @@ PUBLISHED: dict[MethodName, Callable[..., Method]] = {
 METHODS: tuple[MethodName, ...] = get_args(MethodName)
 LIFTING_STEPS = 3  # times the steps of drag alone, where lift and moment are trained too
 WIDEST = 128  # of hidden layers: error bounds take the gradients of all loads in all weights
+# Of the training bodies in 3-D with incidence, made symmetric fore and aft. At low Re the moment of
+# other bodies is nearly that in Stokes flow, and hides the moment by inertia.
+SYMMETRIC_SHARE = 0.25
 REPORTS = 15  # points in a training's history, about
 # Evaluations of a sample in a training, on average, at least; a label by Newton steps takes 3 or 4.
 EPOCHS = 8
@@ -92,6 +95,8 @@ class Plan:
         are the first of the sequence.
       earlier_green_applications: convolutions of the trainings whose surrogates chose the infill.
       width: of both hidden layers of the network; by default that of the scene.
+      symmetric_share: of the training bodies that are made symmetric fore and aft; by default a
+        quarter in scenes in 3-D with incidence, else none.
     """
 
     method: MethodName
@@ -106,9 +111,19 @@ class Plan:
     infill: tuple[int, ...] = ()
     earlier_green_applications: int = 0
     width: int | None = None
+    symmetric_share: float | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "width", self.width or default_width(self.scene))
+        if self.symmetric_share is None:
+            share = _symmetric_share(self.scene)
+            object.__setattr__(self, "symmetric_share", share)
+
+    @property
+    def training_samples(self) -> Samples:
+        """Bodies and Reynolds numbers on which a network is trained."""
+        drawn = self.seed, self.samples, self.infill, self.symmetric_share
+        return training_samples(self.scene, *drawn)
 
     def make_method(self) -> Method:
         """Return the method; where its steps are few for the samples, its batches are larger.
@@ -179,7 +194,7 @@ def make_plan(
     if infill_from is not None:
         earlier = infill_from.recorded("green_applications")
         earlier += infill_from.record.get("earlier_green_applications", 0)
-        infill = infill_positions(infill_from, scene, seed, samples)
+        infill = infill_positions(infill_from, scene, seed, samples, _symmetric_share(scene))
     return Plan(
         method=method,
         scene=scene,
@@ -194,6 +209,11 @@ def make_plan(
         published=published,
         width=width,
     )
+
+
+def _symmetric_share(scene):
+    """Return the share of a scene's training bodies that are made symmetric fore and aft."""
+    return SYMMETRIC_SHARE if scene.dimension == 3 and scene.family.has_lift else 0.0
 
 
 def compared_plans(

@@ -13,7 +13,6 @@ from surrogate.model.confidence import Novelty, error_scales
 from surrogate.model.outputs import LOAD_NAMES
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences
-from surrogate.scene.samples import training_samples
 from surrogate.scene.scene import Scene
 from surrogate.training.held_out import Report, solve_held_out
 from surrogate.training.history import load_errors
@@ -62,6 +61,7 @@ def surrogate_of(
         "seed": plan.seed,
         "samples": plan.samples,
         "infill": list(plan.infill),
+        "symmetric_share": plan.symmetric_share,
         "held_out": plan.held_out,
         "held_out_failed": setup.held_out_failed,
         "budget_s": plan.budget_s,
@@ -104,8 +104,7 @@ def measured_anew(plan: Plan, surrogate: Surrogate, devices: Devices, report: Re
 def _errors(plan, network, held_out, loads):
     """Return the errors of loads on held-out bodies, over Cd, and the scales of their bounds."""
     errors = np.asarray(load_errors(network, held_out, loads))
-    samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
-    novelty = Novelty.of_answers(network, samples)
+    novelty = Novelty.of_answers(network, plan.training_samples)
     scales = error_scales(errors, jax.vmap(novelty)(*held_out))
     p95 = np.percentile(errors, 95, axis=0)
     measures = {"mean": errors.mean(0), "p95": p95, "max": errors.max(0), "scale": scales}
@@ -126,6 +125,8 @@ def plan_differences(plan: Plan, record: JsonObject) -> str:
     asked = {name: getattr(plan, key) for key, name in SETTINGS.items()}
     sizes = record.get("sizes")
     stored["width"] = sizes[0] if isinstance(sizes, list) and sizes else None
+    share = "share of symmetric bodies"
+    stored[share], asked[share] = record.get("symmetric_share", 0.0), plan.symmetric_share
     stored["infill"], asked["infill"] = map(_infill, (record.get("infill", ()), plan.infill))
     if not (plan.budget_s or record.get("budget_s") or record.get("stopped")):
         stored["iterations"], asked["iterations"] = record.get("iterations"), plan.iterations

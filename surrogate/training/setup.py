@@ -11,7 +11,7 @@ from surrogate.devices import Devices, choose_devices
 from surrogate.flow.batch import FlowBatch
 from surrogate.flow.flow import Flow
 from surrogate.model.network import LoadNetwork, make_network
-from surrogate.scene.samples import Samples, network_key, training_samples
+from surrogate.scene.samples import Samples, network_key
 from surrogate.training.held_out import Report, silent, solve_held_out
 from surrogate.training.physics import Physics, partition_samples, prepare_physics
 from surrogate.training.plan import Plan
@@ -54,7 +54,7 @@ def make_setup(
     """
     flow, devices = Flow(plan.scene), devices or choose_devices()
     held_out, labels = solve_held_out(flow, plan, devices, report)
-    samples = training_samples(plan.scene, plan.seed, plan.samples, plan.infill)
+    samples = plan.training_samples
     flow.bodies.check(samples.parameters)
     samples, partition = devices.place(
         (samples, partition_samples(plan.scene.family, samples, devices))

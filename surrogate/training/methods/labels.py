@@ -18,6 +18,9 @@ from surrogate.scene.samples import Samples
 from surrogate.training.methods.method import Batch
 from surrogate.training.physics import Physics
 
+# A choice: with less, gradients of the moment at low Re outweigh all other residuals in the fit.
+LEAST_FACTOR = 0.1
+
 
 class TrainingLabels(NamedTuple):
     """Training labels of many samples, or the label of one.
@@ -67,9 +70,11 @@ def load_residuals(
     """Return the residuals of one sample: of every output, and of its gradient in scaled inputs.
 
     Residuals of labels that are not valid (gradient: not converged) are zero. Those of Cm / Cd of
-    3-D bodies at incidence are divided by the norm of the factors of its heads, see
-    ``LoadNetwork``, and of the derivatives of these factors. So a head's error weighs as much where
-    its factor is small: at low Re, the head of the moment by inertia.
+    3-D bodies at incidence are weighted. With the factors c of its heads (``moment_factors``), the
+    residual of the value is divided by |c|, that of the derivative in z_i by
+    sqrt(|c|^2 + |dc/dz_i|^2), each at least ``LEAST_FACTOR``. So bodies that are symmetric fore and
+    aft, which have the moment by inertia alone, count at low Re as others do, where its factor
+    Re / (Re + 5) is small.
 
     Args:
       network: whose outputs are compared with the label.
@@ -90,7 +95,7 @@ def load_residuals(
 
 
 def _weights(inputs, z, loads):
-    """Return the factors of all residuals of one sample, see ``load_residuals``."""
+    """Return the weights of all residuals of one sample: 1, but for the moment of 3-D bodies."""
     weights = jnp.ones((loads, 1 + len(z)))
     if incidence_index(inputs.body_class) is None:
         return weights
@@ -100,4 +105,4 @@ def _weights(inputs, z, loads):
 
     values, slopes = factors(z), jax.jacfwd(factors)(z)
     squares = jnp.sum(values**2) + jnp.append(0.0, jnp.sum(slopes**2, axis=0))
-    return weights.at[2].set(jax.lax.rsqrt(squares))
+    return weights.at[2].set(jax.lax.rsqrt(jnp.maximum(squares, LEAST_FACTOR**2)))
