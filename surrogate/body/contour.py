@@ -89,7 +89,7 @@ def contour_curve(
     """
     points, area, centroid = _checked(points)
     points = points if area > 0 else points[::-1]
-    points = (points - centroid) * (1.0 if keep_size else np.sqrt(AREA / abs(area)))
+    points = (points - centroid) * _scale(area, keep_size)
     points = np.roll(points, -int(np.argmin(points[:, 0])), axis=0)
     curve = _by_bend(_by_length(points, FINE))
     off = _farthest(curve, _fourier(curve, JUDGED))
@@ -115,7 +115,7 @@ def smoothed(
     """
     smooth = _fourier(curve, nodes)
     area, centroid = (np.asarray(value) for value in moments(smooth))
-    return (smooth - centroid) * (1.0 if keep_size else np.sqrt(AREA / area))
+    return (smooth - centroid) * _scale(area, keep_size)
 
 
 def _checked(points):
@@ -156,8 +156,12 @@ def contour_length(points: Float[AnyArray, "points 2"], keep_size: bool) -> floa
     """Return the extent along x in D of a valid contour, scaled as by ``contour_curve``."""
     points = np.asarray(points, float)
     area, _ = moments(points - points.mean(axis=0))
-    scale = 1.0 if keep_size else np.sqrt(AREA / abs(float(area)))
-    return float(scale * np.ptp(points[:, 0]))
+    return float(_scale(area, keep_size) * np.ptp(points[:, 0]))
+
+
+def _scale(area, keep_size):
+    """Return the factor by which a contour has the area pi/4, or 1 to keep its size."""
+    return 1.0 if keep_size else float(np.sqrt(AREA / abs(float(area))))
 
 
 def _farthest(points, smooth):

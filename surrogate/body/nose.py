@@ -5,7 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from surrogate.body.measures import moments
+from surrogate.body.measures import AREA, moments
 
 SHARPEST_ARC = 1.0  # radian, by which the arc turns whose radius of curvature is that of a nose
 # A sharp nose counts as one of three times its radius, since less of the layer is thin (fitted to
@@ -14,7 +14,7 @@ SHARP_NOSE = 3.0
 CORNER = 0.004  # D: the markers of a flow round what is sharper
 
 
-def nose_of_ellipse(chord: float, area: float = math.pi / 4) -> float:
+def nose_of_ellipse(chord: float, area: float = AREA) -> float:
     """Return the radius of curvature in D at the nose of an ellipse.
 
     Args:

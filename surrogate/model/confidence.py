@@ -59,7 +59,7 @@ class Novelty:
         """Return the novelty measure for the bounds of answers, by at most 1,024 samples.
 
         It is larger than that of all samples, but grows in the same places, and bounds are scaled
-        by the errors on held-out bodies.
+        by the errors on held-out bodies. Samples of an infill beyond the first 1,024 do not count.
 
         Args:
           network: the trained network.

@@ -23,7 +23,7 @@ WIDTH, LIFTING_WIDTH = 20, 32  # of both hidden layers, for drag alone and for t
 LAST_LAYER_SCALE = 0.1  # initial weights of the last layer over equinox's: starts near the trend
 MIN_MODE_SCALE = 0.02  # keeps modes that hardly vary between Oseen flows from a scale of zero
 INERTIAL_RE = 5.0  # a choice: below it Cm / Cd of spheroids grows about as Re, above it slowly
-FEWEST = 1e-3  # singular values over the largest that the initial trends of the moment keep
+LEAST_SINGULAR = 1e-3  # value over the largest that the first fit of the moment's trends keeps
 
 
 class LoadNetwork(OutputModel):
@@ -122,34 +122,37 @@ class LoadNetwork(OutputModel):
         tractions, images = (each[: self.modes.count] for each in (heads, mirrored[1]))
         return (values + PARITY * mirrored[0]) / 2, (tractions + self.modes.mirror * images) / 2
 
-    def _unsymmetric(self, z):
-        heads = self._mlp(z)
-        trend = jnp.stack(self.trends) @ quadratic(z)
+    def _unsymmetric(self, features):
+        heads = self._mlp(features)
+        trend = jnp.stack(self.trends) @ quadratic(features)
         values = trend + CORRECTION_SCALE * heads[np.array(self.load_heads)]
         if incidence_index(self.inputs.body_class) is None:
             return values, heads
-        factors = moment_factors(self.inputs, z)
+        factors = moment_factors(self.inputs, features)
         return jnp.append(values[:2], factors @ values[2:]), heads
 
-    def _mlp(self, z):
+    def _mlp(self, values):
         for layer in self.layers[:-1]:
-            z = jnp.tanh(layer(z))
-        return self.layers[-1](z)
+            values = jnp.tanh(layer(values))
+        return self.layers[-1](values)
 
 
-def moment_factors(inputs: Inputs, z: Float[AnyArray, " features"]) -> Float[Array, " heads"]:
-    """Return the factors of the heads whose sum is Cm / Cd of a 3-D body at incidence.
+def moment_factors(
+    inputs: Inputs, features: Float[AnyArray, " features"]
+) -> Float[Array, " heads"]:
+    """Return the factors c_j of the heads h_j of a 3-D body's Cm / Cd = sum_j c_j h_j.
 
     They are Re / (Re + 5) and the features b_j, see ``LoadNetwork``.
 
     Args:
       inputs: scaling of the network's inputs.
-      z: features of one body.
+      features: of one body.
     """
     width, low = jax.lax.stop_gradient((inputs.width[-1], inputs.low[-1]))
-    log_re = low + width * (z[-1] + 1) / 2
+    log_re = low + width * (features[-1] + 1) / 2
     inertia = jax.nn.sigmoid(log_re - np.log(INERTIAL_RE))
-    return jnp.append(inertia, z[np.array(stokes_moment_features(inputs.body_class), int)])
+    even = np.array(stokes_moment_features(inputs.body_class), int)
+    return jnp.append(inertia, features[even])
 
 
 def load_heads(modes: AnyModes, body_class: BodyClass) -> tuple[int, ...]:
@@ -194,8 +197,8 @@ def make_network(
     """
     width = width or default_width(scene)
     inputs, blank = scene_inputs(scene), blank_network(scene, (width, width), key)
-    z = np.asarray(_features(inputs, parameters, reynolds))
-    trends = _fitted_trends(inputs, z, np.asarray(outputs))
+    features = np.asarray(_features(inputs, parameters, reynolds))
+    trends = _fitted_trends(inputs, features, np.asarray(outputs))
     relative = -oseen / oseen[:, :1]
     last = jax.tree.map(lambda leaf: LAST_LAYER_SCALE * leaf, blank.layers[-1])
     even = blank.modes.mirror > 0  # the mean of the others over bodies and mirror images is zero
@@ -226,22 +229,23 @@ def _moment_factors(inputs, features):
     return jax.vmap(lambda one: moment_factors(inputs, one))(features)
 
 
-def _fitted_trends(inputs, z, outputs):
+def _fitted_trends(inputs, features, outputs):
     """Fit the trends by least squares, those of the heads of a 3-D moment together."""
-    images = inputs.feature_mirror * z
+    both = features, inputs.feature_mirror * features
     has_incidence = incidence_index(inputs.body_class) is not None
-    features, mirrored = (np.asarray(_monomials(x)) for x in (z, images))
+    plain, mirrored = (np.asarray(_monomials(x)) for x in both)
     trends = []
     for k, values in enumerate(outputs.T):
-        columns = [(features, mirrored)]
+        columns, least = [(plain, mirrored)], None
         if k == 2 and has_incidence:
-            factors, image_factors = (np.asarray(_moment_factors(inputs, x)).T for x in (z, images))
+            least = LEAST_SINGULAR
+            factors, image_factors = (np.asarray(_moment_factors(inputs, x)).T for x in both)
             columns = [
-                (own[:, None] * features, image[:, None] * mirrored)
+                (own[:, None] * plain, image[:, None] * mirrored)
                 for own, image in zip(factors, image_factors, strict=True)
             ]
         matrix = np.hstack([own + PARITY[k] * image for own, image in columns])
-        found = np.linalg.lstsq(matrix, 2 * values, FEWEST if k == 2 and has_incidence else None)[0]
+        found = np.linalg.lstsq(matrix, 2 * values, least)[0]
         trends += map(jnp.asarray, np.split(found, len(columns)))
     return tuple(trends)
 

@@ -76,13 +76,13 @@ def check_surrogate_folder(folder: str | Path) -> None:
 def load(name: str | Path) -> Surrogate:
     """Load a surrogate from a folder, or one that ships with the package.
 
+    A surrogate of large error (``Surrogate.inaccuracy``) is loaded with a warning.
+
     Args:
       name: a folder; ``"pretrained"`` for the most accurate one in 2-D, ``"pretrained:METHOD"`` for
         that of a method, ``"pretrained:lift"`` for the one of sections with camber and incidence in
         2-D, ``"pretrained:space"`` for the one in 3-D, ``"pretrained:particle"`` for the one of
         3-D bodies at any incidence.
-
-    A surrogate of large error (``Surrogate.inaccuracy``) is loaded with a warning.
 
     Raises:
       InvalidInput: it is missing, damaged, or not a surrogate.

@@ -50,19 +50,19 @@ def forecast(plan: Plan) -> Forecast:
     takes = CONVOLUTIONS[plan.scene.dimension, symmetric]
     method = plan.make_method()
     evaluations = EVALUATIONS_OF_A_LABEL if isinstance(method.evaluator, NewtonSteps) else 1
-    each = takes.flow + evaluations * takes.renewal + (0.0 if plan.published else takes.adjoint)
-    work = plan.samples * each
+    of_one = takes.flow + evaluations * takes.renewal + (0.0 if plan.published else takes.adjoint)
+    work = plan.samples * of_one
     batch = min(method.batch, plan.samples)
     if plan.published and plan.method in EVALUATION:
         work = plan.samples * takes.flow / 2 + plan.iterations * batch * EVALUATION[plan.method]
     steps = method.network_steps if isinstance(method, LabelRegression) else 0
-    each = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
+    update_s = _gradient_seconds(plan) * steps if steps else _inverse_seconds(plan, batch)
     takes_s = seconds_per_convolution(lattice.shape, symmetric)
     most = math.inf if plan.budget_s is None else plan.budget_s
     return Forecast(
         min(work, most / takes_s),
         min(work * takes_s, most),
-        min(plan.iterations * each, most),
+        min(plan.iterations * update_s, most),
         plan.held_out * takes.flow * takes_s,
     )
 

@@ -3,13 +3,13 @@
 import json
 import zlib
 
-import jax
 import numpy as np
 
 from surrogate.devices import Devices
 from surrogate.files import JsonObject
 from surrogate.flow.flow import Flow
 from surrogate.model.confidence import Novelty, error_scales
+from surrogate.model.evaluation import novelty_of_loads
 from surrogate.model.outputs import LOAD_NAMES
 from surrogate.model.surrogate import Surrogate
 from surrogate.repeats import differences
@@ -105,7 +105,8 @@ def _errors(plan, network, held_out, loads):
     """Return the errors of loads on held-out bodies, over Cd, and the scales of their bounds."""
     errors = np.asarray(load_errors(network, held_out, loads))
     novelty = Novelty.of_answers(network, plan.training_samples)
-    scales = error_scales(errors, jax.vmap(novelty)(*held_out))
+    found = novelty_of_loads(novelty, *map(np.asarray, held_out))
+    scales = error_scales(errors, found[:, : errors.shape[1]])
     p95 = np.percentile(errors, 95, axis=0)
     measures = {"mean": errors.mean(0), "p95": p95, "max": errors.max(0), "scale": scales}
     return {

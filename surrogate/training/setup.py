@@ -65,15 +65,7 @@ def make_setup(
     compiled = time.perf_counter()
     physics = jax.block_until_ready(prepare(samples, partition))
     setup_s, compile_s = time.perf_counter() - compiled, compiled - start
-    oseen_tractions = np.asarray(physics.tractions)
-    outputs = np.asarray(physics.outputs)
-    network = make_network(
-        plan.scene,
-        network_key(plan.seed),
-        *map(np.asarray, samples),
-        oseen_tractions,
-        outputs,
-        plan.width,
-    )
+    arrays = map(np.asarray, (*samples, physics.tractions, physics.outputs))
+    network = make_network(plan.scene, network_key(plan.seed), *arrays, plan.width)
     failed = plan.held_out - held_out.count
     return TrainingSetup(physics, held_out, labels, failed, network, setup_s, compile_s)

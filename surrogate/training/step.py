@@ -54,9 +54,9 @@ class Step(NamedTuple):
     """The compiled programs of a step: copy rows out, evaluate, copy rows back, update."""
 
     physics: Physics
-    fetch: jax.stages.Compiled | None
-    evaluate: jax.stages.Compiled | None
-    put_back: jax.stages.Compiled | None
+    fetch: jax.stages.Compiled
+    evaluate: jax.stages.Compiled
+    put_back: jax.stages.Compiled
     update: jax.stages.Compiled
 
     def evaluations(

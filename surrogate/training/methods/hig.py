@@ -53,9 +53,9 @@ class HalfInverseGradients(Method):
 
     The optimiser's state is the number of steps so far.
     ``kappa`` 1 is Gauss-Newton, -1 gradient descent. With ``vectors``, that many Lanczos vectors
-    replace the dense inverse, and the Jacobian is never formed. ``limited`` keeps steps
-    within 1.5 times Gauss-Newton's (``partial_inverse``), without which networks of three loads
-    oscillate; those of drag alone have no singular value so large that it matters.
+    replace the dense inverse, and the Jacobian is never formed. Steps are kept within 1.5 times
+    Gauss-Newton's (``partial_inverse``), without which networks of three loads oscillate; those of
+    drag alone have no singular value so large that it matters.
     ``batch`` exceeds the presets' samples, so that all are one batch.
     """
 
@@ -65,7 +65,6 @@ class HalfInverseGradients(Method):
     tau: float = 1e-5
     kappa: float = 0.5
     vectors: int | None = None
-    limited: bool = True
     newton: NewtonSettings = LABEL_FLOW
     trains_traction = False
 
@@ -100,8 +99,8 @@ class HalfInverseGradients(Method):
 
         weights = network.load_weights
         y = jax.vmap(residuals, (None, 0))(weights, batch)
-        how = self.tau, self.kappa, self.vectors, self.limited
-        step = weight_step(residuals, weights, batch, y, *how)
+        how = self.tau, self.kappa, self.vectors
+        step = weight_step(residuals, weights, batch, y, *how, limited=True)
         rate = self.eta / (1 + optimiser / self.decay)
         network = network.with_load_weights(weights - rate * step)
         return network, optimiser + 1, jnp.mean(jnp.sum(y**2, axis=1)) / 2
@@ -206,7 +205,9 @@ class PublishedHalfInverseGradients(Method, Evaluator):
         def residuals(weights, index):
             moved = network.with_weights(weights)
             slips = labels.by_traction[index] @ moved.traction(*samples.at(index))
-            return jnp.append(slips, self.goal * moment_residual(moved, samples, index))
+            found = jnp.any(labels.y[index] != 0)
+            moments = jnp.where(found, moment_residual(moved, samples, index), 0.0)
+            return jnp.append(slips, self.goal * moments)
 
         step = weight_step(residuals, network.weights, batch, y, self.tau, self.kappa)
         rate = self.eta / (1 + optimiser / self.decay)

@@ -47,7 +47,7 @@ class TrainingLabels(NamedTuple):
 
     @property
     def progress(self) -> str:
-        """How many flows are solved, and where there are more how many are begun."""
+        """How many flows need no further step, and where there are more how many are begun."""
         valid, converged = np.asarray(self.valid), np.asarray(self.converged)
         begun, solved = np.sum(valid | converged), np.sum(converged)
         known = f"flows {solved} of {converged.size}"
