@@ -15,6 +15,7 @@ from surrogate.model.inputs import scene_inputs
 from surrogate.model.network import blank_network
 from surrogate.scene.samples import Samples, training_samples
 from surrogate.training.loop import load_errors, run_training
+from surrogate.training.methods.hig import LinearisedSlip, PublishedHalfInverseGradients
 from surrogate.training.methods.labels import TrainingLabels, load_residuals
 from surrogate.training.plan import METHODS, make_plan
 from surrogate.training.setup import make_setup
@@ -119,3 +120,22 @@ def test_an_error_of_the_moment_by_inertia_weighs_as_much_at_any_reynolds_number
     np.testing.assert_allclose(found[2, 1 + turn], change * np.pi * cosine, rtol=1e-9)
     assert abs(found[2, -1]) < change * sine
     np.testing.assert_allclose(found[:2], 0.0, atol=1e-12)
+
+
+def test_published_hig_leaves_samples_without_a_flow_out_of_its_step():
+    """Another body in place of one whose flow was lost changes nothing, its moment neither."""
+    scene, rng = SCENES["sections"], np.random.default_rng(0)
+    network = blank_network(scene, (4, 4), jax.random.key(0))
+    network = eqx.tree_at(lambda net: net.inputs, network, scene_inputs(scene))
+    modes, found = network.modes.count, np.array([1.0, 0.0])
+    labels = LinearisedSlip(
+        jnp.asarray(found[:, None] * rng.normal(size=(2, modes + 1))),
+        jnp.asarray(found[:, None, None] * rng.normal(size=(2, modes + 1, modes))),
+    )
+    method, steps = PublishedHalfInverseGradients(), []
+    for other in ([2.5, -0.1, 4.0], [1.7, 0.2, 9.0]):
+        samples = Samples(jnp.array([[2.0, 0.1, 8.0], other]), jnp.array([10.0, 8.0]))
+        arguments = jnp.array(0), labels, samples, jnp.arange(2), jnp.array(0.0)
+        steps.append(method.update(network, *arguments)[0].weights - network.weights)
+    assert np.abs(steps[0]).max() > 1e-3
+    np.testing.assert_allclose(steps[0], steps[1], rtol=1e-9, atol=1e-12)
