@@ -28,7 +28,8 @@ def infill_positions(
       scene: of the new training.
       seed: of the new training.
       count: number of samples of the new training, those of the surrogate included.
-      symmetric_share: of the new training.
+      symmetric_share: of the new training; with another one than the surrogate's, the bodies at its
+        positions are not all those that it was trained on.
 
     Returns:
       The positions of the surrogate's own infill, then the new ones.
