@@ -95,8 +95,10 @@ class Swing(NamedTuple):
     """How a small disturbance of steady motion decays.
 
     Attributes:
-      frequency: of the least damped swing in Hz; None where nothing swings.
-      decay_rate: of that swing, or else of the slowest disturbance, in 1/s; negative if it grows.
+      frequency: in Hz, of the disturbance that grows fastest, or if none grows of the least damped
+        swing; None where this disturbance does not swing.
+      decay_rate: of the same disturbance, in 1/s, negative if it grows; where nothing grows or
+        swings, of the slowest one.
     """
 
     frequency: float | None

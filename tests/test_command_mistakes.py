@@ -123,7 +123,7 @@ MISTAKES = {  # and what the answer must say
     f"{OPTIMISE} --reynolds 20 --trust 0.1 --range aspect=1:1.1": "aspect: its range and trust 0.1",
     f"{OPTIMISE} --reynolds 20 --min-radius 2": "min radius 2: every body of",
     f"{OPTIMISE} --reynolds 40 --max-length 0.5": "max length 0.5: every body of",
-    f"{OPTIMISE} --reynolds 40 --max-length -2": "max_length -2: must be a finite",
+    f"{OPTIMISE} --reynolds 40 --max-length -2": "max length -2: must be above 0",
     f"{OPTIMISE} --reynolds 40 --min-thickness 3": "min thickness 3: every body of",
     f"{OPTIMISE} --reynolds 40 --max-length 1.2 --range aspect=2:4": "max length 1.2 and ranges of",
     f"{OPTIMISE} --reynolds 40 --fidelity draft": "--fidelity: belongs to --surrogate none",

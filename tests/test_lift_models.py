@@ -288,9 +288,10 @@ def test_a_sheet_with_a_lift_out_of_reach_shows_the_other_bodies(tmp_path, capsy
     assert [row["lift"] for row in result["designs"]] == [0.3, 2.5]
     assert result["best_glide"]["onset"] < 140 < result["designs"][0]["onset"]
     assert result["until"] == "surrogate"
-    aspects = [line["parameters.aspect"] for line in csv.DictReader(table.open())]
-    assert float(aspects[0]) == result["designs"][0]["parameters"]["aspect"]
-    assert len(aspects) == 3
+    lines, first = list(csv.DictReader(table.open())), result["designs"][0]
+    assert float(lines[0]["parameters.aspect"]) == first["parameters"]["aspect"]
+    assert lines[0]["at_range_ends"].split() == first["at_range_ends"]
+    assert len(lines) == 3
     pixels(out)
 
 
@@ -353,6 +354,18 @@ def test_designs_from_nothing_meet_their_bounds_on_the_flow(problem):
     assert np.all(loads[:, 2] <= (problem.max_moment or 9.0) + slack)
     direct = design_directly(problem, Flow(SCENE))
     assert design.objective <= direct.objective + 2e-3 * abs(direct.objective)
+
+
+def test_slsqp_on_bodies_that_the_grid_does_not_resolve_did_not_converge(monkeypatch):
+    """Wherever SciPy asks first, for the bounds on loads or for the objective."""
+
+    def refuse(*arguments):
+        raise InvalidInput("body: too thin for the grid")
+
+    monkeypatch.setattr("shapeopt.payoff.direct.evaluate_design", refuse)
+    for bounds in ({}, {"lift": 0.3}):
+        with pytest.raises(NotConverged, match="SLSQP on the flow: body: too thin"):
+            design_directly(Problem(SCENE, 10.0, **bounds), Flow(SCENE))
 
 
 @pytest.mark.slow

@@ -382,11 +382,11 @@ def test_the_flows_own_optimum_is_one_from_every_start(tiny_scene):
 
 REFUSED = [
     ({"reynolds": "40"}, "must be one number"),
-    ({"reynolds": []}, "give one for each"),
+    ({"reynolds": []}, "Reynolds numbers: at least one is needed"),
     ({"reynolds": [10, 41]}, "covers 1 to 40"),
     ({"reynolds": np.nan}, "finite"),
     ({"reynolds": 41.0}, "covers 1 to 40"),
-    ({"max_length": -1.0}, "finite length above 0"),
+    ({"max_length": -1.0}, "must be above 0"),
     ({"min_thickness": "thin"}, "must be one number"),
     ({"within": {"length": (1, 2)}}, "range of length"),
     ({"within": {"aspect": (3, 2)}}, "low must not be above high"),

@@ -49,7 +49,8 @@ ABSENT = {  # options that a command lacks for a reason
     "--thickness": "--aspect is length over thickness, 1 / (t/c); designs have --min-thickness",
     "--lift": "optimize_shape.py --lift bounds Cl, design_sheet.py --lifts finds a body for each",
     "--lifts": "--lift 0.2,0.5 is one section for several, design_sheet.py --lifts one for each",
-    "--verify": "predict_drag.py --verify solves the flow too; designs are always verified",
+    "--verify": "predict_drag.py --verify solves the flow too; optimize_shape.py always does, "
+    "design_sheet.py with --until flow",
     "--fluid": "solve_drag.py and predict_drag.py --fluid give forces in N",
     "--particle": "solve_drag.py --particle settles a body, free_fall.py lets it fall",
     "--settling": "solve_drag.py --particle RATIO,NU,D settles a body",

@@ -57,7 +57,7 @@ RECORD, GIF = "march.json", "march.gif"
 def main(argv: Sequence[str] | None = None) -> JsonObject:
     """Parse the arguments, march in time, compare with the steady flow, and render.
 
-    The comparison is for symmetric bodies of the family below the onset of instability.
+    Symmetric bodies whose flow does not shed are compared with the steady flow.
     """
     arguments = _parser().parse_args(argv)
     check_outputs(arguments.table, None)
@@ -95,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
     }
     if shape.symmetric and result["sheds"] is False:  # the same blockage, between slip walls
         tunnel = Flow(Scene(Tunnel(box.height), (re, re)))
-        with contextlib.suppress(NotConverged):  # the march is an answer without it
+        with contextlib.suppress(InvalidInput, NotConverged):  # the march is an answer without it
             steady = tunnel.solve(shape, re, estimate=False, allow_unsteady=True)
             result["cd_steady"] = steady.drag
     captions = [f"Re {re:g}, t = {duration * (k + 1) / FRAMES:.1f} D / U" for k in range(FRAMES)]

@@ -161,7 +161,7 @@ def _text(r: JsonObject, problem: Problem, out: str) -> str:
     shape = ", ".join(f"{name} {value:.4f}" for name, value in r["parameters"].items())
     relative, round_body = bool(problem.scenarios.relative), problem.scene.family.round_body
     name = f"Cd over the {round_body}'s" if relative else "Cd"
-    if len(r["cases"]) > 1 and not relative:
+    if len(r["cases"]) > 1 and not relative and "glide" not in r:
         over = "lifts" if problem.objective.lifts else "cases"
         name = f"mean Cd of {_worst(problem)}{len(r['cases'])} {over}"
     lifts, unit = "", problem.reference.symbol

@@ -86,6 +86,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         ]
     flow, surrogates = Flow(scene), {name: [g[name] for g in groups] for name in groups[0]}
     best = min(groups[0], key=lambda name: groups[0][name].record["drag_error_mean"])
+    robust = _robust(groups[0][best])
     compile_all(queries, flow, groups[0][best])
     others = rivals(queries, flow)
     own = [trained(name, queries, found) for name, found in surrogates.items()]
@@ -104,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> JsonObject:
         "queries": [_query(q) for k, q in enumerate(queries) if k not in unanswered],
         "left_out": left_out,
         "drags": {s.name: [[d.drag for d in row] for row in s.designs] for s in strategies},
-        "robust": _robust(groups[0][best]),
+        "robust": robust,
         "best": best,
         **_places(out),
     }

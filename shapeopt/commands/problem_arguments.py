@@ -15,9 +15,8 @@ from surrogate.model.surrogate import Surrogate
 from surrogate.scene.scene import Scene
 
 UNTIL_HELP = (
-    "end at the surrogate's optimum (default, where there is one), or at the flow's, where the KKT "
-    f"residual, with the violation of bounds on loads, is {KKT_TOLERANCE:g}, or at most "
-    f"{KKT_ACCEPTED:g}"
+    "surrogate: its own optimum (the default with one); flow: an optimum of the flow, sought to a "
+    f"KKT residual of {KKT_TOLERANCE:g}, accepted up to {KKT_ACCEPTED:g}"
 )
 MEMORY_HELP = "JSON file of solved flows and adjoints, which later designs use and extend"
 

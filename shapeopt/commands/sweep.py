@@ -158,7 +158,8 @@ def check_outputs(table: str | None, plot: str | None) -> None:
 def write_table(rows: Sequence[JsonObject], path: str | Path) -> None:
     """Write rows as CSV with one column for each key; None becomes an empty cell.
 
-    The columns of a nested table are named 'name.key', and are empty in a row with None for it.
+    The columns of a nested table are named 'name.key', and are empty in a row with None for it. A
+    list of words is one cell, separated by blanks.
     """
     flat = [dict(_flat(row)) for row in rows]
     names = list(dict.fromkeys(itertools.chain.from_iterable(flat)))
@@ -175,4 +176,4 @@ def _flat(row: JsonObject, prefix: str = "") -> Iterator[tuple[str, object]]:
         if isinstance(value, dict):
             yield from _flat(value, f"{prefix}{key}.")
         else:
-            yield f"{prefix}{key}", value
+            yield f"{prefix}{key}", " ".join(value) if isinstance(value, list) else value

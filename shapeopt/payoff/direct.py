@@ -39,15 +39,18 @@ def design_directly(
     begin, memory = time.perf_counter(), Memory(flow, None)
     evaluated: list[EvaluatedDesign] = []
 
-    def objective(variables):
+    def evaluate(variables):
         try:
-            evaluated.append(evaluate_design(problem, memory, variables))
+            return evaluate_design(problem, memory, variables)
         except InvalidInput as reason:  # as of a body that is too thin for the grid
             raise NotConverged(f"SLSQP on the flow: {reason}") from None
+
+    def objective(variables):
+        evaluated.append(evaluate(variables))
         return evaluated[-1].value, evaluated[-1].gradient
 
-    def load_constraints(variables):
-        found = evaluate_design(problem, memory, variables)  # known, where the objective is
+    def load_constraints(variables):  # SciPy asks for them at the start before the objective
+        found = evaluate(variables)
         return found.of_loads, found.by_loads
 
     body, rounds = starting_body(problem) if start is None else start, list[SlsqpResult]()

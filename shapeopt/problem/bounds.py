@@ -57,7 +57,8 @@ def checked_length(name: str, given: object, unit: str) -> float:
     Raises:
       InvalidInput: it is not above 0.
     """
-    length = finite_number(name, given)
+    text = name.replace("_", " ")
+    length = finite_number(text, given)
     if not length > 0:
-        raise InvalidInput(f"{name} {length:g}: must be a finite length above 0, in {unit}")
+        raise InvalidInput(f"{text} {length:g}: must be above 0, in {unit}")
     return length

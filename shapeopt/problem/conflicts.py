@@ -36,9 +36,10 @@ def explain_conflict(problem: Problem) -> str:
     constraints = _constraints(problem)
     free = _without(problem, constraints)
     if not _feasible(free):
+        shifted = ", with the objective's changes of shape," if free.limits.shift.any() else ""
         return (
-            "family: every body in its ranges, with the deviations of a Robust objective, crosses "
-            "itself or is too thin; other ranges would do"
+            f"family: every body in its ranges{shifted} crosses itself or is too thin; other "
+            "ranges would do"
         )
     alone = {c: _without(problem, [d for d in constraints if d is not c]) for c in constraints}
     impossible = [

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from shapeopt.problem.scenarios import NO_LIFT, Scenarios
 from surrogate.arrays import AnyArray, Number
-from surrogate.checks import expect, finite_number
+from surrogate.checks import expect, finite_number, shown
 from surrogate.errors import InvalidInput
 from surrogate.scene.scene import Scene
 
@@ -156,11 +156,11 @@ def numbers_of(name: str, values: object) -> tuple[float, ...]:
     """Return a list of numbers as floats.
 
     Raises:
-      InvalidInput: it is none.
+      InvalidInput: it is not a list of numbers.
     """
     expect(name, values, list | tuple | np.ndarray | jax.Array, "list of numbers")
     if not isinstance(values, list | tuple) and np.ndim(values) != 1:
-        raise InvalidInput(f"{name} {values!r}: a list of numbers is needed")
+        raise InvalidInput(f"{name} {shown(values)}: a list of numbers is needed")
     return tuple(finite_number(name, one) for one in values)
 
 
@@ -176,7 +176,9 @@ def checked_weights(given: object, count: int, points: str) -> tuple[float, ...]
       InvalidInput: they are not one number above 0 for each.
     """
     weights = numbers_of("weights", given)
-    if len(weights) != count or not count:
+    if not count:
+        raise InvalidInput(f"{points}: at least one is needed")
+    if len(weights) != count:
         raise InvalidInput(f"weights: {len(weights)} for {count} {points}; give one for each")
     if not all(weight > 0 for weight in weights):
         raise InvalidInput("weights: every one must be a finite number above 0")

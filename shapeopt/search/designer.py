@@ -43,7 +43,7 @@ from surrogate.scene.scene import Scene
 
 DECREASE = 1e-4  # predicted relative decrease of the objective that is worth a flow
 NEAR = 1e-3  # distance, in range widths, below which two bodies count as the same
-MAX_BODIES = 60  # evaluated bodies of a design
+MAX_ITERATIONS = 60  # of the search of one problem
 MAX_TIGHTNESS = 3  # of the model, see ``Memory.model``
 STARTS = 2  # best evaluated bodies from which the search on the model starts too
 # Where flows or proposals fail: failures of a design, halvings of the step to a body that failed,
@@ -134,7 +134,7 @@ class Designer:
     def _nominal_loads(self, problem, best):
         """Return the loads at the nominal Re, known already if it is a case; NaN if not found."""
         if best.kkt_residual <= KKT_ACCEPTED:
-            with contextlib.suppress(NotConverged):
+            with contextlib.suppress(InvalidInput, NotConverged):
                 return nominal_loads(problem, self.memory, best.variables)
         return np.full(len(self.memory.flow.bodies.loads), np.nan)
 
@@ -184,7 +184,7 @@ class Designer:
         memory, failed, refusal = self.memory, list[np.ndarray](), ""
         evaluated = known_optima(problem, memory)
         calls = tightness = without = 0
-        for _ in range(MAX_BODIES):
+        for _ in range(MAX_ITERATIONS):
             try:
                 proposal = _propose(problem, memory.model(tightness), evaluated)
             except NotConverged:

@@ -45,7 +45,7 @@ class EvaluatedDesign(NamedTuple):
 
 
 def best_design(evaluated: Sequence[EvaluatedDesign]) -> EvaluatedDesign:
-    """Return the best body by its rank, of those that are local optima nearly if there are any."""
+    """Return the best body by its rank, of those that are accepted as optima if there are any."""
     return min(evaluated, key=lambda body: (body.kkt_residual > KKT_ACCEPTED, *body.rank))
 
 

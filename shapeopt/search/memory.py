@@ -139,9 +139,9 @@ class Memory:
             self.observations += [o for o in read if _key(o.parameters, o.reynolds) not in known]
 
     def save(self) -> None:
-        """Write to the file, if there is one, the observations that it lacks.
+        """Write all observations to the file, if there is one.
 
-        Several processes may share it: what they have added is read first.
+        Several processes may share it: what they have added is read first and kept.
         """
         if self.file is None:
             return

@@ -120,5 +120,6 @@ def _held(limits, variables, gradient, of_loads, by_loads):
     normals = np.concatenate([by_shape * width, eye, -eye, np.asarray(by_loads) * width])
     found, left = np.zeros(active.size), float(np.linalg.norm(np.asarray(gradient) * width))
     if active.any():
-        found[active], left = nnls(normals[active].T, np.asarray(gradient) * width)
+        most = 100 * active.size  # steps of NNLS, which takes about as many as there are normals
+        found[active], left = nnls(normals[active].T, np.asarray(gradient) * width, maxiter=most)
     return found, left

@@ -169,7 +169,7 @@ def best_draws(
     values, constraints = objectives(model, drawn, scenarios)
     violation = jnp.max(-constraints, axis=1, initial=0.0)
     values += PENALTY * jnp.maximum(jnp.abs(values), LEAST_OBJECTIVE) * violation
-    values = jnp.where(satisfied(drawn, limits), values, jnp.inf)
+    values = jnp.where(satisfied(drawn, limits) & ~jnp.isnan(values), values, jnp.inf)
     best = jax.lax.top_k(-values, number_of_starts(drawn.shape[-1]))[1]
     return drawn[best], jnp.sum(jnp.isfinite(values))
 

@@ -163,7 +163,7 @@ def checked_variables(problem: Problem, variables: Body) -> Float[AnyArray, " va
     family, wanted = problem.scene.family, problem.variables
     if wanted == family.names:
         held = problem.objective.fixed_parameters(problem.scene)
-        body = family.check(held | variables if isinstance(variables, Mapping) else variables)
+        body = family.check({**held, **variables} if isinstance(variables, Mapping) else variables)
         for name, value in family.named(body).items():
             if abs(value - held.get(name, value)) > ROUNDING * max(1.0, abs(value)):
                 raise InvalidInput(
