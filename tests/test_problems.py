@@ -386,7 +386,7 @@ REFUSED = [
     ({"reynolds": [10, 41]}, "covers 1 to 40"),
     ({"reynolds": np.nan}, "finite"),
     ({"reynolds": 41.0}, "covers 1 to 40"),
-    ({"max_length": -1.0}, "must be above 0"),
+    ({"max_length": -1.0}, "max length -1: must be above 0, in D"),
     ({"min_thickness": "thin"}, "must be one number"),
     ({"within": {"length": (1, 2)}}, "range of length"),
     ({"within": {"aspect": (3, 2)}}, "low must not be above high"),

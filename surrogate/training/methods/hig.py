@@ -198,16 +198,18 @@ class PublishedHalfInverseGradients(Method, Evaluator):
         Where there is lift the moment is one more residual (``moment_residual``). Arguments and
         results are those of ``Method.update``.
         """
-        moments = jax.vmap(lambda k: moment_residual(network, samples, k))(batch)
-        known = jnp.any(labels.y[batch] != 0, axis=1, keepdims=True)
-        y = jnp.append(labels.y[batch], self.goal * jnp.where(known, moments, 0.0), axis=1)
+
+        def moment(network, index):
+            found = jnp.any(labels.y[index] != 0)
+            return self.goal * jnp.where(found, moment_residual(network, samples, index), 0.0)
 
         def residuals(weights, index):
             moved = network.with_weights(weights)
             slips = labels.by_traction[index] @ moved.traction(*samples.at(index))
-            found = jnp.any(labels.y[index] != 0)
-            moments = jnp.where(found, moment_residual(moved, samples, index), 0.0)
-            return jnp.append(slips, self.goal * moments)
+            return jnp.append(slips, moment(moved, index))
+
+        moments = jax.vmap(lambda index: moment(network, index))(batch)
+        y = jnp.append(labels.y[batch], moments, axis=1)
 
         step = weight_step(residuals, network.weights, batch, y, self.tau, self.kappa)
         rate = self.eta / (1 + optimiser / self.decay)
